@@ -1,0 +1,48 @@
+# segsim::build_flags: what every target of ours is compiled with. Linked PRIVATE, so it
+# never reaches a dependency or a dependent. Sanitizers are not here: they must reach
+# every object file, so CMakePresets.json sets them in CMAKE_CXX_FLAGS.
+add_library(segsim_build_flags INTERFACE)
+add_library(segsim::build_flags ALIAS segsim_build_flags)
+
+target_compile_features(segsim_build_flags INTERFACE cxx_std_20)
+
+set(gcc_like_warnings -Wall -Wextra -Wpedantic -Wshadow -Wconversion
+    -Wno-sign-conversion -Wnon-virtual-dtor -Wold-style-cast)
+if(SEGSIM_WARNINGS_AS_ERRORS)
+  list(APPEND gcc_like_warnings -Werror)
+endif()
+
+# No -ffast-math: it removes every NaN check, and depth images use NaN for "no return".
+# No contraction of a*b+c: results must not depend on which instructions the target has.
+target_compile_options(segsim_build_flags INTERFACE
+  "$<$<COMPILE_LANGUAGE:CXX>:${gcc_like_warnings};-ffp-contract=off>"
+  # CMake 3.25 does not know cuda_std_20.
+  "$<$<COMPILE_LANGUAGE:CUDA>:-std=c++20>"
+  # GLM 0.9.9.8 reads CUDA_VERSION without including cuda.h; #20012 is noise from it.
+  "$<$<COMPILE_LANGUAGE:CUDA>:SHELL:-include cuda.h --diag-suppress=20012>"
+  "$<$<COMPILE_LANGUAGE:CUDA>:SHELL:-Xcompiler -Wall,-Wextra>")
+target_compile_definitions(segsim_build_flags INTERFACE
+  $<$<COMPILE_LANGUAGE:CUDA>:GLM_FORCE_CUDA>)
+
+# Headers of other projects are included as system headers: their warnings are not ours.
+function(segsim_link_third_party target)
+  foreach(library ${ARGN})
+    target_link_libraries(${target} PRIVATE ${library})
+    if(TARGET ${library})
+      get_target_property(includes ${library} INTERFACE_INCLUDE_DIRECTORIES)
+      if(includes)
+        target_include_directories(${target} SYSTEM PRIVATE ${includes})
+      endif()
+    endif()
+  endforeach()
+endfunction()
+
+# Fast linker and compiler cache when they are installed.
+find_program(segsim_ccache ccache)
+if(segsim_ccache)
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${segsim_ccache})
+endif()
+find_program(segsim_mold mold)
+if(segsim_mold)
+  add_link_options(-fuse-ld=mold)
+endif()

@@ -1,0 +1,26 @@
+# segsim_add_test(<module> <name> [library...]) builds tests/<module>/<name>_test.cpp and registers
+# it as "<module>/<name>": one process per file, because the libraries behind OpenCV and libtorch
+# take 0.4 s to load. `ctest -L <module>` runs one module's tests.
+find_package(GTest REQUIRED)
+find_package(benchmark REQUIRED)
+
+function(segsim_add_test module name)
+  set(target ${module}_${name}_test)
+  add_executable(${target} ${CMAKE_CURRENT_SOURCE_DIR}/${name}_test.cpp)
+  target_link_libraries(${target} PRIVATE ${ARGN} segsim::core segsim::build_flags GTest::gmock_main)
+  add_test(NAME ${module}/${name} COMMAND ${target})
+  set_tests_properties(${module}/${name} PROPERTIES LABELS ${module} TIMEOUT 600)
+endfunction()
+
+# segsim_add_bench(<module> <name> <smoke filter> [library...]) builds tests/<module>/<name>_bench.cpp.
+# CTest runs the cases that match the filter once, so a benchmark cannot rot.
+function(segsim_add_bench module name smoke_filter)
+  set(target ${module}_${name}_bench)
+  add_executable(${target} ${CMAKE_CURRENT_SOURCE_DIR}/${name}_bench.cpp)
+  target_link_libraries(${target} PRIVATE ${ARGN} segsim::core segsim::build_flags
+    benchmark::benchmark_main)
+  add_test(NAME ${module}/${name}_bench
+    COMMAND ${target} --benchmark_min_time=0 --benchmark_filter=${smoke_filter})
+  set_tests_properties(${module}/${name}_bench PROPERTIES LABELS "${module};bench" TIMEOUT 600
+    FAIL_REGULAR_EXPRESSION "ERROR OCCURRED")
+endfunction()

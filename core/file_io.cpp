@@ -1,0 +1,128 @@
+#include "core/file_io.h"
+
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+#include <memory>
+#include <sstream>
+#include <vector>
+
+#include <openssl/evp.h>
+
+#include "core/check.h"
+#include "core/error.h"
+
+namespace segsim::core {
+namespace {
+
+namespace fs = std::filesystem;
+
+fs::path temporary_name(const fs::path& file) {
+  return file.parent_path() / ("." + file.stem().string() + ".tmp" + std::to_string(::getpid()) +
+                               file.extension().string());
+}
+
+class Sha256 {
+ public:
+  Sha256() : context_(EVP_MD_CTX_new(), &EVP_MD_CTX_free) {
+    SEGSIM_CHECK(context_ != nullptr, "EVP_MD_CTX_new");
+    SEGSIM_CHECK(EVP_DigestInit_ex(context_.get(), EVP_sha256(), nullptr) == 1, "SHA-256");
+  }
+  void add(const void* data, std::size_t size) {
+    SEGSIM_CHECK(EVP_DigestUpdate(context_.get(), data, size) == 1, "SHA-256");
+  }
+  std::string hex() {
+    std::array<unsigned char, EVP_MAX_MD_SIZE> digest{};
+    unsigned int size = 0;
+    SEGSIM_CHECK(EVP_DigestFinal_ex(context_.get(), digest.data(), &size) == 1, "SHA-256");
+    static constexpr char kDigits[] = "0123456789abcdef";
+    std::string text;
+    for (unsigned int i = 0; i < size; ++i) {
+      text += kDigits[digest[i] >> 4U];
+      text += kDigits[digest[i] & 15U];
+    }
+    return text;
+  }
+
+ private:
+  std::unique_ptr<EVP_MD_CTX, decltype(&EVP_MD_CTX_free)> context_;
+};
+
+}  // namespace
+
+void write_via_temporary(const fs::path& file,
+                         const std::function<void(const fs::path&)>& write) {
+  if (file.has_parent_path()) {
+    std::error_code error;
+    fs::create_directories(file.parent_path(), error);
+    if (error) {
+      throw InputError::expected(file.parent_path().string(), "a folder that can be made",
+                                 error.message());
+    }
+  }
+  const fs::path temporary = temporary_name(file);
+  try {
+    write(temporary);
+    fs::rename(temporary, file);
+  } catch (const fs::filesystem_error& error) {
+    std::error_code ignored;
+    fs::remove(temporary, ignored);
+    throw InputError::expected(file.string(), "a writable file", error.code().message());
+  } catch (...) {
+    std::error_code ignored;
+    fs::remove(temporary, ignored);
+    throw;
+  }
+}
+
+void write_file_atomically(const fs::path& file,
+                           const std::function<void(std::ostream&)>& write) {
+  write_via_temporary(file, [&](const fs::path& temporary) {
+    std::ofstream stream(temporary, std::ios::binary);
+    if (!stream) {
+      throw InputError::expected(file.string(), "a writable file", std::strerror(errno));
+    }
+    write(stream);
+    stream.flush();
+    if (!stream) {
+      throw InputError::expected(file.string(), "room to write", std::strerror(errno));
+    }
+  });
+}
+
+std::string read_file(const fs::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  if (!stream || fs::is_directory(file)) {
+    throw InputError::expected(file.string(), "a readable file", "none");
+  }
+  std::ostringstream text;
+  text << stream.rdbuf();
+  return std::move(text).str();
+}
+
+std::string sha256_hex(std::span<const std::byte> bytes) {
+  Sha256 hash;
+  hash.add(bytes.data(), bytes.size());
+  return hash.hex();
+}
+
+std::string sha256_hex(const std::string& text) {
+  return sha256_hex(std::as_bytes(std::span(text.data(), text.size())));
+}
+
+std::string sha256_of_file(const fs::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  if (!stream) throw InputError::expected(file.string(), "a readable file", "none");
+  Sha256 hash;
+  std::vector<char> buffer(1U << 20U);
+  while (stream.read(buffer.data(), static_cast<std::streamsize>(buffer.size())) ||
+         stream.gcount() > 0) {
+    hash.add(buffer.data(), static_cast<std::size_t>(stream.gcount()));
+  }
+  return hash.hex();
+}
+
+}  // namespace segsim::core

@@ -1,0 +1,220 @@
+#include "core/scene_bundle.h"
+
+#include <set>
+
+#include <yaml-cpp/yaml.h>
+
+#include "core/config.h"
+#include "core/error.h"
+#include "core/file_io.h"
+
+namespace segsim::core {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kSchema = "segsim.scene";
+
+glm::dvec3 read_vec3(const ConfigNode& node, const std::string& key) {
+  const std::vector<double> v = node.numbers(key);
+  if (v.size() != 3) node.child(key).fail("3 numbers", std::to_string(v.size()));
+  return {v[0], v[1], v[2]};
+}
+
+std::uint16_t read_id(const ConfigNode& node, const std::string& key) {
+  const std::int64_t id = node.integer(key);
+  if (id < 0 || id > 65535) node.child(key).fail("an id in [0, 65535]", std::to_string(id));
+  return static_cast<std::uint16_t>(id);
+}
+
+BundleFile read_file_entry(const ConfigNode& files, const std::string& key,
+                           const fs::path& folder) {
+  const ConfigNode node = files.child(key);
+  BundleFile file{node.text("name"), node.text("sha256")};
+  node.finish();
+  const fs::path path = folder / file.name;
+  if (!fs::exists(path)) throw InputError::expected(path.string(), "a bundle file", "none");
+  const std::string found = sha256_of_file(path);
+  if (found != file.sha256) {
+    throw InputError::expected(path.string(), "SHA-256 " + file.sha256, found);
+  }
+  return file;
+}
+
+YAML::Emitter& emit_vec3(YAML::Emitter& out, const glm::dvec3& v) {
+  return out << YAML::Flow << YAML::BeginSeq << v.x << v.y << v.z << YAML::EndSeq;
+}
+
+void emit_file(YAML::Emitter& out, const char* key, const BundleFile& file) {
+  out << YAML::Key << key << YAML::Value << YAML::BeginMap << YAML::Key << "name" << YAML::Value
+      << file.name << YAML::Key << "sha256" << YAML::Value << file.sha256 << YAML::EndMap;
+}
+
+}  // namespace
+
+const SceneClass* SceneManifest::find_class(const std::string& class_name) const {
+  for (const SceneClass& c : classes) {
+    if (c.name == class_name) return &c;
+  }
+  return nullptr;
+}
+
+const SceneClass* SceneManifest::find_class(std::uint16_t class_id) const {
+  for (const SceneClass& c : classes) {
+    if (c.id == class_id) return &c;
+  }
+  return nullptr;
+}
+
+const SceneInstance* SceneManifest::find_instance(std::uint16_t instance_id) const {
+  for (const SceneInstance& i : instances) {
+    if (i.id == instance_id) return &i;
+  }
+  return nullptr;
+}
+
+std::string SceneManifest::class_name(std::uint16_t class_id) const {
+  const SceneClass* found = find_class(class_id);
+  return found == nullptr ? "void" : found->name;
+}
+
+SceneBundle load_bundle(const fs::path& folder) {
+  const fs::path file = folder / "scene.yaml";
+  if (!fs::exists(file)) {
+    throw InputError::expected(folder.string(), "a scene bundle with scene.yaml", "none");
+  }
+  const ConfigNode root = ConfigNode::load(file);
+  SceneBundle bundle{.folder = folder, .manifest = {}, .scene_sha256 = sha256_of_file(file)};
+  SceneManifest& m = bundle.manifest;
+
+  if (root.text("schema") != kSchema) root.child("schema").fail(kSchema, root.text("schema"));
+  if (root.integer("version") != SceneManifest::kVersion) {
+    root.child("version").fail("version " + std::to_string(SceneManifest::kVersion),
+                               root.text("version"));
+  }
+  m.name = root.text("name");
+
+  const ConfigNode world = root.child("world");
+  if (world.text("up") != "z") world.child("up").fail("z", world.text("up"));
+  if (world.text("unit") != "m") world.child("unit").fail("m", world.text("unit"));
+  const glm::dvec3 gravity = read_vec3(world, "gravity_mps2");
+  if (gravity.x != 0.0 || gravity.y != 0.0 || gravity.z >= 0.0) {
+    world.child("gravity_mps2").fail("gravity along -z", "another direction");
+  }
+  world.finish();
+
+  const ConfigNode origin = root.child("geodetic_origin");
+  m.origin = {origin.number("latitude_deg"), origin.number("longitude_deg"),
+              origin.number("height_m"), origin.number("yaw_rad")};
+  if (std::abs(m.origin.latitude_deg) > 90.0) {
+    origin.child("latitude_deg").fail("a latitude in [-90, 90]", origin.text("latitude_deg"));
+  }
+  origin.finish();
+
+  const ConfigNode robot = root.child("robot");
+  m.robot_radius_m = robot.number("radius_m");
+  m.robot_height_m = robot.number("height_m");
+  m.camera_height_m = robot.number("camera_height_m");
+  robot.finish();
+
+  const ConfigNode provenance = root.child("provenance");
+  m.created_by = provenance.text("created_by");
+  m.source = provenance.text("source");
+  m.source_sha256 = provenance.text_or("source_sha256", "");
+  provenance.finish();
+
+  const ConfigNode statistics = root.child("statistics");
+  for (const std::string& key : statistics.keys()) {
+    m.statistics.emplace_back(key, statistics.number(key));
+  }
+
+  std::set<std::uint16_t> class_ids, instance_ids;
+  for (const ConfigNode& node : root.list("classes")) {
+    m.classes.push_back({read_id(node, "id"), node.text("name"), node.boolean_or("thing", false)});
+    if (!class_ids.insert(m.classes.back().id).second || m.classes.back().id == 0) {
+      node.fail("a new class id > 0", std::to_string(m.classes.back().id));
+    }
+    node.finish();
+  }
+  for (const ConfigNode& node : root.list("instances")) {
+    SceneInstance instance;
+    instance.id = read_id(node, "id");
+    instance.class_id = read_id(node, "class");
+    instance.name = node.text("name");
+    instance.box_min_m = read_vec3(node, "box_min_m");
+    instance.box_max_m = read_vec3(node, "box_max_m");
+    node.finish();
+    if (!class_ids.contains(instance.class_id)) {
+      node.fail("a listed class", std::to_string(instance.class_id));
+    }
+    if (instance.id == 0 || !instance_ids.insert(instance.id).second) {
+      node.fail("a new instance id > 0", std::to_string(instance.id));
+    }
+    m.instances.push_back(std::move(instance));
+  }
+
+  const ConfigNode files = root.child("files");
+  m.surfels = read_file_entry(files, "surfels", folder);
+  m.collision_mesh = read_file_entry(files, "collision_mesh", folder);
+  m.navmesh = read_file_entry(files, "navmesh", folder);
+  files.finish();
+  root.finish();
+  return bundle;
+}
+
+void write_bundle_manifest(const fs::path& folder, SceneManifest m) {
+  m.surfels.sha256 = sha256_of_file(folder / m.surfels.name);
+  m.collision_mesh.sha256 = sha256_of_file(folder / m.collision_mesh.name);
+  m.navmesh.sha256 = sha256_of_file(folder / m.navmesh.name);
+
+  YAML::Emitter out;
+  out.SetDoublePrecision(12);
+  out << YAML::BeginMap;
+  out << YAML::Key << "schema" << YAML::Value << kSchema;
+  out << YAML::Key << "version" << YAML::Value << SceneManifest::kVersion;
+  out << YAML::Key << "name" << YAML::Value << m.name;
+  out << YAML::Key << "world" << YAML::Value << YAML::BeginMap;
+  out << YAML::Key << "up" << YAML::Value << "z" << YAML::Key << "unit" << YAML::Value << "m";
+  out << YAML::Key << "gravity_mps2" << YAML::Value;
+  emit_vec3(out, {0.0, 0.0, -9.80665}) << YAML::EndMap;
+  out << YAML::Key << "geodetic_origin" << YAML::Value << YAML::BeginMap;
+  out << YAML::Key << "latitude_deg" << YAML::Value << m.origin.latitude_deg;
+  out << YAML::Key << "longitude_deg" << YAML::Value << m.origin.longitude_deg;
+  out << YAML::Key << "height_m" << YAML::Value << m.origin.height_m;
+  out << YAML::Key << "yaw_rad" << YAML::Value << m.origin.yaw_rad << YAML::EndMap;
+  out << YAML::Key << "robot" << YAML::Value << YAML::BeginMap;
+  out << YAML::Key << "radius_m" << YAML::Value << m.robot_radius_m;
+  out << YAML::Key << "height_m" << YAML::Value << m.robot_height_m;
+  out << YAML::Key << "camera_height_m" << YAML::Value << m.camera_height_m << YAML::EndMap;
+  out << YAML::Key << "provenance" << YAML::Value << YAML::BeginMap;
+  out << YAML::Key << "created_by" << YAML::Value << m.created_by;
+  out << YAML::Key << "source" << YAML::Value << m.source;
+  out << YAML::Key << "source_sha256" << YAML::Value << m.source_sha256 << YAML::EndMap;
+  out << YAML::Key << "statistics" << YAML::Value << YAML::BeginMap;
+  for (const auto& [key, value] : m.statistics) out << YAML::Key << key << YAML::Value << value;
+  out << YAML::EndMap;
+  out << YAML::Key << "files" << YAML::Value << YAML::BeginMap;
+  emit_file(out, "surfels", m.surfels);
+  emit_file(out, "collision_mesh", m.collision_mesh);
+  emit_file(out, "navmesh", m.navmesh);
+  out << YAML::EndMap;
+  out << YAML::Key << "classes" << YAML::Value << YAML::BeginSeq;
+  for (const SceneClass& c : m.classes) {
+    out << YAML::Flow << YAML::BeginMap << YAML::Key << "id" << YAML::Value << c.id << YAML::Key
+        << "name" << YAML::Value << c.name << YAML::Key << "thing" << YAML::Value << c.thing
+        << YAML::EndMap;
+  }
+  out << YAML::EndSeq << YAML::Key << "instances" << YAML::Value << YAML::BeginSeq;
+  for (const SceneInstance& i : m.instances) {
+    out << YAML::Flow << YAML::BeginMap << YAML::Key << "id" << YAML::Value << i.id << YAML::Key
+        << "class" << YAML::Value << i.class_id << YAML::Key << "name" << YAML::Value << i.name
+        << YAML::Key << "box_min_m" << YAML::Value;
+    emit_vec3(out, i.box_min_m) << YAML::Key << "box_max_m" << YAML::Value;
+    emit_vec3(out, i.box_max_m) << YAML::EndMap;
+  }
+  out << YAML::EndSeq << YAML::EndMap;
+  write_file_atomically(folder / "scene.yaml",
+                        [&](std::ostream& stream) { stream << out.c_str() << '\n'; });
+}
+
+}  // namespace segsim::core

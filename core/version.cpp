@@ -1,0 +1,7 @@
+#include "core/version.h"
+
+namespace segsim::core {
+
+const char* version() { return SEGSIM_VERSION; }
+
+}  // namespace segsim::core

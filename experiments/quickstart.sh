@@ -1,0 +1,32 @@
+#!/usr/bin/env bash
+# Installs what is missing, builds, and runs the main job on the embedded procedural flats:
+# a robot searches two furnished flats with a detector before and after fine-tuning.
+#
+#   experiments/quickstart.sh [--help] [any option of `segsim run`]
+#
+# Finished parts are kept: run it again and it goes on where it was.
+set -euo pipefail
+if [[ ${1:-} == --help || ${1:-} == -h ]]; then
+  sed -n '2,8s/^# \{0,1\}//p' "$0"
+  exit 0
+fi
+source "$(dirname "${BASH_SOURCE[0]}")/../tools/setup.sh"
+cd "$root"
+
+install_packages
+build release segsim
+
+work=out/flat
+say "Running the main job (results in $work)"
+started=$SECONDS
+build/release/experiments/segsim run experiments/specs/flat.yaml --work "$work" "$@" \
+  || fail "segsim run ended with code $?; what was finished is kept in $work: run this script again"
+
+say "Done in $(((SECONDS - started) / 60)) min $(((SECONDS - started) % 60)) s. Where to look:"
+cat <<TEXT
+  table      $work/table.md            success rate before and after, with intervals
+  pictures   $work/pictures/           one top-down picture for each trial: path, frontiers, goal, detections
+  video      $work/videos/             camera, panoptic image and map side by side
+  database   $work/results.sqlite      one row a trial: sqlite3 $work/results.sqlite 'select * from trial limit 3'
+  tracks     $work/tracks/             GeoJSON and KML for any map program
+TEXT

@@ -1,0 +1,109 @@
+#include "core/scene_bundle.h"
+
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "core/error.h"
+#include "core/file_io.h"
+
+namespace segsim::core {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+
+class SceneBundleTest : public ::testing::Test {
+ protected:
+  SceneBundleTest()
+      : folder_(fs::temp_directory_path() / ("segsim_bundle_" + std::to_string(::getpid()))) {
+    for (const char* name : {"surfels.ply", "collision.ply", "navmesh.bin"}) {
+      write_file_atomically(folder_ / name, [&](std::ostream& out) { out << name; });
+    }
+    SceneManifest m;
+    m.name = "test room";
+    m.created_by = "test";
+    m.source = "made up";
+    m.origin = {30.263, 120.123, 10.0, 0.25};
+    m.robot_radius_m = 0.33;
+    m.robot_height_m = 0.3;
+    m.camera_height_m = 1.2;
+    m.classes = {{1, "chair", true}, {2, "wall", false}};
+    m.instances = {{7, 1, "ChairA_01", {0, 0, 0}, {0.5, 0.5, 1.0}}};
+    m.surfels.name = "surfels.ply";
+    m.collision_mesh.name = "collision.ply";
+    m.navmesh.name = "navmesh.bin";
+    m.statistics = {{"frames_used", 12.0}};
+    write_bundle_manifest(folder_, m);
+  }
+  ~SceneBundleTest() override { fs::remove_all(folder_); }
+
+  /// Replaces `from` by `to` in scene.yaml.
+  void edit(const std::string& from, const std::string& to) const {
+    std::string text = read_file(folder_ / "scene.yaml");
+    const std::size_t at = text.find(from);
+    ASSERT_NE(at, std::string::npos) << from;
+    text.replace(at, from.size(), to);
+    write_file_atomically(folder_ / "scene.yaml", [&](std::ostream& out) { out << text; });
+  }
+  [[nodiscard]] std::string refusal() const {
+    try {
+      (void)load_bundle(folder_);
+    } catch (const InputError& error) {
+      return error.what();
+    }
+    return "accepted";
+  }
+  fs::path folder_;
+};
+
+TEST_F(SceneBundleTest, RoundTripKeepsEverything) {
+  const SceneBundle bundle = load_bundle(folder_);
+  const SceneManifest& m = bundle.manifest;
+  EXPECT_EQ(m.name, "test room");
+  EXPECT_DOUBLE_EQ(m.origin.longitude_deg, 120.123);
+  ASSERT_EQ(m.classes.size(), 2U);
+  EXPECT_TRUE(m.classes[0].thing);
+  ASSERT_NE(m.find_instance(7), nullptr);
+  EXPECT_EQ(m.class_name(m.find_instance(7)->class_id), "chair");
+  EXPECT_DOUBLE_EQ(m.find_instance(7)->box_max_m.z, 1.0);
+  EXPECT_EQ(m.class_name(99), "void");
+  EXPECT_EQ(m.statistics.at(0).first, "frames_used");
+}
+
+TEST_F(SceneBundleTest, DamagedFileIsRefusedWithBothHashes) {
+  std::ofstream(folder_ / "surfels.ply", std::ios::app) << "x";
+  EXPECT_THAT(refusal(), HasSubstr("surfels.ply: expected SHA-256"));
+}
+
+TEST_F(SceneBundleTest, MissingFileIsNamed) {
+  fs::remove(folder_ / "navmesh.bin");
+  EXPECT_THAT(refusal(), HasSubstr("navmesh.bin: expected a bundle file, found none"));
+}
+
+TEST_F(SceneBundleTest, OtherVersionIsRefused) {
+  edit("version: 1", "version: 2");
+  EXPECT_THAT(refusal(), HasSubstr("expected version 1, found 2"));
+}
+
+TEST_F(SceneBundleTest, UnknownKeyIsRefusedWithItsLine) {
+  edit("name: test room", "nmae: test room\nname: x");
+  EXPECT_THAT(refusal(), HasSubstr("scene.yaml:3"));
+}
+
+TEST_F(SceneBundleTest, InstanceOfAnUnlistedClassIsRefused) {
+  edit("class: 1", "class: 9");
+  EXPECT_THAT(refusal(), HasSubstr("expected a listed class, found 9"));
+}
+
+TEST_F(SceneBundleTest, NoManifestIsRefused) {
+  fs::remove(folder_ / "scene.yaml");
+  EXPECT_THAT(refusal(), HasSubstr("expected a scene bundle with scene.yaml"));
+}
+
+}  // namespace
+}  // namespace segsim::core

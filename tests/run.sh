@@ -1,0 +1,21 @@
+#!/usr/bin/env bash
+# Installs what is missing, builds everything and runs all tests.
+#
+#   tests/run.sh [--help] [preset, default release] [ctest options]
+set -euo pipefail
+if [[ ${1:-} == --help || ${1:-} == -h ]]; then
+  sed -n '2,5s/^# \{0,1\}//p' "$0"
+  exit 0
+fi
+source "$(dirname "${BASH_SOURCE[0]}")/../tools/setup.sh"
+cd "$root"
+preset=release
+if [[ ${1:-} =~ ^[a-z]+$ ]]; then
+  preset=$1
+  shift
+fi
+
+install_packages
+build "$preset"
+say "Running the tests"
+ctest --preset "$preset" -j "$(nproc)" "$@"
