@@ -24,7 +24,8 @@ LIBRARY_HOME = {  # library: the only folders that may include it
     r"embree3/|assimp/|sdf/|ignition/|recastnavigation/": {"sim"},
     r"GeographicLib/": {"sim"},
     r"yaml-cpp/|openssl/": {"core"},
-    r"sqlite3|CLI/|nlohmann/|spdlog/|httplib": {"experiments", "perception"},
+    r"nlohmann/": {"experiments", "perception", "renderer/datasets"},
+    r"sqlite3|CLI/|spdlog/|httplib": {"experiments", "perception"},
 }
 # Third-party types stay out of public headers, so that no includer pays for them.
 NOT_IN_HEADERS = re.compile(r"torch/|ATen/|pcl/|opencv2/|embree3/|assimp/|sdf/|recastnavigation/|"
