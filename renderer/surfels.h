@@ -16,16 +16,17 @@ namespace segsim::renderer {
 
 /// Structure of arrays, all of length size(); values are activated (metres, not logarithms).
 struct SurfelCloud {
-  std::vector<glm::vec3> position_m;   ///< World frame.
+  std::vector<glm::vec3> position_m;      ///< World frame.
   std::vector<glm::quat> R_world_surfel;  ///< Unit; columns t_u, t_v, normal.
-  std::vector<glm::vec2> scale_m;      ///< (s_u, s_v) > 0.
-  std::vector<float> opacity;          ///< (0, 1].
-  int sh_degree = 0;                   ///< 0 ... 3.
-  /// Spherical-harmonic coefficients, [size() * (sh_degree + 1)^2], coefficient-major per surfel:
-  /// surfel i owns sh[i * n] ... sh[i * n + n - 1], n = (sh_degree + 1)^2; each is (R, G, B).
-  /// Colour = 0.5 + sum, in sRGB [0, 1].
+  std::vector<glm::vec2> scale_m;         ///< (s_u, s_v) > 0.
+  std::vector<float> opacity;             ///< (0, 1].
+  int sh_degree = 0;                      ///< 0 ... 3.
+  /// Spherical-harmonic coefficients, [size() * (sh_degree + 1)^2], coefficient-major per
+  /// surfel: surfel i owns sh[i * n] ... sh[i * n + n - 1], n = (sh_degree + 1)^2; each is (R,
+  /// G, B). Colour = 0.5 + sum, in sRGB [0, 1].
   std::vector<glm::vec3> sh;
-  std::vector<std::uint16_t> semantic_id;  ///< Class, 0 = void. Empty if the scene has no labels.
+  std::vector<std::uint16_t>
+      semantic_id;  ///< Class, 0 = void. Empty if the scene has no labels.
   std::vector<std::uint16_t> instance_id;  ///< 0 = none. Empty like semantic_id.
 
   [[nodiscard]] std::size_t size() const { return position_m.size(); }

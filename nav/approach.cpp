@@ -1,0 +1,148 @@
+#include "nav/approach.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <glm/geometric.hpp>
+
+namespace segsim::nav {
+namespace {
+
+constexpr std::size_t kMaxSightChecks = 400;
+constexpr double kNearnessWeight =
+    4.0;                              // A metre nearer to the object is worth this detour [m].
+constexpr double kEdgeMargin = 0.95;  // Stay this share inside the image's lower edge.
+constexpr int kSpreadStride_cells = 4;  // Candidates of spread_places.
+constexpr double kMinSpread_m = 1.5;    // Places nearer to one another are one place.
+
+struct Candidate {
+  Cell cell;
+  double to_object_m;
+  double cost_m;
+};
+
+core::Image<float> distance_to_object_m(const CostMap& map, const MappedObject& object) {
+  core::Image<std::uint8_t> cells(map.frame().width_cells, map.frame().height_cells);
+  for (const glm::vec3& p : object.cloud_m) {
+    if (p.x < object.low_m.x || p.y < object.low_m.y || p.x > object.high_m.x ||
+        p.y > object.high_m.y) {
+      continue;  // Strays beyond the trimmed extent, as in nearest_point_m().
+    }
+    const Cell cell = map.frame().cell_at({p.x, p.y});
+    if (map.frame().contains(cell)) cells(cell.x, cell.y) = 1;
+  }
+  return distance_to_cells_m(cells, map.frame().resolution_m);
+}
+
+std::optional<ApproachPlace> cheapest_in_sight(const CostMap& map, const MappedObject& object,
+                                               std::vector<Candidate> candidates) {
+  std::stable_sort(candidates.begin(), candidates.end(),
+                   [](const Candidate& a, const Candidate& b) { return a.cost_m < b.cost_m; });
+  // Neighbours see the same; look at every n-th when there are many.
+  const std::size_t stride = 1 + candidates.size() / kMaxSightChecks;
+  for (std::size_t k = 0; k < candidates.size(); k += stride) {
+    const glm::dvec2 place = map.frame().center_m(candidates[k].cell);
+    if (line_of_sight(map, place, object.nearest_point_m(place))) {
+      return ApproachPlace{place, candidates[k].to_object_m, true};
+    }
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+double view_distance_m(const core::Observation& observation, const MappedObject& object) {
+  const auto T_odom_camera = observation.T_odom_camera();
+  const core::CameraIntrinsics& camera = observation.intrinsics;
+  const glm::dvec3 lowest =
+      T_odom_camera.rotation() * camera.back_project({camera.cx_px, camera.height_px}, 1.0);
+  const double below_camera_m =
+      T_odom_camera.translation_m().z - 0.5 * (object.low_m.z + object.high_m.z);
+  if (below_camera_m <= 0.0) return 0.0;
+  const double planar = std::hypot(lowest.x, lowest.y);
+  if (lowest.z >= -1e-6) return 1e3;
+  return below_camera_m * planar / (kEdgeMargin * -lowest.z);
+}
+
+bool line_of_sight(const CostMap& map, const glm::dvec2& from_m, const glm::dvec2& to_m,
+                   double skip_m) {
+  const double length_m = glm::distance(from_m, to_m);
+  const double step_m = 0.5 * map.frame().resolution_m;
+  for (double s = 0.0; s < length_m - skip_m; s += step_m) {
+    const Cell cell = map.frame().cell_at(from_m + (to_m - from_m) * (s / length_m));
+    // Occupied in both layers: as high as the mast.
+    if (map.state(cell) == CellState::kOccupied && map.mast_clearance_m(cell) <= 0.0F)
+      return false;
+  }
+  return true;
+}
+
+std::optional<ApproachPlace> choose_approach(const CostMap& map, const GeodesicField& field,
+                                             const MappedObject& object, double min_m,
+                                             double max_m, double limit_m) {
+  const core::Image<float> distance_m = distance_to_object_m(map, object);
+  std::vector<Candidate> preferred, allowed;
+  std::optional<Candidate> nearest;
+  for (int j = 0; j < map.frame().height_cells; ++j) {
+    for (int i = 0; i < map.frame().width_cells; ++i) {
+      if (!std::isfinite(field.cost_m(i, j))) continue;
+      Candidate candidate{{i, j},
+                          static_cast<double>(distance_m(i, j)),
+                          static_cast<double>(field.cost_m(i, j))};
+      if (!nearest || candidate.to_object_m < nearest->to_object_m) nearest = candidate;
+      candidate.cost_m += kNearnessWeight * candidate.to_object_m;
+      if (candidate.to_object_m >= min_m && candidate.to_object_m <= max_m) {
+        preferred.push_back(candidate);
+      } else if (candidate.to_object_m >= 0.5 * min_m && candidate.to_object_m <= limit_m) {
+        allowed.push_back(candidate);
+      }
+    }
+  }
+  if (auto place = cheapest_in_sight(map, object, std::move(preferred))) return place;
+  if (auto place = cheapest_in_sight(map, object, std::move(allowed))) return place;
+  if (!nearest) return std::nullopt;
+  const glm::dvec2 place = map.frame().center_m(nearest->cell);
+  return ApproachPlace{place, nearest->to_object_m,
+                       line_of_sight(map, place, object.nearest_point_m(place))};
+}
+
+std::vector<glm::dvec2> spread_places(const CostMap& map, const GeodesicField& field,
+                                      int count) {
+  std::vector<glm::dvec2> candidates;
+  for (int j = 0; j < map.frame().height_cells; j += kSpreadStride_cells) {
+    for (int i = 0; i < map.frame().width_cells; i += kSpreadStride_cells) {
+      if (std::isfinite(field.cost_m(i, j)))
+        candidates.push_back(map.frame().center_m({i, j}));
+    }
+  }
+  // Farthest point sampling from the robot on.
+  std::vector<glm::dvec2> chosen{map.frame().center_m(field.start)};
+  while (static_cast<int>(chosen.size()) <= count) {
+    double best_m = kMinSpread_m;
+    std::optional<glm::dvec2> best;
+    for (const glm::dvec2& candidate : candidates) {
+      double nearest_m = 1e18;
+      for (const glm::dvec2& other : chosen) {
+        nearest_m = std::min(nearest_m, glm::distance(candidate, other));
+      }
+      if (nearest_m > best_m) {
+        best_m = nearest_m;
+        best = candidate;
+      }
+    }
+    if (!best) break;
+    chosen.push_back(*best);
+  }
+  chosen.erase(chosen.begin());
+  std::stable_sort(chosen.begin(), chosen.end(),
+                   [&](const glm::dvec2& a, const glm::dvec2& b) {
+                     const auto cost = [&](const glm::dvec2& place) {
+                       const Cell cell = map.frame().cell_at(place);
+                       return field.cost_m(cell.x, cell.y);
+                     };
+                     return cost(a) < cost(b);
+                   });
+  return chosen;
+}
+
+}  // namespace segsim::nav

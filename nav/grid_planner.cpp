@@ -1,0 +1,245 @@
+#include "nav/grid_planner.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <queue>
+
+#include "core/check.h"
+
+namespace segsim::nav {
+namespace {
+
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+constexpr float kSqrt2 = 1.41421356F;
+
+struct Step {
+  int dx, dy;
+  float length;  ///< In cells.
+};
+constexpr std::array<Step, 8> kSteps{{{1, 0, 1.0F},
+                                      {-1, 0, 1.0F},
+                                      {0, 1, 1.0F},
+                                      {0, -1, 1.0F},
+                                      {1, 1, kSqrt2},
+                                      {1, -1, kSqrt2},
+                                      {-1, 1, kSqrt2},
+                                      {-1, -1, kSqrt2}}};
+
+/// Queue entry; ties are broken by cell index, so that equal maps give equal paths.
+struct Open {
+  float priority;
+  std::uint32_t cell;
+  bool operator>(const Open& other) const {
+    return priority != other.priority ? priority > other.priority : cell > other.cell;
+  }
+};
+using OpenQueue = std::priority_queue<Open, std::vector<Open>, std::greater<>>;
+
+/// Calls `visit(neighbour index, step cost in metres)` for the traversable neighbours.
+template <class Visit>
+void for_each_step(const CostMap& map, std::uint32_t from, const Visit& visit) {
+  const int width = map.frame().width_cells, height = map.frame().height_cells;
+  const int x = static_cast<int>(from) % width, y = static_cast<int>(from) / width;
+  const auto resolution = static_cast<float>(map.frame().resolution_m);
+  const std::uint8_t* traversable = map.traversable_cells().data();
+  const float* costs = map.length_costs().data();
+  for (const Step& step : kSteps) {
+    const int nx = x + step.dx, ny = y + step.dy;
+    if (nx < 0 || ny < 0 || nx >= width || ny >= height) continue;
+    const auto next = static_cast<std::uint32_t>(ny * width + nx);
+    if (traversable[next] == 0) continue;
+    visit(next, resolution * step.length * 0.5F * (costs[from] + costs[next]));
+  }
+}
+
+std::uint32_t index_of(const CostMap& map, const Cell& cell) {
+  return static_cast<std::uint32_t>(cell.y * map.frame().width_cells + cell.x);
+}
+Cell cell_of(const CostMap& map, std::uint32_t index) {
+  const int width = map.frame().width_cells;
+  return {static_cast<int>(index) % width, static_cast<int>(index) / width};
+}
+
+/// Mean weighted length of the segment, or nullopt if it leaves the traversable cells.
+std::optional<double> segment_cost_m(const CostMap& map, const glm::dvec2& a_m,
+                                     const glm::dvec2& b_m) {
+  const double length_m = glm::length(b_m - a_m);
+  const int samples =
+      std::max(1, static_cast<int>(std::ceil(length_m / (0.5 * map.frame().resolution_m))));
+  double sum = 0.0;
+  for (int k = 0; k <= samples; ++k) {
+    const double t = static_cast<double>(k) / samples;
+    const Cell cell = map.frame().cell_at(a_m + t * (b_m - a_m));
+    if (!map.traversable(cell)) return std::nullopt;
+    sum += static_cast<double>(map.length_cost(cell));
+  }
+  return length_m * sum / (samples + 1);
+}
+
+/// Replaces stretches of the chain by segments that are free and not dearer than the stretch.
+std::vector<glm::dvec2> shortened(const CostMap& map, const std::vector<Cell>& cells) {
+  constexpr double kSlack = 1.02;  // Sampling error of the segment's cost.
+  std::vector<double> cost_to(cells.size(), 0.0);
+  for (std::size_t k = 1; k < cells.size(); ++k) {
+    cost_to[k] = cost_to[k - 1] + chain_cost_m(map, {cells[k - 1], cells[k]});
+  }
+  std::vector<glm::dvec2> points{map.frame().center_m(cells.front())};
+  std::size_t at = 0;
+  while (at + 1 < cells.size()) {
+    // Grow the stretch while it stays allowed; a jump ahead would be missed, which only costs
+    // smoothness.
+    std::size_t best = at + 1;
+    for (std::size_t k = at + 2; k < cells.size(); ++k) {
+      const auto cost = segment_cost_m(map, points.back(), map.frame().center_m(cells[k]));
+      if (!cost || *cost > kSlack * (cost_to[k] - cost_to[at])) {
+        if (k > best + 8) break;
+        continue;
+      }
+      best = k;
+    }
+    points.push_back(map.frame().center_m(cells[best]));
+    at = best;
+  }
+  return points;
+}
+
+}  // namespace
+
+bool GeodesicField::reachable(const Cell& cell) const {
+  return cost_m.contains(cell.x, cell.y) && std::isfinite(cost_m(cell.x, cell.y));
+}
+
+double chain_cost_m(const CostMap& map, const std::vector<Cell>& cells) {
+  double sum = 0.0;
+  for (std::size_t k = 1; k < cells.size(); ++k) {
+    const glm::dvec2 offset(cells[k] - cells[k - 1]);
+    sum += glm::length(offset) * map.frame().resolution_m * 0.5 *
+           static_cast<double>(map.length_cost(cells[k - 1]) + map.length_cost(cells[k]));
+  }
+  return sum;
+}
+
+bool segment_traversable(const CostMap& map, const glm::dvec2& a_m, const glm::dvec2& b_m) {
+  return segment_cost_m(map, a_m, b_m).has_value();
+}
+
+std::optional<Cell> nearest_traversable(const CostMap& map, const Cell& from, double limit_m) {
+  if (map.traversable(from)) return from;
+  if (!map.frame().contains(from)) return std::nullopt;
+  const auto resolution = static_cast<float>(map.frame().resolution_m);
+  core::Image<float> distance(map.frame().width_cells, map.frame().height_cells, kInfinity);
+  OpenQueue open;
+  distance(from.x, from.y) = 0.0F;
+  open.push({0.0F, index_of(map, from)});
+  while (!open.empty()) {
+    const Open top = open.top();
+    open.pop();
+    const Cell at = cell_of(map, top.cell);
+    if (top.priority > distance(at.x, at.y)) continue;
+    if (map.traversable(at)) return at;
+    for (const Step& step : kSteps) {
+      const Cell next(at.x + step.dx, at.y + step.dy);
+      // Obstacles cannot be crossed; what is unknown can, at twice the price.
+      if (!map.frame().contains(next) || map.state(next) == CellState::kOccupied) continue;
+      const float price = map.state(next) == CellState::kFree ? 1.0F : 2.0F;
+      const float there = top.priority + price * step.length * resolution;
+      if (there > static_cast<float>(limit_m) || there >= distance(next.x, next.y)) continue;
+      distance(next.x, next.y) = there;
+      open.push({there, index_of(map, next)});
+    }
+  }
+  return std::nullopt;
+}
+
+std::optional<GeodesicField> geodesic_field(const CostMap& map, const Cell& from) {
+  const std::optional<Cell> start = nearest_traversable(map, from);
+  if (!start) return std::nullopt;
+  GeodesicField field;
+  field.start = *start;
+  field.cost_m =
+      core::Image<float>(map.frame().width_cells, map.frame().height_cells, kInfinity);
+  float* cost = field.cost_m.data();
+  OpenQueue open;
+  cost[index_of(map, *start)] = 0.0F;
+  open.push({0.0F, index_of(map, *start)});
+  while (!open.empty()) {
+    const Open top = open.top();
+    open.pop();
+    if (top.priority > cost[top.cell]) continue;
+    for_each_step(map, top.cell, [&](std::uint32_t next, float step_m) {
+      const float there = top.priority + step_m;
+      if (there >= cost[next]) return;
+      cost[next] = there;
+      open.push({there, next});
+    });
+  }
+  return field;
+}
+
+std::optional<std::vector<Cell>> astar_cells(const CostMap& map, const Cell& start,
+                                             const Cell& goal) {
+  if (!map.traversable(start) || !map.traversable(goal)) return std::nullopt;
+  const auto resolution = static_cast<float>(map.frame().resolution_m);
+  // Octile distance; admissible because length_cost is at least 1. Shrunk by rounding's share.
+  const auto heuristic = [&](const Cell& cell) {
+    const auto dx = static_cast<float>(std::abs(cell.x - goal.x));
+    const auto dy = static_cast<float>(std::abs(cell.y - goal.y));
+    return 0.9999F * resolution * (std::max(dx, dy) + (kSqrt2 - 1.0F) * std::min(dx, dy));
+  };
+  const std::size_t count = map.traversable_cells().size();
+  std::vector<float> cost(count, kInfinity);
+  std::vector<std::uint32_t> parent(count, 0);
+  OpenQueue open;
+  const std::uint32_t start_index = index_of(map, start), goal_index = index_of(map, goal);
+  cost[start_index] = 0.0F;
+  open.push({heuristic(start), start_index});
+  while (!open.empty()) {
+    const Open top = open.top();
+    open.pop();
+    if (top.cell == goal_index) break;
+    const float here = cost[top.cell];
+    if (top.priority > here + heuristic(cell_of(map, top.cell)) + 1e-4F) continue;
+    for_each_step(map, top.cell, [&](std::uint32_t next, float step_m) {
+      const float there = here + step_m;
+      if (there >= cost[next]) return;
+      cost[next] = there;
+      parent[next] = top.cell;
+      open.push({there + heuristic(cell_of(map, next)), next});
+    });
+  }
+  if (!std::isfinite(cost[goal_index])) return std::nullopt;
+  std::vector<Cell> cells;
+  for (std::uint32_t at = goal_index;; at = parent[at]) {
+    cells.push_back(cell_of(map, at));
+    if (at == start_index) break;
+  }
+  std::reverse(cells.begin(), cells.end());
+  return cells;
+}
+
+std::optional<Path> plan_path(const CostMap& map, const glm::dvec2& start_odom_m,
+                              const glm::dvec2& goal_odom_m) {
+  const auto start = nearest_traversable(map, map.frame().cell_at(start_odom_m));
+  if (!start) return std::nullopt;
+  const auto cells = astar_cells(map, *start, map.frame().cell_at(goal_odom_m));
+  if (!cells) return std::nullopt;
+  Path path;
+  path.cost_m = chain_cost_m(map, *cells);
+  path.points_m = shortened(map, *cells);
+  path.points_m.back() = goal_odom_m;
+  // The first cell's centre may lie behind the robot; replace it unless it is the way out.
+  if (map.traversable(map.frame().cell_at(start_odom_m))) {
+    path.points_m.front() = start_odom_m;
+  } else {
+    path.points_m.insert(path.points_m.begin(), start_odom_m);
+  }
+  if (path.points_m.size() == 1) path.points_m.push_back(goal_odom_m);
+  for (std::size_t k = 1; k < path.points_m.size(); ++k) {
+    path.length_m += glm::length(path.points_m[k] - path.points_m[k - 1]);
+  }
+  return path;
+}
+
+}  // namespace segsim::nav

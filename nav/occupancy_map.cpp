@@ -1,0 +1,368 @@
+#include "nav/occupancy_map.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <glm/mat3x3.hpp>
+
+#include "core/check.h"
+
+namespace segsim::nav {
+namespace {
+
+constexpr double kGrowStep_m = 4.0;     // The map grows by whole steps.
+constexpr float kBlocked = 100.0F;      // Log-odds of touched obstacles; no ray changes them.
+constexpr float kAssumedFree = -0.2F;   // Free, but one hit makes it occupied.
+constexpr double kFloorBelow_m = 0.20;  // Points deeper below the floor are wrong.
+constexpr double kInscribedShare =
+    0.65;                                // Inscribed over circumscribed radius (0.215 / 0.33).
+constexpr double kMaxStartFree_m = 2.0;  // Bound of the assumed-free disc.
+constexpr float kPassLow_m = 0.10F;      // A ray contradicts an obstacle from this far below
+constexpr float kPassTop_m = 0.02F;      // its lowest hit to this far below its top.
+
+/// Calls `visit(i, j)` for the cells whose centres lie within the disc, inside the map.
+template <class Visit>
+void for_each_cell_in_disc(const GridFrame& frame, const glm::dvec2& center_m, double radius_m,
+                           const Visit& visit) {
+  const Cell low = frame.cell_at(center_m - radius_m);
+  const Cell high = frame.cell_at(center_m + radius_m);
+  for (int j = std::max(low.y, 0); j <= std::min(high.y, frame.height_cells - 1); ++j) {
+    for (int i = std::max(low.x, 0); i <= std::min(high.x, frame.width_cells - 1); ++i) {
+      const glm::dvec2 offset = frame.center_m({i, j}) - center_m;
+      if (glm::dot(offset, offset) <= radius_m * radius_m) visit(i, j);
+    }
+  }
+}
+
+template <class Pixel>
+core::Image<Pixel> grown(const core::Image<Pixel>& old, int left, int bottom, int width,
+                         int height) {
+  core::Image<Pixel> result(width, height);
+  for (int j = 0; j < old.height_px(); ++j) {
+    std::copy_n(old.row(j), old.width_px(), result.row(j + bottom) + left);
+  }
+  return result;
+}
+
+}  // namespace
+
+/// The camera of one observation, with heights above the robot's floor.
+struct OccupancyMap::View {
+  core::CameraIntrinsics intrinsics;
+  glm::dmat3 R_odom_camera{1.0};
+  glm::dvec3 eye_m{0.0};  ///< Odom, z above the floor.
+  double mast_top_m = 0.0;
+  double floor_z_m = 0.0;
+  double blind_range_m = 0.0;  ///< Nearer than this the body band lies below the image.
+
+  explicit View(const core::Observation& observation, const OccupancyOptions& options)
+      : intrinsics(observation.intrinsics) {
+    const auto T_odom_camera = observation.T_odom_camera();
+    R_odom_camera = glm::mat3_cast(T_odom_camera.rotation());
+    floor_z_m = observation.T_odom_robot.translation_m().z;
+    eye_m = T_odom_camera.translation_m();
+    eye_m.z -= floor_z_m;
+    mast_top_m = eye_m.z + options.mast_above_camera_m;
+    blind_range_m = range_where_lowest_ray_is_at(options.obstacle_max_m);
+  }
+  [[nodiscard]] glm::dvec3 direction(double u_px, double v_px) const {
+    return R_odom_camera * glm::dvec3((u_px - intrinsics.cx_px) / intrinsics.fx_px,
+                                      (v_px - intrinsics.cy_px) / intrinsics.fy_px, 1.0);
+  }
+  /// Planar distance at which the image's bottom ray falls to a height; 0 if it starts below.
+  [[nodiscard]] double range_where_lowest_ray_is_at(double height_m) const {
+    const glm::dvec3 d = direction(intrinsics.cx_px, intrinsics.height_px);
+    const double planar = std::hypot(d.x, d.y);
+    if (eye_m.z <= height_m) return 0.0;
+    return d.z < -1e-6 ? (eye_m.z - height_m) / -d.z * planar : 1e3;
+  }
+};
+
+OccupancyMap::OccupancyMap(const OccupancyOptions& options) : options_(options) {
+  SEGSIM_CHECK(options.resolution_m > 0.0, "resolution_m");
+  SEGSIM_CHECK(options.obstacle_max_m > options.obstacle_min_m, "obstacle band is empty");
+  SEGSIM_CHECK(options.max_range_m > 0.0, "max_range_m");
+  SEGSIM_CHECK(options.ray_step_x_px > 0 && options.ray_step_y_px > 0, "ray step");
+  SEGSIM_CHECK(options.log_odds_hit > options.occupied_above &&
+                   -options.log_odds_miss < options.free_below,
+               "one observation must decide an unknown cell");
+  reset();
+}
+
+void OccupancyMap::reset() {
+  frame_ = {};
+  frame_.resolution_m = options_.resolution_m;
+  body_ = mast_ = {};
+  heights_ = {};
+  seen_ = {};
+  touched_.clear();
+  stamp_ = 0;
+  started_ = false;
+}
+
+void OccupancyMap::ensure_covers(const glm::dvec2& low_m, const glm::dvec2& high_m) {
+  const double r = frame_.resolution_m;
+  const int step = static_cast<int>(std::ceil(kGrowStep_m / r));
+  if (frame_.width_cells == 0) {
+    // Corners on whole multiples of the resolution, so that equal poses give equal grids.
+    frame_.origin_m = glm::floor(low_m / r) * r;
+    const glm::dvec2 cells = glm::ceil((high_m - frame_.origin_m) / r) + 1.0;
+    frame_.width_cells = static_cast<int>(cells.x);
+    frame_.height_cells = static_cast<int>(cells.y);
+    body_ = mast_ = core::Image<float>(frame_.width_cells, frame_.height_cells, 0.0F);
+    heights_ = core::Image<Heights>(frame_.width_cells, frame_.height_cells);
+    seen_ = core::Image<CellView>(frame_.width_cells, frame_.height_cells);
+    return;
+  }
+  const Cell low = frame_.cell_at(low_m), high = frame_.cell_at(high_m);
+  const auto steps = [&](int missing) {
+    return missing > 0 ? (missing + step - 1) / step * step : 0;
+  };
+  const int left = steps(-low.x), bottom = steps(-low.y);
+  const int right = steps(high.x - frame_.width_cells + 1);
+  const int top = steps(high.y - frame_.height_cells + 1);
+  if (left + bottom + right + top == 0) return;
+  const int width = frame_.width_cells + left + right;
+  const int height = frame_.height_cells + bottom + top;
+  body_ = grown(body_, left, bottom, width, height);
+  mast_ = grown(mast_, left, bottom, width, height);
+  heights_ = grown(heights_, left, bottom, width, height);
+  seen_ = core::Image<CellView>(width, height);  // Stamps of old images never match again.
+  frame_.origin_m -= glm::dvec2(left, bottom) * r;
+  frame_.width_cells = width;
+  frame_.height_cells = height;
+}
+
+OccupancyMap::CellView& OccupancyMap::touch(std::size_t index) {
+  CellView& cell = seen_.data()[index];
+  if (cell.stamp != stamp_) {
+    cell = {};
+    cell.stamp = stamp_;
+    cell.lowest_pass_m = 1e3F;
+    touched_.push_back(static_cast<std::uint32_t>(index));
+  }
+  return cell;
+}
+
+/// Every pixel: which cell does it end in, and at what height? This loop is the hot one.
+void OccupancyMap::mark_end_points(const core::Image<float>& depth_m, const View& view) {
+  const int width = depth_m.width_px(), height = depth_m.height_px();
+  // p = eye + depth * (column part + row part), in floats: millimetres at 10 m.
+  std::vector<glm::vec3> columns(static_cast<std::size_t>(width));
+  for (int x = 0; x < width; ++x) {
+    const double u = (x + 0.5 - view.intrinsics.cx_px) / view.intrinsics.fx_px;
+    columns[static_cast<std::size_t>(x)] = glm::vec3(view.R_odom_camera[0] * u);
+  }
+  const auto inverse_resolution = static_cast<float>(1.0 / frame_.resolution_m);
+  const glm::vec2 eye_cells((view.eye_m.x - frame_.origin_m.x) / frame_.resolution_m,
+                            (view.eye_m.y - frame_.origin_m.y) / frame_.resolution_m);
+  const auto eye_z = static_cast<float>(view.eye_m.z);
+  const auto min_z = static_cast<float>(options_.obstacle_min_m);
+  const auto max_z = static_cast<float>(options_.obstacle_max_m);
+  const auto mast_z = static_cast<float>(view.mast_top_m);
+  const auto max_range_cells = static_cast<float>(options_.max_range_m / frame_.resolution_m);
+  const float max_range2 = max_range_cells * max_range_cells;
+
+  for (int y = 0; y < height; ++y) {
+    const double v = (y + 0.5 - view.intrinsics.cy_px) / view.intrinsics.fy_px;
+    const glm::vec3 row(view.R_odom_camera[1] * v + view.R_odom_camera[2]);
+    const float* depth_row = depth_m.row(y);
+    for (int x = 0; x < width; ++x) {
+      const float depth = depth_row[x];
+      if (!(depth > 0.0F)) continue;  // NaN too.
+      const glm::vec3 d = columns[static_cast<std::size_t>(x)] + row;
+      const float z = eye_z + depth * d.z;
+      if (!(z <= mast_z) || z < -static_cast<float>(kFloorBelow_m)) continue;
+      const float dx = depth * d.x * inverse_resolution, dy = depth * d.y * inverse_resolution;
+      if (!(dx * dx + dy * dy <= max_range2)) continue;
+      // Inside the map, hence positive: truncation is floor.
+      const auto i = static_cast<std::size_t>(eye_cells.x + dx);
+      const auto j = static_cast<std::size_t>(eye_cells.y + dy);
+      CellView& cell = touch(j * static_cast<std::size_t>(frame_.width_cells) + i);
+      if (z < min_z) {
+        cell.lowest_pass_m = 0.0F;
+      } else if (z <= max_z) {
+        ++cell.body_hits;
+        cell.heights.body_low_m = std::min(cell.heights.body_low_m, z);
+        cell.heights.body_top_m = std::max(cell.heights.body_top_m, z);
+      } else {
+        ++cell.mast_hits;
+        cell.heights.mast_low_m = std::min(cell.heights.mast_low_m, z);
+        cell.heights.mast_top_m = std::max(cell.heights.mast_top_m, z);
+      }
+    }
+  }
+}
+
+/// Walks the planar projection of one ray and notes at which height it passes each cell.
+void OccupancyMap::trace_ray(const View& view, const glm::dvec3& direction, double depth_m) {
+  const double planar = std::hypot(direction.x, direction.y);
+  const double r = frame_.resolution_m;
+  const double range_m = std::min(planar * depth_m - r, options_.max_range_m);
+  if (range_m <= 0.0) return;
+  const int steps = static_cast<int>(range_m / r);
+  const auto step_z = static_cast<float>(direction.z / planar * r);
+  const auto step_x = static_cast<float>(direction.x / planar);
+  const auto step_y = static_cast<float>(direction.y / planar);
+  auto x = static_cast<float>((view.eye_m.x - frame_.origin_m.x) / r);
+  auto y = static_cast<float>((view.eye_m.y - frame_.origin_m.y) / r);
+  auto z = static_cast<float>(view.eye_m.z);
+  const auto mast_above = static_cast<float>(options_.obstacle_max_m);
+  for (int k = 0; k <= steps; ++k, x += step_x, y += step_y, z += step_z) {
+    const std::size_t index =
+        static_cast<std::size_t>(y) * static_cast<std::size_t>(frame_.width_cells) +
+        static_cast<std::size_t>(x);
+    CellView& cell = touch(index);
+    cell.lowest_pass_m = std::min(cell.lowest_pass_m, z);
+    const Heights& stored = heights_.data()[index];
+    cell.through_body |=
+        z > stored.body_low_m - kPassLow_m && z < stored.body_top_m - kPassTop_m;
+    if (z > mast_above) {
+      cell.through_mast |=
+          z > stored.mast_low_m - kPassTop_m && z < stored.mast_top_m + kPassTop_m;
+    }
+  }
+}
+
+void OccupancyMap::trace_rays(const core::Image<float>& depth_m, const View& view) {
+  for (int y = options_.ray_step_y_px / 2; y < depth_m.height_px();
+       y += options_.ray_step_y_px) {
+    for (int x = options_.ray_step_x_px / 2; x < depth_m.width_px();
+         x += options_.ray_step_x_px) {
+      const float depth = depth_m(x, y);
+      if (!(depth > 0.0F) || !std::isfinite(depth)) continue;
+      const glm::dvec3 direction = view.direction(x + 0.5, y + 0.5);
+      const double end_z_m = view.eye_m.z + depth * direction.z;
+      // Rays that rise leave the mast's band at once.
+      if (end_z_m > view.mast_top_m || end_z_m < -kFloorBelow_m) continue;
+      trace_ray(view, direction, depth);
+    }
+  }
+}
+
+void OccupancyMap::fuse_body(std::size_t index, const CellView& cell, bool below_unseen) {
+  float& odds = body_.data()[index];
+  Heights& stored = heights_.data()[index];
+  if (odds >= kBlocked) return;
+  if (cell.body_hits >= options_.min_hits_per_cell) {
+    odds = std::min(odds + options_.log_odds_hit, options_.log_odds_max);
+    stored.body_low_m = std::min(stored.body_low_m, cell.heights.body_low_m);
+    stored.body_top_m = std::max(stored.body_top_m, cell.heights.body_top_m);
+  } else if (below_unseen && cell.mast_hits >= options_.min_hits_per_cell &&
+             odds > 2.0F * kAssumedFree) {
+    // Near the robot only the upper part of a wall is in view. Take it to stand on the floor
+    // unless that cell was seen to be free before.
+    odds = std::min(odds + options_.log_odds_hit, options_.log_odds_max);
+    stored.body_low_m = static_cast<float>(options_.obstacle_min_m);
+    stored.body_top_m = static_cast<float>(options_.obstacle_max_m);
+  } else if (cell.body_hits == 0) {  // A single point says neither this nor that.
+    const bool occupied = odds > options_.occupied_above;
+    const bool miss = occupied
+                          ? cell.through_body
+                          : cell.lowest_pass_m <= static_cast<float>(options_.pass_height_m);
+    if (!miss) return;
+    odds = std::max(odds - options_.log_odds_miss, options_.log_odds_min);
+    if (odds < options_.free_below) {
+      stored.body_low_m = Heights{}.body_low_m;
+      stored.body_top_m = Heights{}.body_top_m;
+    }
+  }
+}
+
+void OccupancyMap::fuse_mast(std::size_t index, const CellView& cell) {
+  float& odds = mast_.data()[index];
+  Heights& stored = heights_.data()[index];
+  if (odds >= kBlocked) return;
+  if (cell.mast_hits >= options_.min_hits_per_cell) {
+    odds = std::min(odds + options_.log_odds_hit, options_.log_odds_max);
+    stored.mast_low_m = std::min(stored.mast_low_m, cell.heights.mast_low_m);
+    stored.mast_top_m = std::max(stored.mast_top_m, cell.heights.mast_top_m);
+  } else if (cell.mast_hits == 0 && cell.through_mast) {
+    odds = std::max(odds - options_.log_odds_miss, options_.log_odds_min);
+    if (odds < options_.free_below) {
+      stored.mast_low_m = Heights{}.mast_low_m;
+      stored.mast_top_m = Heights{}.mast_top_m;
+    }
+  }
+}
+
+void OccupancyMap::fuse_view(const View& view) {
+  const glm::dvec2 eye(view.eye_m);
+  const double blind2 = view.blind_range_m * view.blind_range_m;
+  for (const std::uint32_t index : touched_) {
+    const CellView& cell = seen_.data()[index];
+    bool below_unseen = false;
+    if (cell.mast_hits > 0) {
+      const Cell at(static_cast<int>(index) % frame_.width_cells,
+                    static_cast<int>(index) / frame_.width_cells);
+      const glm::dvec2 offset = frame_.center_m(at) - eye;
+      below_unseen = glm::dot(offset, offset) < blind2;
+    }
+    fuse_body(index, cell, below_unseen);
+    fuse_mast(index, cell);
+  }
+}
+
+void OccupancyMap::mark_free_disc(const glm::dvec2& center_odom_m, double radius_m) {
+  ensure_covers(center_odom_m - radius_m, center_odom_m + radius_m);
+  for_each_cell_in_disc(frame_, center_odom_m, radius_m, [&](int i, int j) {
+    body_(i, j) = mast_(i, j) = options_.log_odds_min;
+    heights_(i, j) = {};
+  });
+}
+
+void OccupancyMap::mark_blocked_disc(const glm::dvec2& center_odom_m, double radius_m) {
+  ensure_covers(center_odom_m - radius_m, center_odom_m + radius_m);
+  for_each_cell_in_disc(frame_, center_odom_m, radius_m,
+                        [&](int i, int j) { body_(i, j) = kBlocked; });
+}
+
+void OccupancyMap::assume_free_disc(const glm::dvec2& center_odom_m, double radius_m) {
+  for_each_cell_in_disc(frame_, center_odom_m, radius_m, [&](int i, int j) {
+    if (body_(i, j) == 0.0F) body_(i, j) = kAssumedFree;
+  });
+}
+
+CellState OccupancyMap::body_state(const Cell& cell) const {
+  if (!frame_.contains(cell)) return CellState::kUnknown;
+  const float odds = body_(cell.x, cell.y);
+  if (odds > options_.occupied_above) return CellState::kOccupied;
+  return odds < options_.free_below ? CellState::kFree : CellState::kUnknown;
+}
+
+bool OccupancyMap::mast_blocked(const Cell& cell) const {
+  return frame_.contains(cell) && mast_(cell.x, cell.y) > options_.occupied_above;
+}
+
+void OccupancyMap::integrate(const core::Observation& observation) {
+  SEGSIM_CHECK(observation.depth_m != nullptr, "observation without depth");
+  const core::Image<float>& depth_m = *observation.depth_m;
+  SEGSIM_CHECK(depth_m.width_px() == observation.intrinsics.width_px &&
+                   depth_m.height_px() == observation.intrinsics.height_px,
+               "depth image and intrinsics differ in size");
+  const View view(observation, options_);
+  const glm::dvec2 robot(observation.T_odom_robot.translation_m());
+  const glm::dvec2 eye(view.eye_m);
+
+  const double reach_m = options_.max_range_m + 4.0 * frame_.resolution_m;
+  ensure_covers(glm::min(robot, eye) - reach_m, glm::max(robot, eye) + reach_m);
+  if (!started_) {
+    const double blind_m = view.range_where_lowest_ray_is_at(options_.pass_height_m);
+    assume_free_disc(robot, options_.start_free_radius_m > 0.0
+                                ? options_.start_free_radius_m
+                                : std::min(blind_m + 0.1, kMaxStartFree_m));
+    started_ = true;
+  }
+
+  ++stamp_;
+  touched_.clear();
+  mark_end_points(depth_m, view);
+  trace_rays(depth_m, view);
+  fuse_view(view);
+
+  // The inscribed circle is free for certain; the ring around it only where nothing was seen.
+  mark_free_disc(robot, kInscribedShare * options_.footprint_radius_m);
+  assume_free_disc(robot, std::max(options_.near_free_radius_m, options_.footprint_radius_m));
+}
+
+}  // namespace segsim::nav

@@ -1,0 +1,110 @@
+#pragma once
+
+/// @file
+/// Growing log-odds grid from depth images: the floor seen, the obstacles hit, and the cells
+/// that a ray passed through at a height at which it would have met the obstacle stored there.
+///
+/// The camera sits on a mast and does not see the floor near the robot. A ray above a low
+/// table says nothing about the table, so clearing looks at heights: a ray clears an occupied
+/// cell only if it passes below the top of the obstacle, and makes an unknown cell free only
+/// if it passes below `pass_height_m`.
+///
+/// Two layers: what the body can hit (`obstacle_min_m` .. `obstacle_max_m`) and what only the
+/// mast can hit (table tops, from there up to the camera). Differs from VLFM, whose cells are
+/// never cleared (quirk Q4 of the design notes) and whose single band is 0.61 .. 0.88 m.
+
+#include <cstdint>
+#include <vector>
+
+#include "core/stages.h"
+#include "nav/grid.h"
+
+namespace segsim::nav {
+
+struct OccupancyOptions {
+  double resolution_m = 0.05;  ///< VLFM: 20 cells per metre.
+  double obstacle_min_m =
+      0.10;  ///< Lower points are floor; wheels of 0.1 m radius pass sills.
+  double obstacle_max_m = 0.60;  ///< Body and payload; higher points concern the mast only.
+  double mast_above_camera_m = 0.05;  ///< The mast ends this far above the camera.
+  double max_range_m = 5.0;           ///< Planar range used for mapping; VLFM's depth limit.
+  double pass_height_m = 0.40;        ///< See above; chair seats and beds are higher.
+  double footprint_radius_m = 0.33;   ///< Circumscribed circle of 0.508 x 0.430 m (Jackal).
+  /// Cells around the very first pose are assumed free up to this radius until seen otherwise:
+  /// the camera cannot see them. 0: up to where the lowest image ray falls to `pass_height_m`.
+  double start_free_radius_m = 0.0;
+  /// Never observed cells this near to the robot's path are assumed free until seen otherwise.
+  double near_free_radius_m = 0.55;
+  int min_hits_per_cell = 2;  ///< Points of one image that make a hit; one is a stray.
+  int ray_step_x_px = 2, ray_step_y_px = 3;  ///< Every n-th pixel is traced for clearing.
+  float log_odds_hit = 0.7F, log_odds_miss = 0.35F;
+  float log_odds_min = -1.5F, log_odds_max = 2.5F;
+  float occupied_above = 0.5F;  ///< Log-odds; one hit makes an unknown cell occupied.
+  float free_below = -0.15F;    ///< Log-odds; one miss makes an unknown cell free.
+};
+
+class OccupancyMap {
+ public:
+  /// @throws ContractViolation for options out of range.
+  explicit OccupancyMap(const OccupancyOptions& options = {});
+
+  /// Forgets everything.
+  void reset();
+  /// Fuses one depth image; pixels that are NaN, infinite or <= 0 are skipped. The map grows
+  /// as needed. Also marks the robot's footprint free.
+  /// @throws ContractViolation if the depth image is missing or of another size than the
+  /// intrinsics.
+  void integrate(const core::Observation& observation);
+  /// Marks cells whose centre lies within `radius_m` as free for body and mast.
+  void mark_free_disc(const glm::dvec2& center_odom_m, double radius_m);
+  /// Marks cells whose centre lies within `radius_m` as an obstacle that no ray can clear:
+  /// something was touched there which the camera does not see.
+  void mark_blocked_disc(const glm::dvec2& center_odom_m, double radius_m);
+
+  [[nodiscard]] const GridFrame& frame() const { return frame_; }
+  [[nodiscard]] const OccupancyOptions& options() const { return options_; }
+  /// State for the robot's body; unknown outside of the map.
+  [[nodiscard]] CellState body_state(const Cell& cell) const;
+  /// Whether something hangs here between body and camera height.
+  [[nodiscard]] bool mast_blocked(const Cell& cell) const;
+  /// Log-odds of the two layers, 0 = never observed. [width_cells x height_cells]
+  [[nodiscard]] const core::Image<float>& body_log_odds() const { return body_; }
+  [[nodiscard]] const core::Image<float>& mast_log_odds() const { return mast_; }
+
+ private:
+  struct View;
+  /// Heights between which a layer's obstacle was hit, above the floor [m].
+  struct Heights {
+    float body_low_m = 1e3F, body_top_m = -1.0F;
+    float mast_low_m = 1e3F, mast_top_m = -1.0F;
+  };
+  /// What one image says about a cell.
+  struct CellView {
+    std::uint32_t stamp = 0;  ///< Valid if equal to `stamp_`.
+    std::uint16_t body_hits = 0, mast_hits = 0;
+    bool through_body = false, through_mast = false;  ///< A ray met no stored obstacle.
+    float lowest_pass_m = 0.0F;  ///< Lowest ray seen through; floor points count as 0.
+    Heights heights;             ///< Of this image's hits.
+  };
+
+  void ensure_covers(const glm::dvec2& low_m, const glm::dvec2& high_m);
+  CellView& touch(std::size_t index);
+  void mark_end_points(const core::Image<float>& depth_m, const View& view);
+  void trace_rays(const core::Image<float>& depth_m, const View& view);
+  void trace_ray(const View& view, const glm::dvec3& direction, double depth_m);
+  void fuse_view(const View& view);
+  void fuse_body(std::size_t index, const CellView& cell_view, bool below_unseen);
+  void fuse_mast(std::size_t index, const CellView& cell_view);
+  void assume_free_disc(const glm::dvec2& center_odom_m, double radius_m);
+
+  OccupancyOptions options_;
+  GridFrame frame_;
+  core::Image<float> body_, mast_;  ///< Log-odds.
+  core::Image<Heights> heights_;
+  bool started_ = false;
+  core::Image<CellView> seen_;  ///< Scratch of the image being fused.
+  std::vector<std::uint32_t> touched_;
+  std::uint32_t stamp_ = 0;
+};
+
+}  // namespace segsim::nav

@@ -1,0 +1,57 @@
+#pragma once
+
+/// @file
+/// Average precision as COCO defines it (cocodataset/cocoapi,
+/// PythonAPI/pycocotools/cocoeval.py, commit 8c9bcc3): area "all", 100 detections per image
+/// and class, 101 recall points, IoU 0.50 to 0.95 in steps of 0.05.
+///
+/// Departure: COCO lets only crowds be ignored. Here a box with `ignore` is too, with the
+/// ordinary IoU; a crowd is matched by intersection over the detection's area and by any
+/// number of them.
+
+#include <span>
+#include <vector>
+
+#include "core/stages.h"
+#include "perception/labeled_box.h"
+
+namespace segsim::perception {
+
+struct ImageResult {
+  std::vector<LabeledBox> truth;
+  std::vector<core::Detection> detections;  ///< Any order; ties of score count in this order.
+};
+
+/// What a score threshold yields at IoU 0.5.
+struct OperatingPoint {
+  float score_threshold = 0.0F;
+  int true_positives = 0, false_positives = 0, missed = 0;
+  [[nodiscard]] double precision() const;  ///< 0 without detections.
+  [[nodiscard]] double recall() const;     ///< 0 without objects.
+  [[nodiscard]] double f1() const;         ///< 0 without true positives.
+};
+
+struct ClassPrecision {
+  int objects = 0;   ///< Scored ground-truth boxes.
+  double ap = -1.0;  ///< Mean over the ten IoU thresholds; -1 without objects.
+  double ap50 = -1.0;
+  OperatingPoint operating;
+};
+
+struct PrecisionReport {
+  double ap = -1.0, ap50 = -1.0;  ///< Mean over classes with objects; -1 if there are none.
+  std::vector<ClassPrecision> classes;
+  OperatingPoint operating;  ///< All classes together.
+};
+
+/// @param class_count  Classes are 0 ... class_count - 1.
+/// @param score_threshold  Of the operating points; AP always uses every detection.
+[[nodiscard]] PrecisionReport average_precision(std::span<const ImageResult> images,
+                                                int class_count, float score_threshold);
+
+/// The threshold with the greatest F1 at IoU 0.5, all classes together; among equals the
+/// highest. It lies halfway to the next lower score, so that rounding does not decide. Without
+/// any true positive: 0.5.
+[[nodiscard]] OperatingPoint best_f1(std::span<const ImageResult> images, int class_count);
+
+}  // namespace segsim::perception

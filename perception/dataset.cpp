@@ -1,0 +1,204 @@
+#include "perception/dataset.h"
+
+#include <algorithm>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "core/error.h"
+#include "core/file_io.h"
+
+namespace segsim::perception {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+/// A JSON value with its place in the file, for errors.
+class Node {
+ public:
+  Node(const Json& json, std::string place) : json_(json), place_(std::move(place)) {}
+
+  [[nodiscard]] bool has(const std::string& key) const { return json_.contains(key); }
+  [[nodiscard]] Node at(const std::string& key) const {
+    if (!json_.is_object()) fail("an object");
+    if (!json_.contains(key)) {
+      throw core::InputError::expected(place_ + "." + key, "a value", "nothing");
+    }
+    return {json_.at(key), place_ + "." + key};
+  }
+  [[nodiscard]] std::vector<Node> items() const {
+    if (!json_.is_array()) fail("a list");
+    std::vector<Node> nodes;
+    for (std::size_t i = 0; i < json_.size(); ++i) {
+      nodes.emplace_back(json_[i], place_ + "[" + std::to_string(i) + "]");
+    }
+    return nodes;
+  }
+  [[nodiscard]] std::int64_t integer(std::int64_t lo, std::int64_t hi) const {
+    const bool fits = json_.is_number_integer() && json_.get<std::int64_t>() >= lo &&
+                      json_.get<std::int64_t>() <= hi;
+    if (!fits) {
+      fail("an integer in [" + std::to_string(lo) + ", " + std::to_string(hi) + "]");
+    }
+    return json_.get<std::int64_t>();
+  }
+  [[nodiscard]] double number(double lo, double hi, const std::string& expected) const {
+    const bool fits =
+        json_.is_number() && json_.get<double>() >= lo && json_.get<double>() <= hi;
+    if (!fits) fail(expected);
+    return json_.get<double>();
+  }
+  [[nodiscard]] std::string text() const {
+    if (!json_.is_string() || json_.get<std::string>().empty()) fail("text");
+    return json_.get<std::string>();
+  }
+  [[noreturn]] void fail(const std::string& expected) const {
+    std::string found = json_.dump(-1, ' ', false, Json::error_handler_t::replace);
+    if (found.size() > 60) found = found.substr(0, 57) + "...";
+    throw core::InputError::expected(place_, expected, found);
+  }
+
+ private:
+  const Json& json_;
+  std::string place_;
+};
+
+constexpr std::int64_t kMaxId = std::int64_t{1} << 53;  // What a double can count.
+constexpr std::int64_t kMaxSide_px = 32768;
+constexpr double kHuge = 1e12;
+/// COCO's own boxes leave the image by rounding; by more than this it is an error [px].
+constexpr double kBorderSlack_px = 2.0;
+
+std::map<std::int64_t, int> read_categories(const Node& root, CocoDataset& dataset) {
+  std::map<std::int64_t, std::string> names;
+  std::set<std::string> seen;
+  for (const Node& node : root.at("categories").items()) {
+    const std::string name = node.at("name").text();
+    if (!seen.insert(name).second) node.at("name").fail("a name used once");
+    if (!names.emplace(node.at("id").integer(0, kMaxId), name).second) {
+      node.at("id").fail("an id used once");
+    }
+  }
+  std::map<std::int64_t, int> index_of;
+  for (const auto& [id, name] : names) {
+    index_of[id] = static_cast<int>(dataset.class_names.size());
+    dataset.class_names.push_back(name);
+  }
+  return index_of;
+}
+
+std::map<std::int64_t, std::size_t> read_images(const Node& root, CocoDataset& dataset) {
+  std::map<std::int64_t, std::size_t> index_of;
+  for (const Node& node : root.at("images").items()) {
+    LabeledImage image;
+    image.id = node.at("id").integer(0, kMaxId);
+    image.file = node.at("file_name").text();
+    if (std::filesystem::path(image.file).is_absolute()) {
+      node.at("file_name").fail("a path relative to the JSON file");
+    }
+    image.width_px = static_cast<int>(node.at("width").integer(1, kMaxSide_px));
+    image.height_px = static_cast<int>(node.at("height").integer(1, kMaxSide_px));
+    if (!index_of.emplace(image.id, dataset.images.size()).second) {
+      node.at("id").fail("an id used once");
+    }
+    dataset.images.push_back(std::move(image));
+  }
+  return index_of;
+}
+
+core::BoxPx read_box(const Node& node, const LabeledImage& image) {
+  const std::vector<Node> items = node.items();
+  if (items.size() != 4) node.fail("[x, y, width, height]");
+  double v[4];
+  for (std::size_t i = 0; i < 4; ++i) v[i] = items[i].number(-kHuge, kHuge, "a number");
+  if (v[2] <= 0.0 || v[3] <= 0.0) node.fail("a box with positive width and height");
+  if (v[0] < -kBorderSlack_px || v[1] < -kBorderSlack_px ||
+      v[0] + v[2] > image.width_px + kBorderSlack_px ||
+      v[1] + v[3] > image.height_px + kBorderSlack_px) {
+    node.fail("a box inside the image (" + std::to_string(image.width_px) + " x " +
+              std::to_string(image.height_px) + ")");
+  }
+  return {static_cast<float>(v[0]), static_cast<float>(v[1]), static_cast<float>(v[0] + v[2]),
+          static_cast<float>(v[1] + v[3])};
+}
+
+void read_annotation(const Node& node, const std::map<std::int64_t, int>& class_of,
+                     const std::map<std::int64_t, std::size_t>& image_of,
+                     CocoDataset& dataset) {
+  const auto image_index = image_of.find(node.at("image_id").integer(0, kMaxId));
+  if (image_index == image_of.end()) node.at("image_id").fail("the id of an image");
+  const auto class_index = class_of.find(node.at("category_id").integer(0, kMaxId));
+  if (class_index == class_of.end()) node.at("category_id").fail("the id of a category");
+  LabeledImage& image = dataset.images[image_index->second];
+  LabeledBox box;
+  box.class_index = class_index->second;
+  box.box = read_box(node.at("bbox"), image);
+  box.area_px2 = node.has("area") ? node.at("area").number(0.0, kHuge, "a number >= 0")
+                                  : static_cast<double>(box.box.area_px2());
+  if (node.has("iscrowd")) box.crowd = node.at("iscrowd").integer(0, 1) == 1;
+  if (node.has("ignore")) box.ignore = node.at("ignore").integer(0, 1) == 1;
+  if (node.has("visible_fraction")) {
+    box.visible_fraction = node.at("visible_fraction").number(0.0, 1.0, "a number in [0, 1]");
+  }
+  image.boxes.push_back(box);
+}
+
+Json annotation_json(const LabeledBox& box, std::int64_t id, std::int64_t image_id) {
+  Json json = {{"id", id},
+               {"image_id", image_id},
+               {"category_id", box.class_index + 1},
+               {"bbox", {box.box.x0, box.box.y0, box.box.width_px(), box.box.height_px()}},
+               {"area", box.area_px2},
+               {"iscrowd", box.crowd ? 1 : 0}};
+  if (box.ignore) json["ignore"] = 1;
+  if (box.visible_fraction) json["visible_fraction"] = *box.visible_fraction;
+  return json;
+}
+
+}  // namespace
+
+CocoDataset read_coco(const std::filesystem::path& json_file) {
+  const std::string text = core::read_file(json_file);
+  Json json;
+  try {
+    json = Json::parse(text);
+  } catch (const nlohmann::json::exception& error) {
+    throw core::InputError(json_file.string() + ": not JSON: " + error.what());
+  }
+  const Node root(json, json_file.string() + ": ");
+  CocoDataset dataset;
+  dataset.folder = json_file.parent_path();
+  dataset.sha256 = core::sha256_hex(text);
+  const auto class_of = read_categories(root, dataset);
+  const auto image_of = read_images(root, dataset);
+  std::set<std::int64_t> ids;
+  for (const Node& node : root.at("annotations").items()) {
+    if (!ids.insert(node.at("id").integer(0, kMaxId)).second)
+      node.at("id").fail("an id used once");
+    read_annotation(node, class_of, image_of, dataset);
+  }
+  return dataset;
+}
+
+void write_coco(const std::filesystem::path& json_file, const CocoDataset& dataset) {
+  Json categories = Json::array(), images = Json::array(), annotations = Json::array();
+  for (std::size_t i = 0; i < dataset.class_names.size(); ++i) {
+    categories.push_back({{"id", i + 1}, {"name", dataset.class_names[i]}});
+  }
+  for (const LabeledImage& image : dataset.images) {
+    images.push_back({{"id", image.id},
+                      {"file_name", image.file},
+                      {"width", image.width_px},
+                      {"height", image.height_px}});
+    for (const LabeledBox& box : image.boxes) {
+      const auto id = static_cast<std::int64_t>(annotations.size() + 1);
+      annotations.push_back(annotation_json(box, id, image.id));
+    }
+  }
+  const Json json = {
+      {"images", images}, {"annotations", annotations}, {"categories", categories}};
+  core::write_file_atomically(json_file,
+                              [&json](std::ostream& out) { out << json.dump() << '\n'; });
+}
+
+}  // namespace segsim::perception

@@ -1,0 +1,53 @@
+#pragma once
+
+/// @file
+/// Training batches: images letterboxed once and kept in memory as bytes, augmented anew each
+/// time. Everything drawn for a step is keyed by (seed, step), so a resumed run sees the same
+/// batches.
+
+#include <cstdint>
+#include <vector>
+
+#include "perception/dataset.h"
+
+namespace segsim::perception {
+
+struct BatchOptions {
+  int input_px = 256;
+  int batch = 8;
+  double mix_share = 0.0;  ///< Of a batch from the second data set, rounded to whole images.
+  bool augment = true;
+  std::uint64_t seed = 1;
+};
+
+struct Batch {
+  std::vector<float> pixels;  ///< [batch, 3, input_px, input_px], RGB in [0, 1].
+  std::vector<std::vector<LabeledBox>> truth;  ///< Boxes in pixels of the square.
+};
+
+class BatchSource {
+ public:
+  /// Loads all images. Both data sets have the detector's classes; `mix` may be nullptr.
+  /// @throws core::InputError if an image is missing or has another size than its entry.
+  BatchSource(const CocoDataset& main, const CocoDataset* mix, const BatchOptions& options);
+
+  /// The batch of a step; each data set is passed through in shuffled epochs.
+  void make(std::int64_t step, Batch& batch) const;
+
+ private:
+  struct Sample {
+    core::Image<core::Rgb8> square;
+    std::vector<LabeledBox> boxes;
+  };
+  [[nodiscard]] static std::vector<Sample> load(const CocoDataset& dataset, int input_px);
+  [[nodiscard]] const Sample& draw(const std::vector<Sample>& samples, const char* name,
+                                   std::int64_t position) const;
+  void augment(const Sample& sample, std::uint64_t key, float* pixels,
+               std::vector<LabeledBox>& truth) const;
+
+  BatchOptions options_;
+  std::vector<Sample> main_, mix_;
+  int mix_count_ = 0;  ///< Images of a batch that come from mix_.
+};
+
+}  // namespace segsim::perception

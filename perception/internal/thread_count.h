@@ -1,0 +1,8 @@
+#pragma once
+
+namespace segsim::perception {
+
+/// Gives the calling thread the count of set_threads(): OpenMP keeps it per thread.
+void apply_thread_count();
+
+}  // namespace segsim::perception

@@ -1,0 +1,43 @@
+#pragma once
+
+/// @file
+/// The part of training that needs no torch: options, data, and the file that comes out.
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "perception/dataset.h"
+#include "perception/training.h"
+#include "perception/weights_file.h"
+
+namespace segsim::perception {
+
+/// Everything that is read before the first step.
+struct TrainingInputs {
+  CocoDataset train;
+  std::optional<CocoDataset> mix, validation;
+  std::optional<DetectorWeights> initial;
+  std::vector<std::string> class_names;
+  double width = 0.5;
+  int input_px = 256;
+  std::string recipe;  ///< JSON; two runs of equal recipes make equal weights.
+};
+
+/// @throws core::InputError naming the option.
+void check_train_options(const TrainOptions& options);
+
+/// Reads weights and data sets and matches their classes.
+[[nodiscard]] TrainingInputs read_training_inputs(const TrainOptions& options);
+
+/// Fits the last layer of the class branches to other classes: rows of known names are kept,
+/// others start as `fresh` has them.
+void match_class_rows(DetectorWeights& weights, const std::vector<std::string>& class_names,
+                      const std::vector<NamedTensor>& fresh, const std::string& place);
+
+/// Chooses the score threshold on the weights as stored (in float16) and writes the file.
+[[nodiscard]] OperatingPoint write_with_threshold(const std::filesystem::path& file,
+                                                  DetectorWeights weights,
+                                                  const CocoDataset& dataset);
+
+}  // namespace segsim::perception

@@ -1,0 +1,24 @@
+#pragma once
+
+#include <optional>
+
+#include "core/stages.h"
+
+namespace segsim::perception {
+
+/// One object of an image as the ground truth has it.
+struct LabeledBox {
+  int class_index = 0;  ///< Into the data set's class names.
+  core::BoxPx box;      ///< Tight around the visible pixels, half-open.
+  double area_px2 = 0;  ///< Visible pixels; equals the box's area if the source has no masks.
+  std::optional<double>
+      visible_fraction;  ///< Of the object's pixels if nothing hid it, [0, 1].
+  bool ignore =
+      false;           ///< Present but too hidden or too small: neither object nor background.
+  bool crowd = false;  ///< COCO's iscrowd: a region of many objects; any share of it matches.
+
+  /// Whether it counts neither as found nor as missed.
+  [[nodiscard]] bool not_scored() const { return ignore || crowd; }
+};
+
+}  // namespace segsim::perception

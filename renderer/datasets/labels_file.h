@@ -1,0 +1,37 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "core/scene_bundle.h"
+#include "renderer/datasets/rgbd_sequence.h"
+
+namespace segsim::renderer {
+
+/// labels.yaml beside the frames of a capture: what the ids in the masks mean, and the
+/// conventions of the other files.
+///
+///     schema: segsim.labels
+///     version: 1
+///     pixel_center: 0.5      # of the intrinsics: 0.5 or 0
+///     up: z                  # axis of the poses' world: z or y
+///     source: "in words"
+///     classes:
+///       - {id: 1, name: chair, thing: true}
+///     instances:
+///       - {id: 1, class: 1, name: ChairA_01_003}    # class: id or name
+struct SequenceLabels {
+  double pixel_center = 0.5;
+  UpAxis up = UpAxis::kZ;
+  std::string source;
+  std::vector<core::SceneClass> classes;
+  std::vector<core::SceneInstance> instances;  ///< Without boxes.
+};
+
+/// @throws InputError naming file, line and key: unknown keys, another schema or version, ids
+/// outside
+///         [1, 65535] or used twice, an instance of an unknown class.
+[[nodiscard]] SequenceLabels read_sequence_labels(const std::filesystem::path& file);
+
+}  // namespace segsim::renderer

@@ -1,0 +1,83 @@
+#include "renderer/datasets/rgbd_sequence.h"
+
+#include <array>
+
+#include "core/error.h"
+#include "renderer/datasets/internal/file_sequence.h"
+
+namespace segsim::renderer {
+namespace {
+
+struct LayoutRow {
+  SequenceLayout layout;
+  const char* word;
+  const char* looks_like;  ///< For the message when nothing matches.
+  bool (*matches)(const std::filesystem::path& folder);
+  std::unique_ptr<RgbdSequence> (*open)(const std::filesystem::path& folder,
+                                        const SequenceOptions& options);
+};
+
+constexpr std::array kLayouts{
+    LayoutRow{SequenceLayout::kHololens, "hololens", "rgb/, depth/, poses.txt, K.txt",
+              internal::looks_like_hololens, internal::open_hololens},
+    LayoutRow{SequenceLayout::kSevenScenes, "7scenes", "frame-NNNNNN.pose.txt, intrinsics.txt",
+              internal::looks_like_seven_scenes, internal::open_seven_scenes},
+};
+
+template <class Value>
+struct Word {
+  const char* word;
+  Value value;
+};
+
+template <class Value, std::size_t n>
+Value parse_word(const std::array<Word<Value>, n>& words, const std::string& word,
+                 const std::string& place) {
+  std::string known;
+  for (const auto& entry : words) {
+    if (word == entry.word) return entry.value;
+    known += (known.empty() ? "" : ", ") + std::string(entry.word);
+  }
+  throw core::InputError::expected(place, "one of " + known, "'" + word + "'");
+}
+
+}  // namespace
+
+std::unique_ptr<RgbdSequence> open_sequence(const std::filesystem::path& folder,
+                                            const SequenceOptions& options) {
+  if (!std::filesystem::is_directory(folder)) {
+    throw core::InputError::expected(folder.string(), "a folder with RGB-D frames",
+                                     "no such folder");
+  }
+  std::string known;
+  for (const LayoutRow& row : kLayouts) {
+    const bool wanted = options.layout == SequenceLayout::kAuto ? row.matches(folder)
+                                                                : options.layout == row.layout;
+    if (wanted) return row.open(folder, options);
+    known += (known.empty() ? "" : "; or ") + std::string(row.word) + ": " + row.looks_like;
+  }
+  throw core::InputError::expected(folder.string(), "an RGB-D sequence (" + known + ")",
+                                   "none of these files");
+}
+
+SequenceLayout parse_sequence_layout(const std::string& word, const std::string& place) {
+  static constexpr std::array<Word<SequenceLayout>, 3> kWords{
+      {{"auto", SequenceLayout::kAuto},
+       {"hololens", SequenceLayout::kHololens},
+       {"7scenes", SequenceLayout::kSevenScenes}}};
+  return parse_word(kWords, word, place);
+}
+
+UpAxis parse_up_axis(const std::string& word, const std::string& place) {
+  static constexpr std::array<Word<UpAxis>, 3> kWords{
+      {{"auto", UpAxis::kAuto}, {"y", UpAxis::kY}, {"z", UpAxis::kZ}}};
+  return parse_word(kWords, word, place);
+}
+
+OnBadFrame parse_on_bad_frame(const std::string& word, const std::string& place) {
+  static constexpr std::array<Word<OnBadFrame>, 2> kWords{
+      {{"refuse", OnBadFrame::kRefuse}, {"skip", OnBadFrame::kSkip}}};
+  return parse_word(kWords, word, place);
+}
+
+}  // namespace segsim::renderer

@@ -1,0 +1,103 @@
+#pragma once
+
+/// @file
+/// Recorded RGB-D frames with poses, whatever their layout on disk. Loaders bring every source
+/// to one convention: metres, world z up with the floor near z = 0, camera x right / y down /
+/// z forward, pixel centres at +0.5, depth along +z with NaN for "no measurement".
+///
+/// Layouts (rgbd_sequence.cpp holds the table; a new source adds a row and a file):
+///   hololens   rgb/NNNNN.jpg, depth/NNNNN.png, K.txt, poses.txt
+///   7scenes    frame-NNNNNN.{color.jpg|color.png, depth.png, pose.txt}, intrinsics.txt;
+///   optional
+///              beside them: .semantic.png, .instance.png, .depth.exr and labels.yaml
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/camera.h"
+#include "core/frames.h"
+#include "core/image.h"
+#include "core/scene_bundle.h"
+
+namespace segsim::renderer {
+
+/// One posed RGB-D picture.
+struct RgbdFrame {
+  std::string name;             ///< As on disk, for messages: "00042", "frame-000042".
+  core::Image<core::Rgb8> rgb;  ///< sRGB, size of RgbdSequence::intrinsics().
+  core::Image<float> depth_m;  ///< Along +z; NaN = invalid. Same view as rgb; size may differ.
+  core::CameraPose T_world_camera;
+  core::Image<std::uint16_t>
+      semantic;  ///< Class id, 0 = void; size of rgb. Empty without masks.
+  core::Image<std::uint16_t>
+      instance;  ///< Instance id, 0 = none; size of rgb. Empty without masks.
+};
+
+enum class SequenceLayout : std::uint8_t { kAuto, kHololens, kSevenScenes };
+/// Axis of the source's world that points up. kAuto = the layout's own habit (hololens y,
+/// 7scenes z).
+enum class UpAxis : std::uint8_t { kAuto, kY, kZ };
+/// What to do with a frame whose pose or image file is broken.
+enum class OnBadFrame : std::uint8_t { kRefuse, kSkip };
+
+struct SequenceOptions {
+  SequenceLayout layout = SequenceLayout::kAuto;
+  UpAxis up_axis = UpAxis::kAuto;
+  OnBadFrame on_bad_frame = OnBadFrame::kRefuse;
+  /// Height of the floor along the source's up axis; that height becomes world z = 0. Without
+  /// it the floor is fitted to the depth of a few frames. Ignored, like up_axis, if
+  /// labels.yaml is there.
+  std::optional<double> floor_height_m;
+};
+
+/// Read-only sequence. All functions are const and may be called by many threads at once.
+class RgbdSequence {
+ public:
+  RgbdSequence() = default;
+  virtual ~RgbdSequence() = default;
+  RgbdSequence(const RgbdSequence&) = delete;
+  RgbdSequence& operator=(const RgbdSequence&) = delete;
+
+  [[nodiscard]] virtual const std::string& name() const = 0;
+  /// Of the colour images. A depth image of another size has intrinsics().resized(its size).
+  [[nodiscard]] virtual const core::CameraIntrinsics& intrinsics() const = 0;
+  [[nodiscard]] virtual std::size_t frame_count() const = 0;
+  [[nodiscard]] virtual const std::string& frame_name(std::size_t i) const = 0;
+  [[nodiscard]] virtual const core::CameraPose& pose(std::size_t i) const = 0;
+  /// @throws InputError if the files changed or broke since the sequence was opened.
+  [[nodiscard]] virtual RgbdFrame load(std::size_t i) const = 0;
+  /// True if load() delivers semantic and instance images.
+  [[nodiscard]] virtual bool has_masks() const = 0;
+  /// Meaning of the ids in the masks, ascending by id; empty without masks.
+  [[nodiscard]] virtual const std::vector<core::SceneClass>& classes() const = 0;
+  /// Boxes are zero where the source does not give them.
+  [[nodiscard]] virtual const std::vector<core::SceneInstance>& instances() const = 0;
+  /// One line per frame that was skipped, and per doubt.
+  [[nodiscard]] virtual const std::vector<std::string>& warnings() const = 0;
+  /// Conventions that were applied, in words, for the log and the manifest.
+  [[nodiscard]] virtual const std::vector<std::string>& notes() const = 0;
+};
+
+/// Opens a recording and checks it: intrinsics, every pose (finite, rotation orthonormal
+/// within 1e-2 and right-handed; then re-orthonormalised), and every image file (complete, PNG
+/// checksums, size). Frames are in ascending order of their names.
+/// @throws InputError naming the file, what was expected and what was found; with
+/// OnBadFrame::kSkip
+///         only for faults of the whole sequence, and if no frame is left.
+[[nodiscard]] std::unique_ptr<RgbdSequence> open_sequence(const std::filesystem::path& folder,
+                                                          const SequenceOptions& options = {});
+
+/// "hololens", "7scenes", "auto"; "y", "z", "auto"; "refuse", "skip".
+/// @param place  For the message, for example "scene.yaml:3: layout".
+/// @throws InputError for another word.
+[[nodiscard]] SequenceLayout parse_sequence_layout(const std::string& word,
+                                                   const std::string& place);
+[[nodiscard]] UpAxis parse_up_axis(const std::string& word, const std::string& place);
+[[nodiscard]] OnBadFrame parse_on_bad_frame(const std::string& word, const std::string& place);
+
+}  // namespace segsim::renderer

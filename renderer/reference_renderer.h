@@ -1,0 +1,21 @@
+#pragma once
+
+/// @file
+/// The definition of the picture, in double precision and without cleverness: every pixel
+/// meets every surfel, by intersecting its ray with the surfel's plane. The oracle for fast
+/// renderers; far too slow for anything else.
+
+#include <memory>
+
+#include "core/render.h"
+#include "renderer/render_options.h"
+#include "renderer/surfels.h"
+
+namespace segsim::renderer {
+
+/// Same rules and outputs as make_cpu_renderer(). `stats.evaluations` and `contributions`
+/// count as if no pixel outside a surfel's outline were looked at.
+[[nodiscard]] std::unique_ptr<core::Renderer> make_reference_renderer(
+    std::shared_ptr<const SurfelCloud> surfels, RenderOptions options = {});
+
+}  // namespace segsim::renderer

@@ -1,0 +1,30 @@
+#pragma once
+
+/// @file
+/// What every surfel renderer can be told, and the constants that they share. The constants
+/// are part of the image's definition: changing one changes every picture.
+
+namespace segsim::renderer {
+
+struct RenderOptions {
+  int top_k = 4;         ///< Surfels that vote for a pixel's label, 1 ... 24.
+  float near_m = 0.05F;  ///< Surfels and fragments nearer than this (along +z) are not drawn.
+  int threads = 0;       ///< 0 = all processors; 1 = the calling thread only.
+};
+
+inline constexpr int kMaxTopK = 24;
+/// A surfel never hides more than this: keeps 1 - alpha away from 0 (Kerbl et al. 2023).
+inline constexpr float kMaxAlpha = 0.99F;
+/// Fainter contributions are dropped; it bounds every surfel's extent.
+inline constexpr float kMinAlpha = 1.0F / 255.0F;
+/// A pixel is finished when the next surfel would bring its transmittance below this; that
+/// surfel is not blended. Just under 1e-4, because two surfels at kMaxAlpha leave exactly 1e-4
+/// and rounding would decide.
+inline constexpr float kStopTransmittance = 0.999e-4F;
+/// Depth, normal and labels are given where alpha reaches this.
+inline constexpr float kMinSurfaceAlpha = 0.5F;
+
+/// @throws core::ContractViolation if an option is out of its range.
+void check_render_options(const RenderOptions& options);
+
+}  // namespace segsim::renderer

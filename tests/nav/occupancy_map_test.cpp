@@ -1,0 +1,161 @@
+#include "nav/occupancy_map.h"
+
+#include <gmock/gmock.h>
+
+#include "core/check.h"
+#include "tests/nav/box_world.h"
+
+namespace segsim::nav {
+namespace {
+
+using test::BoxWorld;
+using test::Simulation;
+using test::SimulationOptions;
+using test::WorldBuilder;
+
+/// A room of 6 m x 6 m around the origin.
+WorldBuilder room() {
+  WorldBuilder b;
+  b.wall_x(-3, -3, 3);
+  b.wall_x(3, -3, 3);
+  b.wall_y(-3, -3, 3);
+  b.wall_y(3, -3, 3);
+  return b;
+}
+
+CellState state_at(const OccupancyMap& map, double x, double y) {
+  return map.body_state(map.frame().cell_at({x, y}));
+}
+
+TEST(OccupancyMap, SeesWallAndFloorAndLeavesTheRestUnknown) {
+  Simulation simulation(room().world, {0, 0, 0}, {});
+  OccupancyMap map;
+  map.integrate(simulation.observe());
+  EXPECT_EQ(state_at(map, 2.98, 0.0), CellState::kOccupied);
+  for (double x = 0.0; x < 2.8; x += 0.05)
+    EXPECT_EQ(state_at(map, x, 0.0), CellState::kFree) << x;
+  EXPECT_EQ(state_at(map, 3.5, 0.0), CellState::kUnknown);   // Behind the wall.
+  EXPECT_EQ(state_at(map, -2.5, 0.0), CellState::kUnknown);  // Behind the robot.
+}
+
+TEST(OccupancyMap, HoldsForAPitchedCameraOffTheCentre) {
+  SimulationOptions options;
+  options.pitch_down_rad = 0.35;
+  options.camera_forward_m = 0.15;
+  Simulation simulation(room().world, {0.4, -0.3, 1.1}, options);
+  OccupancyMap map;
+  map.integrate(simulation.observe());
+  // Every occupied cell lies on a wall.
+  int occupied = 0;
+  for (int j = 0; j < map.frame().height_cells; ++j) {
+    for (int i = 0; i < map.frame().width_cells; ++i) {
+      if (map.body_state({i, j}) != CellState::kOccupied) continue;
+      ++occupied;
+      const glm::dvec2 p = map.frame().center_m({i, j});
+      EXPECT_NEAR(std::max(std::abs(p.x), std::abs(p.y)), 2.95, 0.06);
+    }
+  }
+  EXPECT_GT(occupied, 30);
+}
+
+/// The oracle is the geometry: an obstacle that went away is cleared only by rays at its
+/// height.
+TEST(OccupancyMap, ClearsWhatIsGoneAndKeepsWhatItLooksOver) {
+  WorldBuilder with = room();
+  with.add(1.8, -0.3, 0.0, 2.2, 0.3, 0.45);
+  OccupancyMap map;
+  Simulation before(with.world, {-1.0, 0, 0}, {});
+  for (int k = 0; k < 3; ++k) map.integrate(before.observe());
+  ASSERT_EQ(state_at(map, 1.82, 0.0), CellState::kOccupied);
+
+  // From near the box is below the image; rays pass above it to the wall.
+  OccupancyMap near = map;
+  Simulation close(with.world, {1.2, 0, 0}, {});
+  for (int k = 0; k < 30; ++k) near.integrate(close.observe());
+  EXPECT_EQ(state_at(near, 1.82, 0.0), CellState::kOccupied);
+
+  // Taken away: rays go through where it was.
+  Simulation after(room().world, {-1.0, 0, 0}, {});
+  for (int k = 0; k < 30; ++k) map.integrate(after.observe());
+  EXPECT_EQ(state_at(map, 1.82, 0.0), CellState::kFree);
+}
+
+TEST(OccupancyMap, TableTopBlocksTheMastOnly) {
+  WorldBuilder b = room();
+  b.table(1.0, -0.5, 2.0, 0.5);
+  OccupancyMap map;
+  SimulationOptions options;
+  options.camera = core::CameraIntrinsics::from_fov(256, 192, 1.3788);
+  Simulation simulation(b.world, {-1.0, 0, 0}, options);
+  for (int k = 0; k < 3; ++k) map.integrate(simulation.observe());
+  const Cell middle = map.frame().cell_at({1.5, 0.0});
+  // Rows of pixels fall on every other cell of the top.
+  bool blocked = false;
+  for (int di = -2; di <= 2; ++di) blocked |= map.mast_blocked(middle + Cell(di, 0));
+  EXPECT_TRUE(blocked);
+  EXPECT_EQ(map.body_state(middle), CellState::kFree);
+  EXPECT_EQ(state_at(map, 1.02, -0.48), CellState::kOccupied);  // A leg.
+}
+
+TEST(OccupancyMap, WallInTheBlindZoneStandsOnTheFloor) {
+  OccupancyMap map;
+  Simulation simulation(room().world, {2.45, 0, 0}, {});  // The wall begins at 2.95.
+  map.integrate(simulation.observe());
+  map.integrate(simulation.observe());  // The first one only outweighs the assumption.
+  // Its face lies on the border of two cells.
+  EXPECT_TRUE(state_at(map, 2.97, 0.0) == CellState::kOccupied ||
+              state_at(map, 2.93, 0.0) == CellState::kOccupied);
+}
+
+TEST(OccupancyMap, GrowsAndKeepsWhatItKnew) {
+  OccupancyMap map;
+  Simulation here(room().world, {0, 0, 0}, {});
+  map.integrate(here.observe());
+  const int width = map.frame().width_cells;
+  Simulation far(room().world, {-20.0, 13.0, 2.0}, {});
+  map.integrate(far.observe());
+  EXPECT_GT(map.frame().width_cells, width);
+  EXPECT_EQ(state_at(map, 2.98, 0.0), CellState::kOccupied);
+  EXPECT_EQ(state_at(map, 1.0, 0.0), CellState::kFree);
+  EXPECT_EQ(state_at(map, -20.0, 13.0), CellState::kFree);
+}
+
+TEST(OccupancyMap, BlockedDiscSurvivesRaysButNotTheRobot) {
+  OccupancyMap map;
+  Simulation simulation(room().world, {-1.0, 0, 0}, {});
+  map.integrate(simulation.observe());
+  map.mark_blocked_disc({1.0, 0.0}, 0.1);
+  for (int k = 0; k < 20; ++k) map.integrate(simulation.observe());
+  EXPECT_EQ(state_at(map, 1.0, 0.0), CellState::kOccupied);
+  map.mark_free_disc({1.0, 0.0}, 0.1);
+  EXPECT_EQ(state_at(map, 1.0, 0.0), CellState::kFree);
+}
+
+TEST(OccupancyMap, AllNanAndInfinityChangeNothingBeyondTheFootprint) {
+  Simulation simulation(room().world, {0, 0, 0}, {});
+  core::Observation observation = simulation.observe();
+  core::Image<float> nothing(128, 96, std::numeric_limits<float>::quiet_NaN());
+  for (int y = 0; y < 40; ++y) nothing(y, y) = std::numeric_limits<float>::infinity();
+  observation.depth_m = &nothing;
+  OccupancyMap map;
+  map.integrate(observation);
+  EXPECT_EQ(state_at(map, 2.5, 0.0), CellState::kUnknown);
+  EXPECT_EQ(state_at(map, 0.0, 0.2), CellState::kFree);
+}
+
+TEST(OccupancyMap, RefusesWrongInput) {
+  Simulation simulation(room().world, {0, 0, 0}, {});
+  core::Observation observation = simulation.observe();
+  OccupancyMap map;
+  observation.depth_m = nullptr;
+  EXPECT_THROW(map.integrate(observation), core::ContractViolation);
+  const core::Image<float> small(4, 4);
+  observation.depth_m = &small;
+  EXPECT_THROW(map.integrate(observation), core::ContractViolation);
+  OccupancyOptions options;
+  options.resolution_m = 0.0;
+  EXPECT_THROW(OccupancyMap{options}, core::ContractViolation);
+}
+
+}  // namespace
+}  // namespace segsim::nav

@@ -1,0 +1,137 @@
+#include "perception/dataset.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+
+#include "core/error.h"
+#include "perception/evaluate.h"
+#include "test_folder.h"
+
+namespace segsim::perception {
+namespace {
+
+using testing::HasSubstr;
+
+CocoDataset some_dataset() {
+  CocoDataset dataset;
+  dataset.class_names = {"chair", "couch"};
+  LabeledImage first{7, "rgb/a.png", 64, 48, {}};
+  LabeledBox box;
+  box.class_index = 1;
+  box.box = {1, 2, 11.5F, 20};
+  box.area_px2 = 123;
+  box.visible_fraction = 0.25;
+  box.ignore = true;
+  first.boxes = {box};
+  box = {};
+  box.box = {0, 0, 64, 48};
+  box.area_px2 = 64 * 48;
+  box.crowd = true;
+  first.boxes.push_back(box);
+  dataset.images = {first, {8, "rgb/b.png", 64, 48, {}}};
+  return dataset;
+}
+
+TEST(Coco, RoundTripKeepsEverything) {
+  const TestFolder folder;
+  const CocoDataset written = some_dataset();
+  write_coco(folder / "d.json", written);
+  const CocoDataset read = read_coco(folder / "d.json");
+  EXPECT_EQ(read.class_names, written.class_names);
+  EXPECT_EQ(read.sha256.size(), 64U);
+  EXPECT_EQ(read.image_file(read.images[0]), folder / "rgb/a.png");
+  ASSERT_EQ(read.images.size(), 2U);
+  EXPECT_EQ(read.images[0].id, 7);
+  EXPECT_EQ(read.images[1].file, "rgb/b.png");
+  ASSERT_EQ(read.images[0].boxes.size(), 2U);
+  const LabeledBox& a = read.images[0].boxes[0];
+  EXPECT_EQ(a.class_index, 1);
+  EXPECT_EQ(a.box.x1, 11.5F);
+  EXPECT_EQ(a.box.y1, 20.0F);
+  EXPECT_EQ(a.area_px2, 123);
+  EXPECT_EQ(a.visible_fraction, 0.25);
+  EXPECT_TRUE(a.ignore);
+  EXPECT_FALSE(a.crowd);
+  EXPECT_TRUE(read.images[0].boxes[1].crowd);
+  EXPECT_FALSE(read.images[0].boxes[1].visible_fraction.has_value());
+}
+
+TEST(Coco, CategoriesAreOrderedById) {
+  const TestFolder folder;
+  std::ofstream(folder / "d.json") << R"({"categories":[{"id":62,"name":"chair"},
+    {"id":5,"name":"bed"}],"images":[{"id":0,"file_name":"a.png","width":9,"height":9}],
+    "annotations":[{"id":1,"image_id":0,"category_id":62,"bbox":[1,1,3,4]}]})";
+  const CocoDataset read = read_coco(folder / "d.json");
+  EXPECT_EQ(read.class_names, (std::vector<std::string>{"bed", "chair"}));
+  EXPECT_EQ(read.images[0].boxes[0].class_index, 1);
+  EXPECT_EQ(read.images[0].boxes[0].area_px2, 12);
+}
+
+/// A valid file in which one piece of text is exchanged.
+struct Flaw {
+  const char *from, *to, *expected_message;
+};
+
+class MalformedCoco : public testing::TestWithParam<Flaw> {};
+
+TEST_P(MalformedCoco, IsRefusedWithFileAndKey) {
+  const TestFolder folder;
+  std::string text = R"({"categories":[{"id":1,"name":"chair"}],
+    "images":[{"id":3,"file_name":"a.png","width":20,"height":10}],
+    "annotations":[{"id":1,"image_id":3,"category_id":1,"bbox":[1,1,3,4],"iscrowd":0}]})";
+  const auto at = text.find(GetParam().from);
+  ASSERT_NE(at, std::string::npos);
+  text.replace(at, std::string(GetParam().from).size(), GetParam().to);
+  std::ofstream(folder / "d.json") << text;
+  try {
+    (void)read_coco(folder / "d.json");
+    FAIL() << "accepted";
+  } catch (const core::InputError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("d.json"));
+    EXPECT_THAT(error.what(), HasSubstr(GetParam().expected_message));
+    EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Flaws, MalformedCoco,
+    testing::Values(
+        Flaw{"}]}", "}]", "not JSON"},
+        Flaw{"\"images\"", "\"image\"", "images: expected a value"},
+        Flaw{"\"width\":20", "\"width\":-1", "images[0].width"},
+        Flaw{"\"width\":20", "\"width\":\"20\"", "images[0].width"},
+        Flaw{"\"width\":20", "\"width\":20.5", "images[0].width"},
+        Flaw{"a.png", "/a.png", "images[0].file_name: expected a path relative"},
+        Flaw{"\"image_id\":3", "\"image_id\":4", "annotations[0].image_id"},
+        Flaw{"\"category_id\":1", "\"category_id\":2", "annotations[0].category_id"},
+        Flaw{"[1,1,3,4]", "[1,1,3]", "annotations[0].bbox"},
+        Flaw{"[1,1,3,4]", "[1,1,0,4]", "annotations[0].bbox: expected a box with positive"},
+        Flaw{"[1,1,3,4]", "[1,1,3,40]", "annotations[0].bbox: expected a box inside"},
+        Flaw{"[1,1,3,4]", "[1,null,3,4]", "annotations[0].bbox[1]"},
+        Flaw{"\"iscrowd\":0", "\"iscrowd\":2", "annotations[0].iscrowd"},
+        Flaw{"\"iscrowd\":0", "\"visible_fraction\":1.5", "annotations[0].visible_fraction"},
+        Flaw{"{\"id\":1,\"name\":\"chair\"}",
+             "{\"id\":1,\"name\":\"chair\"},{\"id\":1,\"name\":\"bed\"}", "categories[1].id"},
+        Flaw{"[{\"id\":3", "[7,{\"id\":3", "images[0]: expected an object"}));
+
+TEST(Coco, MissingFileIsNamed) {
+  EXPECT_THROW((void)read_coco("no/such/file.json"), core::InputError);
+}
+
+TEST(MatchClasses, MapsByNameRenamesAndDrops) {
+  CocoDataset dataset = some_dataset();
+  match_classes(dataset, {"sofa", "chair"}, {{"couch", "sofa"}});
+  EXPECT_EQ(dataset.images[0].boxes[0].class_index, 0);
+  EXPECT_EQ(dataset.images[0].boxes[1].class_index, 1);
+  dataset = some_dataset();
+  match_classes(dataset, {"couch"}, {{"chair", ""}});
+  ASSERT_EQ(dataset.images[0].boxes.size(), 1U);
+  EXPECT_EQ(dataset.images[0].boxes[0].class_index, 0);
+  dataset = some_dataset();
+  EXPECT_THROW(match_classes(dataset, {"couch"}, {}), core::InputError);
+}
+
+}  // namespace
+}  // namespace segsim::perception

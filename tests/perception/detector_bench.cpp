@@ -1,0 +1,61 @@
+#include <benchmark/benchmark.h>
+
+#include <filesystem>
+
+#include "core/random.h"
+#include "perception/dataset.h"
+#include "perception/detector.h"
+#include "perception/image_file.h"
+#include "perception/training.h"
+
+// One camera image of 640 x 480 -> detections, on one thread. The weights come from one
+// training step: speed does not depend on how good they are.
+
+namespace segsim::perception {
+namespace {
+
+core::Image<core::Rgb8> noise_image() {
+  core::Image<core::Rgb8> image(640, 480);
+  core::RandomStream random(1, "pixels");
+  for (core::Rgb8& pixel : image.pixels()) {
+    pixel = {static_cast<std::uint8_t>(random.index(256)),
+             static_cast<std::uint8_t>(random.index(256)),
+             static_cast<std::uint8_t>(random.index(256))};
+  }
+  return image;
+}
+
+void detect(benchmark::State& state) {
+  const auto folder = std::filesystem::temp_directory_path() / "segsim_detector_bench";
+  const auto image = noise_image();
+  write_image(folder / "a.png", image);
+  CocoDataset dataset;
+  dataset.class_names = {"a", "b", "c", "d", "e", "f"};
+  dataset.images = {{1, "a.png", 640, 480, {}}};
+  write_coco(folder / "d.json", dataset);
+  TrainOptions options;
+  options.train_json = folder / "d.json";
+  options.output = folder / "weights.bin";
+  options.steps = 1;
+  options.batch = 1;
+  options.input_px = static_cast<int>(state.range(0));
+  options.width = static_cast<double>(state.range(1)) / 100.0;
+  options.show_progress = false;
+  const TrainReport report = train(options);
+  const auto detector = load_detector(options.output);
+  core::Observation observation;
+  observation.rgb = &image;
+  (void)detector->detect(observation);
+  for (auto _ : state) benchmark::DoNotOptimize(detector->detect(observation));
+  state.counters["parameters"] = static_cast<double>(report.parameters);
+  std::filesystem::remove_all(folder);
+}
+BENCHMARK(detect)
+    ->ArgNames({"", "width_percent"})
+    ->Args({128, 50})
+    ->Args({256, 50})
+    ->Args({256, 100})
+    ->Unit(benchmark::kMillisecond);
+
+}  // namespace
+}  // namespace segsim::perception

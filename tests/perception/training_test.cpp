@@ -1,0 +1,217 @@
+#include "perception/training.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "core/error.h"
+#include "core/file_io.h"
+#include "core/random.h"
+#include "perception/detector.h"
+#include "perception/evaluate.h"
+#include "perception/image_file.h"
+#include "perception/weights_file.h"
+#include "test_folder.h"
+
+namespace segsim::perception {
+namespace {
+
+using core::Image;
+using core::Rgb8;
+using testing::HasSubstr;
+
+void paint(Image<Rgb8>& image, const core::BoxPx& box, Rgb8 colour) {
+  for (int y = static_cast<int>(box.y0); y < static_cast<int>(box.y1); ++y) {
+    for (int x = static_cast<int>(box.x0); x < static_cast<int>(box.x1); ++x) {
+      image(x, y) = colour;
+    }
+  }
+}
+
+/// Three pictures of red and blue rectangles ("warm", "cold") on a noisy grey.
+std::filesystem::path write_rectangles(const TestFolder& folder) {
+  const core::BoxPx boxes[3][2] = {{{10, 12, 50, 40}, {70, 50, 110, 90}},
+                                   {{60, 8, 118, 44}, {16, 54, 44, 88}},
+                                   {{30, 30, 90, 70}, {4, 4, 24, 28}}};
+  CocoDataset dataset;
+  dataset.class_names = {"cold", "warm"};
+  core::RandomStream random(1, "noise");
+  for (int i = 0; i < 3; ++i) {
+    Image<Rgb8> image(128, 96);
+    for (Rgb8& pixel : image.pixels()) {
+      const auto grey = static_cast<std::uint8_t>(100 + random.index(40));
+      pixel = {grey, grey, grey};
+    }
+    LabeledImage entry{i, "image" + std::to_string(i) + ".png", 128, 96, {}};
+    for (int c = 0; c < 2; ++c) {
+      paint(image, boxes[i][c], c == 1 ? Rgb8{210, 40, 30} : Rgb8{30, 50, 200});
+      LabeledBox label;
+      label.class_index = c;
+      label.box = boxes[i][c];
+      label.area_px2 = label.box.area_px2();
+      entry.boxes.push_back(label);
+    }
+    write_image(folder / entry.file, image);
+    dataset.images.push_back(entry);
+  }
+  write_coco(folder / "train.json", dataset);
+  return folder / "train.json";
+}
+
+TrainOptions tiny_options(const TestFolder& folder) {
+  TrainOptions options;
+  options.train_json = folder / "train.json";
+  options.output = folder / "weights.bin";
+  options.width = 0.25;
+  options.input_px = 64;
+  options.steps = 6;
+  options.batch = 3;
+  options.warmup_steps = 2;
+  options.threads = 1;
+  options.checkpoint_every = 0;
+  options.show_progress = false;
+  return options;
+}
+
+std::string message_of(const TrainOptions& options) {
+  try {
+    (void)train(options);
+  } catch (const core::InputError& error) {
+    return error.what();
+  }
+  return "no error";
+}
+
+TEST(Training, LearnsThreePicturesByHeart) {
+  const TestFolder folder;
+  const auto json = write_rectangles(folder);
+  TrainOptions options = tiny_options(folder);
+  options.width = 0.5;
+  options.input_px = 128;
+  options.steps = 160;
+  options.warmup_steps = 10;
+  options.augment = false;
+  options.learning_rate = 4e-3;
+  const TrainReport report = train(options);
+  EXPECT_TRUE(report.finished);
+  EXPECT_LT(report.losses.back(), 0.5 * report.losses.front());
+
+  const EvaluationReport evaluation = evaluate(options.output, json);
+  EXPECT_GT(evaluation.precision.ap50, 0.9);
+  EXPECT_GT(evaluation.precision.ap, 0.5);
+  EXPECT_EQ(evaluation.precision.operating.missed, 0);
+  EXPECT_EQ(report.operating.f1(), evaluation.precision.operating.f1());
+
+  // The pictures as test cards: with red and blue exchanged, warm and cold are too. A detector
+  // that read BGR would do the opposite.
+  const auto detector = load_detector(options.output);
+  EXPECT_EQ(detector->class_names(), (std::vector<std::string>{"cold", "warm"}));
+  std::vector<ImageResult> as_is, exchanged;
+  const CocoDataset dataset = read_coco(json);
+  for (const LabeledImage& entry : dataset.images) {
+    Image<Rgb8> card = read_image(dataset.image_file(entry));
+    core::Observation observation;
+    observation.rgb = &card;
+    as_is.push_back({entry.boxes, detector->detect(observation)});
+    const auto again = detector->detect(observation);  // Bit for bit the same.
+    ASSERT_EQ(again.size(), as_is.back().detections.size());
+    for (std::size_t i = 0; i < again.size(); ++i) {
+      EXPECT_EQ(again[i].score, as_is.back().detections[i].score);
+      EXPECT_EQ(again[i].box.x0, as_is.back().detections[i].box.x0);
+    }
+    for (Rgb8& pixel : card.pixels()) std::swap(pixel.r, pixel.b);
+    exchanged.push_back({entry.boxes, detector->detect(observation)});
+  }
+  EXPECT_GT(average_precision(as_is, 2, 0.5F).ap50, 0.9);
+  EXPECT_LT(average_precision(exchanged, 2, 0.5F).ap50, 0.5);
+}
+
+TEST(Training, ResumedRunEqualsUninterruptedRun) {
+  const TestFolder folder;
+  write_rectangles(folder);
+  TrainOptions whole = tiny_options(folder);
+  const TrainReport report = train(whole);
+
+  TrainOptions broken = tiny_options(folder);
+  broken.output = folder / "broken.bin";
+  broken.on_step = [](int done, double) { return done != 4; };
+  const TrainReport first = train(broken);
+  EXPECT_FALSE(first.finished);
+  EXPECT_FALSE(std::filesystem::exists(broken.output));
+  EXPECT_TRUE(std::filesystem::exists(folder / "broken.bin.state"));
+  broken.on_step = nullptr;
+  const TrainReport second = train(broken);
+  EXPECT_EQ(second.first_step, 4);
+  EXPECT_TRUE(second.finished);
+  EXPECT_FALSE(std::filesystem::exists(folder / "broken.bin.state"));
+
+  ASSERT_EQ(second.losses.size(), 2U);
+  EXPECT_EQ(second.losses[0], report.losses[4]);
+  EXPECT_EQ(second.losses[1], report.losses[5]);
+  EXPECT_EQ(core::read_file(whole.output), core::read_file(broken.output));
+}
+
+TEST(Training, StateOfAnotherRunIsRefused) {
+  const TestFolder folder;
+  write_rectangles(folder);
+  TrainOptions options = tiny_options(folder);
+  options.on_step = [](int done, double) { return done != 2; };
+  (void)train(options);
+  options.learning_rate *= 2;
+  EXPECT_THAT(message_of(options), HasSubstr("weights.bin.state"));
+  core::write_file_atomically(folder / "weights.bin.state",
+                              [](std::ostream& out) { out << "not an archive"; });
+  EXPECT_THAT(message_of(options), HasSubstr("weights.bin.state: expected a training state"));
+}
+
+TEST(Training, FineTuningMatchesClassesByName) {
+  const TestFolder folder;
+  write_rectangles(folder);
+  TrainOptions options = tiny_options(folder);
+  (void)train(options);
+
+  // A vanishing rate keeps the weights: the row of "warm" must appear at its new index.
+  TrainOptions finetune = tiny_options(folder);
+  finetune.initial_weights = options.output;
+  finetune.output = folder / "finetuned.bin";
+  finetune.class_names = {"warm", "new", "cold"};
+  finetune.learning_rate = 1e-12;
+  finetune.steps = 1;
+  (void)train(finetune);
+  const auto values = [](const DetectorWeights& weights) {
+    for (const NamedTensor& tensor : weights.tensors) {
+      if (tensor.name == "class0.last.weight") return tensor.values;
+    }
+    return std::vector<float>();
+  };
+  const DetectorWeights after = read_weights(finetune.output);
+  const auto before_rows = values(read_weights(options.output)), after_rows = values(after);
+  const std::size_t row = before_rows.size() / 2;
+  ASSERT_EQ(after_rows.size(), 3 * row);
+  EXPECT_EQ(after.class_names, finetune.class_names);
+  for (std::size_t i = 0; i < row; ++i) {
+    EXPECT_NEAR(after_rows[i], before_rows[row + i], 1e-4);
+    EXPECT_NEAR(after_rows[2 * row + i], before_rows[i], 1e-4);
+  }
+
+  finetune.class_names = {"warm"};
+  EXPECT_THAT(message_of(finetune), HasSubstr("cold"));
+  finetune.rename = {{"cold", ""}};
+  EXPECT_EQ(message_of(finetune), "no error");
+}
+
+TEST(Training, WrongOptionsAreNamed) {
+  const TestFolder folder;
+  write_rectangles(folder);
+  TrainOptions options = tiny_options(folder);
+  options.input_px = 100;
+  EXPECT_THAT(message_of(options), HasSubstr("input_px: expected a multiple of 32"));
+  options = tiny_options(folder);
+  options.mix_share = 1.0;
+  EXPECT_THAT(message_of(options), HasSubstr("mix_share"));
+  options = tiny_options(folder);
+  options.train_json = folder / "none.json";
+  EXPECT_THAT(message_of(options), HasSubstr("none.json"));
+}
+
+}  // namespace
+}  // namespace segsim::perception
