@@ -1,0 +1,111 @@
+// `segsim run` and `segsim table`.
+#include <cstdio>
+#include <memory>
+
+#include <CLI/CLI.hpp>
+
+#include "core/error.h"
+#include "experiments/commands.h"
+#include "experiments/run.h"
+
+namespace segsim::experiments {
+namespace {
+
+struct RunFlags {
+  std::string spec;
+  RunOptions options;
+};
+
+void run(RunFlags& flags) {
+  const ExperimentSpec spec = load_spec(flags.spec, flags.options.folders);
+  const RunReport report = run_experiment(spec, flags.options);
+  std::fputs(format_table(report.table, TableFormat::kText).c_str(), stdout);
+  std::printf("\nResults in %s\n", flags.options.folders.work.c_str());
+  if (report.interrupted) {
+    std::printf("Stopped with %d trials left; run the same command again to go on.\n",
+                report.trials_left);
+  }
+  int failed = 0;
+  for (const GroupSummary& scene : report.table.scenes) {
+    for (const ArmSummary& arm : scene.arms) failed += arm.failed_trials;
+  }
+  if (failed > 0) {
+    throw core::CheckFailed(std::to_string(failed) +
+                            " trials failed in the harness; run again to repeat them");
+  }
+}
+
+struct TableFlags {
+  std::filesystem::path work;
+  std::string format = "text", before, after;
+  std::int64_t run_id = 0;
+};
+
+/// The run of that number, or the last one.
+RunRow chosen_run(const Store& store, const std::filesystem::path& file, std::int64_t run_id) {
+  const std::vector<RunRow> runs = store.runs();
+  if (runs.empty()) throw core::InputError::expected(file.string(), "a run", "none");
+  if (run_id == 0) return runs.back();
+  for (const RunRow& run : runs) {
+    if (run.run_id == run_id) return run;
+  }
+  throw core::InputError::expected("--run", "1 to " + std::to_string(runs.back().run_id),
+                                   std::to_string(run_id));
+}
+
+void print_table(const TableFlags& flags) {
+  const TableFormat format = table_format_from(flags.format);
+  const std::filesystem::path file =
+      std::filesystem::is_directory(flags.work) ? flags.work / "results.sqlite" : flags.work;
+  if (!std::filesystem::exists(file)) {
+    throw core::InputError::expected(file.string(), "a results database", "none");
+  }
+  const Store store(file);
+  const RunRow run = chosen_run(store, file, flags.run_id);
+  const ResultTable table = summarise(run, store.scenes(run.run_id), store.arms(run.run_id),
+                                      store.trials(run.run_id), flags.before, flags.after);
+  std::fputs(format_table(table, format).c_str(), stdout);
+}
+
+}  // namespace
+
+void add_run_command(CLI::App& app) {
+  auto flags = std::make_shared<RunFlags>();
+  CLI::App* command = app.add_subcommand(
+      "run", "Run an experiment: prepare, run all trials, print the table. Resumes.");
+  command->add_option("spec", flags->spec, "Experiment (YAML), see experiments/specs/")
+      ->required();
+  command->add_option("--data", flags->options.folders.data,
+                      "Folder that ${data} in the spec stands for");
+  command->add_option("--work", flags->options.folders.work,
+                      "Folder for everything that is made (default: out/<name of the spec>)");
+  command->add_option("--workers", flags->options.workers, "Trials at the same time")
+      ->check(CLI::Range(1, 1024))
+      ->capture_default_str();
+  command
+      ->add_option("--max-trials", flags->options.max_trials,
+                   "Stop after so many trials (0 = all)")
+      ->check(CLI::NonNegativeNumber);
+  command->add_flag("--new", flags->options.new_run,
+                    "Begin a new run, even if an unfinished or different one is there");
+  command->add_flag("--prepare-only", flags->options.prepare_only,
+                    "Make bundles, detectors and episodes, but run no trial");
+  command->callback([flags] { run(*flags); });
+}
+
+void add_table_command(CLI::App& app) {
+  auto flags = std::make_shared<TableFlags>();
+  CLI::App* command =
+      app.add_subcommand("table", "Print the table of a run: text, Markdown, CSV or JSON");
+  command
+      ->add_option("work", flags->work, "Work folder of `segsim run`, or a results database")
+      ->required();
+  command->add_option("--format", flags->format, "text | md | csv | json")
+      ->capture_default_str();
+  command->add_option("--run", flags->run_id, "Number of the run (default: the last)");
+  command->add_option("--before", flags->before, "Arm to compare from (default: before)");
+  command->add_option("--after", flags->after, "Arm to compare with (default: after)");
+  command->callback([flags] { print_table(*flags); });
+}
+
+}  // namespace segsim::experiments

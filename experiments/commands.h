@@ -1,0 +1,23 @@
+#pragma once
+
+/// @file
+/// One function per subcommand of `segsim`: declares its flags and registers what runs when it
+/// was named. Errors are thrown: core::InputError, core::CheckFailed; main() turns them into
+/// exit codes.
+
+namespace CLI {
+class App;
+}
+
+namespace segsim::experiments {
+
+void add_run_command(CLI::App& app);
+void add_table_command(CLI::App& app);
+void add_capture_command(CLI::App& app);
+void add_reconstruct_command(CLI::App& app);
+void add_scene_command(CLI::App& app);
+void add_render_command(CLI::App& app);
+void add_label_command(CLI::App& app);
+void add_detector_command(CLI::App& app);
+
+}  // namespace segsim::experiments

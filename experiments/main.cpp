@@ -1,0 +1,54 @@
+#include <cstdio>
+#include <exception>
+
+#include <CLI/CLI.hpp>
+
+#include "core/error.h"
+#include "core/version.h"
+#include "experiments/commands.h"
+
+namespace {
+
+constexpr int kCheckFailedExit = 1;
+constexpr int kInputErrorExit = 2;
+constexpr int kInternalErrorExit = 3;
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  using namespace segsim;  // NOLINT(google-build-using-namespace): main wires everything
+
+  CLI::App app{
+      "Fast-SegSim: does this perception change make the robot reach its goal more often?\n"
+      "Closed-loop navigation trials in reconstructed scenes.",
+      "segsim"};
+  app.set_version_flag("--version", core::version());
+  app.require_subcommand(1);
+  app.footer("Exit codes: 0 done, 1 an expectation failed, 2 bad input, 3 internal error.\n"
+             "Each subcommand has its own --help.");
+  experiments::add_run_command(app);
+  experiments::add_table_command(app);
+  experiments::add_capture_command(app);
+  experiments::add_reconstruct_command(app);
+  experiments::add_scene_command(app);
+  experiments::add_render_command(app);
+  experiments::add_label_command(app);
+  experiments::add_detector_command(app);
+
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    const int code = app.exit(error);  // Prints help or the message.
+    return code == 0 ? 0 : kInputErrorExit;
+  } catch (const core::InputError& error) {
+    std::fprintf(stderr, "segsim: %s\n", error.what());
+    return kInputErrorExit;
+  } catch (const core::CheckFailed& error) {
+    std::fprintf(stderr, "segsim: %s\n", error.what());
+    return kCheckFailedExit;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "segsim: internal error: %s\n", error.what());
+    return kInternalErrorExit;
+  }
+  return 0;
+}

@@ -1,0 +1,388 @@
+#include "experiments/spec.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <set>
+
+#include "core/config.h"
+#include "core/error.h"
+#include "core/file_io.h"
+
+namespace segsim::experiments {
+namespace {
+
+namespace fs = std::filesystem;
+using core::ConfigNode;
+
+/// Replaces ${data}, ${work} and ${spec} in a path.
+class Variables {
+ public:
+  Variables(const SpecFolders& folders, const fs::path& spec_file)
+      : values_{{"data", folders.data.string()},
+                {"work", folders.work.string()},
+                {"spec", spec_file.parent_path().empty() ? std::string(".")
+                                                         : spec_file.parent_path().string()}} {
+  }
+
+  [[nodiscard]] fs::path expand(const ConfigNode& node) const {
+    std::string text = node.as_text();
+    for (std::size_t start = text.find("${"); start != std::string::npos;
+         start = text.find("${", start)) {
+      const std::size_t end = text.find('}', start);
+      if (end == std::string::npos) node.fail("a closing } after ${", "\"" + text + "\"");
+      const std::string name = text.substr(start + 2, end - start - 2);
+      const std::string value = value_of(name, node);
+      text.replace(start, end - start + 1, value);
+      start += value.size();
+    }
+    return fs::path(text).lexically_normal();
+  }
+
+ private:
+  [[nodiscard]] std::string value_of(const std::string& name, const ConfigNode& node) const {
+    for (const auto& [known, value] : values_) {
+      if (name != known) continue;
+      if (value.empty()) node.fail("the folder of the data (flag --data DIR)", "none");
+      return value;
+    }
+    node.fail("${data}, ${work} or ${spec}", "${" + name + "}");
+  }
+
+  std::vector<std::pair<std::string, std::string>> values_;
+};
+
+double number_within(const ConfigNode& node, const std::string& key, double fallback,
+                     double low, double high) {
+  const double value = node.number_or(key, fallback);
+  if (!(value >= low && value <= high)) {
+    std::string range =
+        "a number in [" + std::to_string(low) + ", " + std::to_string(high) + "]";
+    node.child(key).fail(range, node.text(key));
+  }
+  return value;
+}
+
+int count_within(const ConfigNode& node, const std::string& key, int fallback, int low,
+                 int high) {
+  const std::int64_t value = node.integer_or(key, fallback);
+  if (value < low || value > high) {
+    node.child(key).fail(
+        "an integer in [" + std::to_string(low) + ", " + std::to_string(high) + "]",
+        node.text(key));
+  }
+  return static_cast<int>(value);
+}
+
+std::uint64_t read_seed(const ConfigNode& node, std::uint64_t fallback) {
+  const std::int64_t value = node.integer_or("seed", static_cast<std::int64_t>(fallback));
+  if (value < 0) node.child("seed").fail("a seed >= 0", node.text("seed"));
+  return static_cast<std::uint64_t>(value);
+}
+
+/// The index of the text under `key` in `words`; names the nearest word otherwise.
+std::size_t one_of(const ConfigNode& node, const std::string& key,
+                   const std::vector<std::string>& words) {
+  const std::string found = node.text(key);
+  const auto at = std::find(words.begin(), words.end(), found);
+  if (at != words.end()) return static_cast<std::size_t>(at - words.begin());
+  std::string list;
+  for (const std::string& word : words) list += (list.empty() ? "" : " | ") + word;
+  const std::string near = core::nearest_word(found, words);
+  node.child(key).fail(list,
+                       "\"" + found + "\"" + (near.empty() ? "" : " (near: " + near + ")"));
+}
+
+/// A name that can be part of a file name.
+std::string read_name(const ConfigNode& node, const std::string& key) {
+  const std::string name = node.text(key);
+  const bool plain = !name.empty() && std::all_of(name.begin(), name.end(), [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
+           c == '-' || c == '_';
+  });
+  if (!plain) node.child(key).fail("letters, digits, - and _", "\"" + name + "\"");
+  return name;
+}
+
+CaptureSpec read_capture(const ConfigNode& source) {
+  CaptureSpec capture;
+  const std::optional<ConfigNode> node = source.optional_child("capture");
+  if (!node) return capture;
+  capture.frames = count_within(*node, "frames", capture.frames, 1, 100000);
+  capture.width_px = count_within(*node, "width", capture.width_px, 16, 8192);
+  capture.height_px = count_within(*node, "height", capture.height_px, 16, 8192);
+  capture.hfov_deg = number_within(*node, "hfov_deg", capture.hfov_deg, 10.0, 150.0);
+  capture.camera_height_m =
+      number_within(*node, "camera_height_m", capture.camera_height_m, 0.05, 3.0);
+  node->finish();
+  return capture;
+}
+
+SourceSpec read_source(const ConfigNode& node, const Variables& variables) {
+  SourceSpec source;
+  source.type =
+      static_cast<SourceType>(one_of(node, "type", {"flat", "gazebo", "mesh", "rgbd"}));
+  switch (source.type) {
+    case SourceType::kFlat:
+      source.seed = read_seed(node, 0);
+      break;
+    case SourceType::kGazebo:
+    case SourceType::kMesh:
+      source.world = variables.expand(node.child("world"));
+      source.seed = read_seed(node, 0);  // Of the capture path.
+      break;
+    case SourceType::kRgbd:
+      source.folder = variables.expand(node.child("folder"));
+      if (node.has("boxes")) source.boxes = variables.expand(node.child("boxes"));
+      source.frame_step = count_within(node, "frame_step", 1, 1, 1000);
+      if (node.has("floor_height_m")) {
+        source.floor_height_m = number_within(node, "floor_height_m", 0.0, -1000.0, 1000.0);
+      }
+      break;
+  }
+  if (source.type != SourceType::kRgbd) source.capture = read_capture(node);
+  source.voxel_m = number_within(node, "voxel_m", source.voxel_m, 0.002, 0.5);
+  node.finish();
+  return source;
+}
+
+SceneSpec read_scene(const ConfigNode& node, const Variables& variables,
+                     const SpecFolders& folders) {
+  SceneSpec scene;
+  scene.name = read_name(node, "name");
+  scene.title = node.text_or("title", scene.name);
+  scene.bundle = node.has("bundle") ? variables.expand(node.child("bundle"))
+                                    : folders.work / "scenes" / scene.name;
+  if (const auto source = node.optional_child("source")) {
+    scene.source = read_source(*source, variables);
+  }
+  scene.goals = node.texts("goals");
+  if (scene.goals.empty()) node.child("goals").fail("at least one class name", "none");
+  scene.episodes = count_within(node, "episodes", scene.episodes, 1, 100000);
+  scene.camera_height_m =
+      number_within(node, "camera_height_m", scene.camera_height_m, 0.05, 3.0);
+  if (node.has("start_distance_m")) {
+    const std::vector<double> range = node.numbers("start_distance_m");
+    if (range.size() != 2 || range[0] < 0.0 || range[1] <= range[0]) {
+      node.child("start_distance_m").fail("[nearest, farthest] in metres", "another list");
+    }
+    scene.min_start_distance_m = range[0];
+    scene.max_start_distance_m = range[1];
+  }
+  scene.allow_visible_start = node.boolean_or("allow_visible_start", false);
+  node.finish();
+  return scene;
+}
+
+PretrainSpec read_pretrain(const ConfigNode& node) {
+  PretrainSpec pretrain;
+  pretrain.seed = read_seed(node, pretrain.seed);
+  pretrain.rooms = count_within(node, "rooms", pretrain.rooms, 1, 100000);
+  pretrain.views_per_room =
+      count_within(node, "views_per_room", pretrain.views_per_room, 1, 100000);
+  pretrain.steps = count_within(node, "steps", pretrain.steps, 1, 10000000);
+  node.finish();
+  return pretrain;
+}
+
+FinetuneSpec read_finetune(const ConfigNode& node, const std::vector<SceneSpec>& scenes) {
+  FinetuneSpec finetune;
+  finetune.seed = read_seed(node, finetune.seed);
+  std::vector<std::string> names;
+  for (const SceneSpec& scene : scenes) names.push_back(scene.name);
+  finetune.scenes = names;
+  if (node.has("scenes")) {
+    finetune.scenes.clear();
+    for (const ConfigNode& element : node.list("scenes")) {
+      finetune.scenes.push_back(element.as_text());
+      if (std::find(names.begin(), names.end(), finetune.scenes.back()) == names.end()) {
+        const std::string near = core::nearest_word(finetune.scenes.back(), names);
+        element.fail("the name of a scene of this spec",
+                     "\"" + finetune.scenes.back() + "\"" +
+                         (near.empty() ? "" : " (near: " + near + ")"));
+      }
+    }
+  }
+  finetune.views_per_scene =
+      count_within(node, "views_per_scene", finetune.views_per_scene, 1, 100000);
+  finetune.width_px = count_within(node, "width", 0, 0, 8192);
+  finetune.height_px = count_within(node, "height", 0, 0, 8192);
+  finetune.steps = count_within(node, "steps", finetune.steps, 1, 10000000);
+  finetune.learning_rate = number_within(node, "learning_rate", 0.0, 0.0, 1.0);
+  node.finish();
+  return finetune;
+}
+
+DetectorSpec read_detectors(const ConfigNode& root, const Variables& variables,
+                            const SpecFolders& folders, const std::vector<SceneSpec>& scenes) {
+  DetectorSpec detectors;
+  detectors.before = folders.work / "detector-before.bin";
+  detectors.after = folders.work / "detector-after.bin";
+  const std::optional<ConfigNode> node = root.optional_child("detectors");
+  if (!node) return detectors;
+  if (node->has("before")) detectors.before = variables.expand(node->child("before"));
+  if (node->has("after")) detectors.after = variables.expand(node->child("after"));
+  if (const auto child = node->optional_child("pretrain")) {
+    detectors.pretrain = read_pretrain(*child);
+  }
+  if (const auto child = node->optional_child("finetune")) {
+    detectors.finetune = read_finetune(*child, scenes);
+  }
+  node->finish();
+  return detectors;
+}
+
+ArmSpec read_arm(const ConfigNode& node, const Variables& variables) {
+  ArmSpec arm;
+  arm.name = read_name(node, "name");
+  const std::string detector = node.text("detector");
+  if (detector == "before") {
+    arm.detector = ArmDetector::kBefore;
+  } else if (detector == "after") {
+    arm.detector = ArmDetector::kAfter;
+  } else if (detector == "oracle") {
+    arm.detector = ArmDetector::kOracle;
+  } else if (detector.find_first_of("/.$") != std::string::npos) {
+    arm.detector = ArmDetector::kFile;
+    arm.weights = variables.expand(node.child("detector"));
+  } else {
+    (void)one_of(node, "detector", {"before", "after", "oracle", "a path of weights"});
+  }
+  if (node.has("score_threshold")) {
+    arm.score_threshold = number_within(node, "score_threshold", 0.5, 0.0, 1.0);
+  }
+  node.finish();
+  return arm;
+}
+
+CameraSpec read_camera(const ConfigNode& root) {
+  CameraSpec camera;
+  const std::optional<ConfigNode> node = root.optional_child("camera");
+  if (!node) return camera;
+  camera.width_px = count_within(*node, "width", camera.width_px, 16, 8192);
+  camera.height_px = count_within(*node, "height", camera.height_px, 16, 8192);
+  camera.hfov_deg = number_within(*node, "hfov_deg", camera.hfov_deg, 10.0, 150.0);
+  camera.pitch_down_deg = number_within(*node, "pitch_down_deg", 0.0, -60.0, 60.0);
+  camera.depth_range_m =
+      number_within(*node, "depth_range_m", camera.depth_range_m, 0.5, 100.0);
+  node->finish();
+  return camera;
+}
+
+SuccessSpec read_success(const ConfigNode& root) {
+  SuccessSpec success;
+  const std::optional<ConfigNode> node = root.optional_child("success");
+  if (!node) return success;
+  (void)one_of(*node, "profile", {"segsim-object"});
+  success.distance_m = number_within(*node, "distance_m", success.distance_m, 0.01, 100.0);
+  success.require_visible = node->boolean_or("require_visible", true);
+  success.visible_pixels =
+      count_within(*node, "visible_pixels", success.visible_pixels, 1, 100000000);
+  node->finish();
+  return success;
+}
+
+/// Refuses a second element of the same name.
+template <class Element>
+void check_new_name(const std::vector<Element>& before, const std::string& name,
+                    const ConfigNode& node) {
+  for (const Element& element : before) {
+    if (element.name == name) node.child("name").fail("a new name", "\"" + name + "\" again");
+  }
+}
+
+void read_lists(const ConfigNode& root, const Variables& variables, const SpecFolders& folders,
+                ExperimentSpec& spec) {
+  for (const ConfigNode& node : root.child("scenes").as_list()) {
+    SceneSpec scene = read_scene(node, variables, folders);
+    check_new_name(spec.scenes, scene.name, node);
+    spec.scenes.push_back(std::move(scene));
+  }
+  if (spec.scenes.empty()) root.child("scenes").fail("at least one scene", "none");
+  spec.detectors = read_detectors(root, variables, folders, spec.scenes);
+  for (const ConfigNode& node : root.child("arms").as_list()) {
+    ArmSpec arm = read_arm(node, variables);
+    check_new_name(spec.arms, arm.name, node);
+    spec.arms.push_back(std::move(arm));
+  }
+  if (spec.arms.empty()) root.child("arms").fail("at least one arm", "none");
+}
+
+}  // namespace
+
+const char* to_string(SourceType type) {
+  constexpr const char* kNames[] = {"flat", "gazebo", "mesh", "rgbd"};
+  return kNames[static_cast<std::size_t>(type)];
+}
+
+core::CameraIntrinsics CameraSpec::intrinsics() const {
+  return core::CameraIntrinsics::from_fov(width_px, height_px,
+                                          hfov_deg * std::numbers::pi / 180.0);
+}
+
+const SceneSpec* ExperimentSpec::find_scene(const std::string& scene_name) const {
+  for (const SceneSpec& scene : scenes) {
+    if (scene.name == scene_name) return &scene;
+  }
+  return nullptr;
+}
+
+const ArmSpec* ExperimentSpec::find_arm(const std::string& arm_name) const {
+  for (const ArmSpec& arm : arms) {
+    if (arm.name == arm_name) return &arm;
+  }
+  return nullptr;
+}
+
+bool ExperimentSpec::leaks(const ArmSpec& arm, const SceneSpec& scene) const {
+  if (arm.detector != ArmDetector::kAfter || !detectors.finetune) return false;
+  const std::vector<std::string>& tuned = detectors.finetune->scenes;
+  return std::find(tuned.begin(), tuned.end(), scene.name) != tuned.end();
+}
+
+ExperimentSpec load_spec(const fs::path& file, SpecFolders& folders) {
+  return parse_spec(core::read_file(file), file, folders);
+}
+
+ExperimentSpec parse_spec(const std::string& text, const fs::path& origin,
+                          SpecFolders& folders) {
+  const ConfigNode root = ConfigNode::parse(text, origin.string());
+  ExperimentSpec spec;
+  spec.file = origin;
+  spec.text = text;
+  spec.sha256 = core::sha256_hex(text);
+
+  (void)one_of(root, "schema", {ExperimentSpec::kSchema});
+  spec.name = read_name(root, "name");
+  spec.title = root.text_or("title", spec.name);
+  if (folders.work.empty()) folders.work = fs::path("out") / spec.name;
+  const Variables variables(folders, origin);
+
+  spec.seed = read_seed(root, spec.seed);
+  read_lists(root, variables, folders, spec);
+  if (root.has("policy")) (void)one_of(root, "policy", {"frontier"});
+  if (root.has("robot")) {
+    spec.robot = root.text("robot");
+    (void)one_of(root, "robot", {"jackal", "jackal-gentle"});
+  }
+  spec.control_period_s =
+      number_within(root, "control_period_s", spec.control_period_s, 0.005, 2.0);
+  const double steps = spec.control_period_s / 0.005;
+  if (std::abs(steps - std::round(steps)) > 1e-6) {
+    root.child("control_period_s")
+        .fail("a multiple of the simulation step, 0.005 s", root.text("control_period_s"));
+  }
+  spec.time_limit_s = number_within(root, "time_limit_s", spec.time_limit_s, 1.0, 100000.0);
+  spec.repetitions = count_within(root, "repetitions", spec.repetitions, 1, 10000);
+  spec.camera = read_camera(root);
+  spec.success = read_success(root);
+  spec.planned_n = count_within(root, "planned_n", 0, 0, 1000000);
+  if (root.has("videos")) {
+    spec.videos = static_cast<Videos>(one_of(root, "videos", {"none", "first", "all"}));
+  }
+  spec.pictures = root.boolean_or("pictures", true);
+  root.finish();
+  return spec;
+}
+
+}  // namespace segsim::experiments

@@ -1,0 +1,91 @@
+#pragma once
+
+/// @file
+/// Statistics of success rates. All functions are pure and exact to about 1e-9.
+///
+/// Symbols: k successes of n trials, p = k/n. Paired outcomes of two arms on the same
+/// episodes:
+///   a  both succeed          b  only the second ("after") succeeds
+///   c  only the first does   d  both fail
+
+#include <span>
+#include <string>
+#include <vector>
+
+namespace segsim::experiments {
+
+struct Interval {
+  double low = 0.0, high = 1.0;
+};
+
+/// Successes out of trials; 0 <= successes <= trials.
+struct Proportion {
+  int successes = 0, trials = 0;
+  /// 0 for no trials.
+  [[nodiscard]] double value() const {
+    return trials == 0 ? 0.0 : static_cast<double>(successes) / trials;
+  }
+};
+
+/// Outcomes of two arms on the same episodes.
+struct PairedCounts {
+  int both = 0, only_after = 0, only_before = 0, neither = 0;
+  [[nodiscard]] int total() const { return both + only_after + only_before + neither; }
+  [[nodiscard]] int discordant() const { return only_after + only_before; }
+};
+
+/// Inverse of the standard normal distribution function, 0 < probability < 1 (Acklam's
+/// rational approximation and one Halley step).
+[[nodiscard]] double normal_quantile(double probability);
+
+/// Regularised incomplete beta function I_x(a, b) for a, b > 0 and x in [0, 1] (continued
+/// fraction by Lentz's method).
+[[nodiscard]] double incomplete_beta(double a, double b, double x);
+/// x with I_x(a, b) = probability.
+[[nodiscard]] double inverse_incomplete_beta(double a, double b, double probability);
+
+/// Wilson's score interval (1927): for display. [0, 1] for no trials.
+[[nodiscard]] Interval wilson_interval(const Proportion& p, double confidence = 0.95);
+
+/// Clopper and Pearson's interval (1934): covers at least `confidence` always.
+[[nodiscard]] Interval clopper_pearson_interval(const Proportion& p, double confidence = 0.95);
+
+/// Exact two-sided McNemar test: min(1, 2 sum_{i <= min(b,c)} C(b+c, i) / 2^(b+c)); 1 if b + c
+/// = 0.
+[[nodiscard]] double mcnemar_exact_p(int only_after, int only_before);
+
+/// The same with half the probability of the observed table (mid-p): less conservative.
+[[nodiscard]] double mcnemar_mid_p(int only_after, int only_before);
+
+/// Fewer discordant pairs than this cannot give p < 0.05 in the exact test, whatever their
+/// split.
+inline constexpr int kMinDiscordantPairs = 6;
+
+/// after - before with Newcombe's paired score interval (1998, method 10). It may disagree
+/// with the exact test at small n; the test decides.
+struct PairedDifference {
+  double difference = 0.0;
+  Interval interval{-1.0, 1.0};
+};
+[[nodiscard]] PairedDifference newcombe_paired_difference(const PairedCounts& counts,
+                                                          double confidence = 0.95);
+
+/// Pairs needed for 80 % power at the 5 % level (Connor 1987): psi = share of discordant
+/// pairs, delta = difference of the success rates, 0 < |delta| <= psi <= 1.
+[[nodiscard]] int pairs_needed(double psi, double delta);
+
+/// p-values after Holm's correction (1979) for their number, in the order given.
+[[nodiscard]] std::vector<double> holm_correction(std::span<const double> p_values);
+
+/// Two-sided sign-flip permutation test of mean(difference) = 0. Exact for up to 16 values,
+/// otherwise `rounds` random flips drawn from `seed`. 1 for no values.
+[[nodiscard]] double sign_flip_p(std::span<const double> differences, int rounds = 10000,
+                                 unsigned seed = 1);
+
+/// In one word: "improved", "worse" (p < 0.05), "underpowered" (fewer than kMinDiscordantPairs
+/// discordant pairs and fewer than 30 pairs), "held" (the interval of the difference lies
+/// within
+/// +-0.1), "unresolved".
+[[nodiscard]] std::string verdict(const PairedCounts& counts);
+
+}  // namespace segsim::experiments

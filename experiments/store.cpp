@@ -1,0 +1,396 @@
+#include "experiments/store.h"
+
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <ctime>
+#include <string_view>
+
+#include <sqlite3.h>
+
+#include "core/error.h"
+
+namespace segsim::experiments {
+namespace {
+
+constexpr const char* kSchema = R"sql(
+CREATE TABLE meta (schema_version INTEGER NOT NULL, created TEXT NOT NULL);
+CREATE TABLE run (
+  run_id INTEGER PRIMARY KEY, name TEXT NOT NULL, title TEXT NOT NULL,
+  spec_sha256 TEXT NOT NULL, spec_text TEXT NOT NULL, code_version TEXT NOT NULL,
+  host TEXT NOT NULL, libraries TEXT NOT NULL, success_profile TEXT NOT NULL,
+  seed INTEGER NOT NULL, planned_n INTEGER NOT NULL, planned_trials INTEGER NOT NULL,
+  started TEXT NOT NULL, ended TEXT NOT NULL);
+CREATE TABLE scene (
+  run_id INTEGER NOT NULL REFERENCES run, position INTEGER NOT NULL, name TEXT NOT NULL,
+  title TEXT NOT NULL, scene_sha256 TEXT NOT NULL, episodes_sha256 TEXT NOT NULL,
+  episodes INTEGER NOT NULL, UNIQUE (run_id, name));
+CREATE TABLE arm (
+  run_id INTEGER NOT NULL REFERENCES run, position INTEGER NOT NULL, name TEXT NOT NULL,
+  detector TEXT NOT NULL, weights_sha256 TEXT NOT NULL, tuned_on TEXT NOT NULL,
+  score_threshold REAL NOT NULL, UNIQUE (run_id, name));
+CREATE TABLE trial (
+  trial_id INTEGER PRIMARY KEY, run_id INTEGER NOT NULL REFERENCES run,
+  arm TEXT NOT NULL, scene TEXT NOT NULL, episode TEXT NOT NULL, goal_class TEXT NOT NULL,
+  repetition INTEGER NOT NULL, outcome TEXT NOT NULL, success INTEGER NOT NULL,
+  stop_reason TEXT NOT NULL, spl REAL NOT NULL, soft_spl REAL NOT NULL, path_m REAL NOT NULL,
+  shortest_path_m REAL NOT NULL, distance_to_goal_m REAL, sim_s REAL NOT NULL,
+  wall_s REAL NOT NULL, ticks INTEGER NOT NULL, contacts INTEGER NOT NULL,
+  contact_s REAL NOT NULL, first_visible_tick INTEGER NOT NULL,
+  first_detected_tick INTEGER NOT NULL, invalid_pixel_fraction REAL NOT NULL,
+  state_hash TEXT NOT NULL, render_ms REAL NOT NULL, detect_ms REAL NOT NULL,
+  policy_ms REAL NOT NULL, error TEXT NOT NULL, picture TEXT NOT NULL, video TEXT NOT NULL,
+  track TEXT NOT NULL, finished TEXT NOT NULL,
+  UNIQUE (run_id, arm, episode, repetition));
+)sql";
+
+std::string hex(std::uint64_t value) {
+  char text[17];
+  std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(value));
+  return text;
+}
+
+/// A prepared statement; values are bound and read in order.
+class Statement {
+ public:
+  Statement(sqlite3* db, const std::filesystem::path& file, const char* sql)
+      : db_(db), file_(file) {
+    check(sqlite3_prepare_v2(db, sql, -1, &statement_, nullptr));
+  }
+  ~Statement() { sqlite3_finalize(statement_); }
+  Statement(const Statement&) = delete;
+  Statement& operator=(const Statement&) = delete;
+
+  Statement& bind(const std::string& text) {
+    // SQLITE_TRANSIENT is a C cast; the text outlives the step, so no copy is needed.
+    check(sqlite3_bind_text(statement_, ++bound_, text.c_str(), -1, nullptr));
+    return *this;
+  }
+  Statement& bind(double value) {
+    check(sqlite3_bind_double(statement_, ++bound_, value));
+    return *this;
+  }
+  Statement& bind(std::int64_t value) {
+    check(sqlite3_bind_int64(statement_, ++bound_, value));
+    return *this;
+  }
+  Statement& bind(int value) { return bind(std::int64_t{value}); }
+  Statement& bind_null() {
+    check(sqlite3_bind_null(statement_, ++bound_));
+    return *this;
+  }
+
+  /// @return  Whether there is a row to read.
+  bool step() {
+    read_ = 0;
+    const int code = sqlite3_step(statement_);
+    if (code != SQLITE_ROW && code != SQLITE_DONE) check(code);
+    return code == SQLITE_ROW;
+  }
+
+  std::string text() {
+    const unsigned char* value = sqlite3_column_text(statement_, read_++);
+    return value == nullptr ? std::string()
+                            : std::string(reinterpret_cast<const char*>(value));
+  }
+  double number() { return sqlite3_column_double(statement_, read_++); }
+  std::int64_t integer() { return sqlite3_column_int64(statement_, read_++); }
+  int small_integer() { return static_cast<int>(integer()); }
+  std::optional<double> optional_number() {
+    if (sqlite3_column_type(statement_, read_) == SQLITE_NULL) {
+      ++read_;
+      return std::nullopt;
+    }
+    return number();
+  }
+
+ private:
+  void check(int code) const {
+    if (code == SQLITE_OK) return;
+    throw core::InputError::expected(file_.string(), "a working SQLite database",
+                                     sqlite3_errmsg(db_));
+  }
+
+  sqlite3* db_;
+  const std::filesystem::path& file_;
+  sqlite3_stmt* statement_ = nullptr;
+  int bound_ = 0, read_ = 0;
+};
+
+}  // namespace
+
+struct Store::Impl {
+  std::filesystem::path file;
+  sqlite3* db = nullptr;
+
+  ~Impl() { sqlite3_close(db); }
+
+  void execute(const char* sql) const {
+    if (sqlite3_exec(db, sql, nullptr, nullptr, nullptr) != SQLITE_OK) {
+      throw core::InputError::expected(file.string(), "a working SQLite database",
+                                       sqlite3_errmsg(db));
+    }
+  }
+
+  /// The first column of the first row; `fallback` if there is no row.
+  [[nodiscard]] std::int64_t query_integer(const char* sql, std::int64_t fallback) const {
+    Statement statement(db, file, sql);
+    return statement.step() ? statement.integer() : fallback;
+  }
+
+  /// Rolls back unless `commit` was called.
+  class Transaction {
+   public:
+    explicit Transaction(const Impl& impl) : impl_(impl) { impl.execute("BEGIN IMMEDIATE"); }
+    ~Transaction() {
+      if (!done_) sqlite3_exec(impl_.db, "ROLLBACK", nullptr, nullptr, nullptr);
+    }
+    Transaction(const Transaction&) = delete;
+    Transaction& operator=(const Transaction&) = delete;
+    void commit() {
+      impl_.execute("COMMIT");
+      done_ = true;
+    }
+
+   private:
+    const Impl& impl_;
+    bool done_ = false;
+  };
+
+  void create_or_check_schema() const {
+    const Impl& self = *this;
+    Transaction transaction(self);
+    if (query_integer("SELECT COUNT(*) FROM sqlite_master WHERE name = 'meta'", 0) == 0) {
+      if (query_integer("SELECT COUNT(*) FROM sqlite_master", 0) != 0) {
+        throw core::InputError::expected(file.string(), "a results database of segsim",
+                                         "another SQLite database");
+      }
+      execute(kSchema);
+      Statement insert(db, file, "INSERT INTO meta VALUES (?, ?)");
+      const std::string now = utc_now();
+      insert.bind(kSchemaVersion).bind(now).step();
+    } else {
+      const std::int64_t found = query_integer("SELECT schema_version FROM meta", -1);
+      if (found != kSchemaVersion) {
+        throw core::InputError::expected(file.string(),
+                                         "schema version " + std::to_string(kSchemaVersion),
+                                         "version " + std::to_string(found) +
+                                             " (keep it for that program version, or give "
+                                             "another --work folder)");
+      }
+    }
+    transaction.commit();
+  }
+};
+
+Store::Store(const std::filesystem::path& file) : impl_(std::make_unique<Impl>()) {
+  impl_->file = file;
+  if (file.has_parent_path()) {
+    std::error_code ignored;  // Opening the file reports it.
+    std::filesystem::create_directories(file.parent_path(), ignored);
+  }
+  if (sqlite3_open(file.c_str(), &impl_->db) != SQLITE_OK) {
+    throw core::InputError::expected(file.string(), "a place for a SQLite database",
+                                     sqlite3_errmsg(impl_->db));
+  }
+  sqlite3_busy_timeout(impl_->db, 10000);
+  impl_->execute("PRAGMA journal_mode = WAL");
+  impl_->execute("PRAGMA synchronous = FULL");
+  impl_->execute("PRAGMA foreign_keys = ON");
+  impl_->create_or_check_schema();
+}
+
+Store::~Store() = default;
+
+std::int64_t Store::begin_run(const RunRow& run, const std::vector<SceneRow>& scene_rows,
+                              const std::vector<ArmRow>& arm_rows) {
+  Impl::Transaction transaction(*impl_);
+  const std::string now = utc_now();
+  Statement insert(
+      impl_->db, impl_->file,
+      "INSERT INTO run (name, title, spec_sha256, spec_text, code_version, host, "
+      "libraries, success_profile, seed, planned_n, planned_trials, started, ended) "
+      "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, '')");
+  insert.bind(run.name).bind(run.title).bind(run.spec_sha256).bind(run.spec_text);
+  insert.bind(run.code_version).bind(run.host).bind(run.libraries).bind(run.success_profile);
+  insert.bind(static_cast<std::int64_t>(run.seed))
+      .bind(run.planned_n)
+      .bind(run.planned_trials);
+  insert.bind(now).step();
+  const std::int64_t run_id = sqlite3_last_insert_rowid(impl_->db);
+
+  int position = 0;
+  for (const SceneRow& scene : scene_rows) {
+    Statement row(impl_->db, impl_->file, "INSERT INTO scene VALUES (?, ?, ?, ?, ?, ?, ?)");
+    row.bind(run_id).bind(position++).bind(scene.name).bind(scene.title);
+    row.bind(scene.scene_sha256).bind(scene.episodes_sha256).bind(scene.episodes).step();
+  }
+  position = 0;
+  for (const ArmRow& arm : arm_rows) {
+    Statement row(impl_->db, impl_->file, "INSERT INTO arm VALUES (?, ?, ?, ?, ?, ?, ?)");
+    row.bind(run_id).bind(position++).bind(arm.name).bind(arm.detector);
+    row.bind(arm.weights_sha256).bind(arm.tuned_on).bind(arm.score_threshold).step();
+  }
+  transaction.commit();
+  return run_id;
+}
+
+void Store::end_run(std::int64_t run_id) {
+  const std::string now = utc_now();
+  Statement update(impl_->db, impl_->file, "UPDATE run SET ended = ? WHERE run_id = ?");
+  update.bind(now).bind(run_id).step();
+}
+
+std::vector<RunRow> Store::runs() const {
+  Statement select(
+      impl_->db, impl_->file,
+      "SELECT run_id, name, title, spec_sha256, spec_text, code_version, host, "
+      "libraries, success_profile, seed, planned_n, planned_trials, started, ended "
+      "FROM run ORDER BY run_id");
+  std::vector<RunRow> rows;
+  while (select.step()) {
+    RunRow run;
+    run.run_id = select.integer();
+    for (std::string* column :
+         {&run.name, &run.title, &run.spec_sha256, &run.spec_text, &run.code_version,
+          &run.host, &run.libraries, &run.success_profile}) {
+      *column = select.text();
+    }
+    run.seed = static_cast<std::uint64_t>(select.integer());
+    run.planned_n = select.small_integer();
+    run.planned_trials = select.small_integer();
+    run.started = select.text();
+    run.ended = select.text();
+    rows.push_back(std::move(run));
+  }
+  return rows;
+}
+
+std::vector<SceneRow> Store::scenes(std::int64_t run_id) const {
+  Statement select(impl_->db, impl_->file,
+                   "SELECT name, title, scene_sha256, episodes_sha256, episodes FROM scene "
+                   "WHERE run_id = ? ORDER BY position");
+  select.bind(run_id);
+  std::vector<SceneRow> rows;
+  while (select.step()) {
+    SceneRow scene;
+    for (std::string* column :
+         {&scene.name, &scene.title, &scene.scene_sha256, &scene.episodes_sha256}) {
+      *column = select.text();
+    }
+    scene.episodes = select.integer();
+    rows.push_back(std::move(scene));
+  }
+  return rows;
+}
+
+std::vector<ArmRow> Store::arms(std::int64_t run_id) const {
+  Statement select(impl_->db, impl_->file,
+                   "SELECT name, detector, weights_sha256, tuned_on, score_threshold FROM arm "
+                   "WHERE run_id = ? ORDER BY position");
+  select.bind(run_id);
+  std::vector<ArmRow> rows;
+  while (select.step()) {
+    ArmRow arm;
+    for (std::string* column :
+         {&arm.name, &arm.detector, &arm.weights_sha256, &arm.tuned_on}) {
+      *column = select.text();
+    }
+    arm.score_threshold = select.number();
+    rows.push_back(std::move(arm));
+  }
+  return rows;
+}
+
+void Store::add_trial(std::int64_t run_id, const TrialRow& t) {
+  Impl::Transaction transaction(*impl_);
+  Statement remove_failed(impl_->db, impl_->file,
+                          "DELETE FROM trial WHERE run_id = ? AND arm = ? AND episode = ? AND "
+                          "repetition = ? AND outcome = 'error'");
+  remove_failed.bind(run_id).bind(t.arm).bind(t.episode).bind(t.repetition).step();
+
+  Statement insert(
+      impl_->db, impl_->file,
+      "INSERT INTO trial (run_id, arm, scene, episode, goal_class, repetition, outcome, "
+      "success, "
+      "stop_reason, spl, soft_spl, path_m, shortest_path_m, distance_to_goal_m, sim_s, "
+      "wall_s, "
+      "ticks, contacts, contact_s, first_visible_tick, first_detected_tick, "
+      "invalid_pixel_fraction, state_hash, render_ms, detect_ms, policy_ms, error, picture, "
+      "video, track, finished) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, "
+      "?, "
+      "?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+  const std::string hash = hex(t.state_hash), now = utc_now();
+  insert.bind(run_id).bind(t.arm).bind(t.scene).bind(t.episode).bind(t.goal_class);
+  insert.bind(t.repetition).bind(t.outcome).bind(t.success ? 1 : 0).bind(t.stop_reason);
+  insert.bind(t.spl).bind(t.soft_spl).bind(t.path_m).bind(t.shortest_path_m);
+  if (t.distance_to_goal_m && std::isfinite(*t.distance_to_goal_m)) {
+    insert.bind(*t.distance_to_goal_m);
+  } else {
+    insert.bind_null();
+  }
+  insert.bind(t.sim_s).bind(t.wall_s).bind(t.ticks).bind(t.contacts).bind(t.contact_s);
+  insert.bind(t.first_visible_tick).bind(t.first_detected_tick).bind(t.invalid_pixel_fraction);
+  insert.bind(hash).bind(t.render_ms).bind(t.detect_ms).bind(t.policy_ms).bind(t.error);
+  insert.bind(t.picture).bind(t.video).bind(t.track).bind(now);
+  insert.step();
+  transaction.commit();
+}
+
+std::vector<TrialRow> Store::trials(std::int64_t run_id) const {
+  Statement select(
+      impl_->db, impl_->file,
+      "SELECT trial.arm, trial.scene, episode, goal_class, repetition, outcome, success, "
+      "stop_reason, spl, soft_spl, path_m, shortest_path_m, distance_to_goal_m, sim_s, "
+      "wall_s, "
+      "ticks, contacts, contact_s, first_visible_tick, first_detected_tick, "
+      "invalid_pixel_fraction, state_hash, render_ms, detect_ms, policy_ms, error, picture, "
+      "video, track FROM trial "
+      "LEFT JOIN scene ON scene.run_id = trial.run_id AND scene.name = trial.scene "
+      "LEFT JOIN arm ON arm.run_id = trial.run_id AND arm.name = trial.arm "
+      "WHERE trial.run_id = ? ORDER BY scene.position, episode, repetition, arm.position");
+  select.bind(run_id);
+  std::vector<TrialRow> rows;
+  while (select.step()) {
+    TrialRow t;
+    for (std::string* column : {&t.arm, &t.scene, &t.episode, &t.goal_class}) {
+      *column = select.text();
+    }
+    t.repetition = select.small_integer();
+    t.outcome = select.text();
+    t.success = select.integer() != 0;
+    t.stop_reason = select.text();
+    for (double* column : {&t.spl, &t.soft_spl, &t.path_m, &t.shortest_path_m}) {
+      *column = select.number();
+    }
+    t.distance_to_goal_m = select.optional_number();
+    t.sim_s = select.number();
+    t.wall_s = select.number();
+    t.ticks = select.small_integer();
+    t.contacts = select.small_integer();
+    t.contact_s = select.number();
+    t.first_visible_tick = select.small_integer();
+    t.first_detected_tick = select.small_integer();
+    t.invalid_pixel_fraction = select.number();
+    t.state_hash = std::stoull(select.text(), nullptr, 16);
+    for (double* column : {&t.render_ms, &t.detect_ms, &t.policy_ms})
+      *column = select.number();
+    for (std::string* column : {&t.error, &t.picture, &t.video, &t.track}) {
+      *column = select.text();
+    }
+    rows.push_back(std::move(t));
+  }
+  return rows;
+}
+
+std::string utc_now() {
+  const std::time_t now =
+      std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
+  std::tm parts{};
+  gmtime_r(&now, &parts);
+  char text[32];
+  std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%SZ", &parts);
+  return text;
+}
+
+}  // namespace segsim::experiments

@@ -1,0 +1,58 @@
+// CSV form of trial rows.
+#include <cmath>
+#include <cstdio>
+
+#include "experiments/store.h"
+
+namespace segsim::experiments {
+namespace {
+
+std::string hex(std::uint64_t value) {
+  char text[17];
+  std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(value));
+  return text;
+}
+
+/// A quoted CSV field if it needs quotes.
+std::string csv_field(const std::string& text) {
+  if (text.find_first_of(",\"\n") == std::string::npos) return text;
+  std::string quoted = "\"";
+  for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
+  return quoted + "\"";
+}
+
+std::string csv_number(double value) {
+  if (!std::isfinite(value)) return "";
+  char text[32];
+  std::snprintf(text, sizeof text, "%.6g", value);
+  return text;
+}
+
+}  // namespace
+
+void write_trials_csv(std::ostream& out, const std::vector<TrialRow>& trials) {
+  out << "scene,episode,goal_class,repetition,arm,outcome,success,stop_reason,spl,soft_spl,"
+         "path_m,"
+         "shortest_path_m,distance_to_goal_m,sim_s,wall_s,ticks,contacts,contact_s,"
+         "first_visible_tick,first_detected_tick,invalid_pixel_fraction,state_hash,render_ms,"
+         "detect_ms,policy_ms,error\n";
+  for (const TrialRow& t : trials) {
+    out << csv_field(t.scene) << ',' << csv_field(t.episode) << ',' << csv_field(t.goal_class)
+        << ',' << t.repetition << ',' << csv_field(t.arm) << ',' << t.outcome << ','
+        << (t.success ? 1 : 0) << ',' << csv_field(t.stop_reason);
+    const double distance_m = t.distance_to_goal_m.value_or(std::nan(""));
+    for (const double value :
+         {t.spl, t.soft_spl, t.path_m, t.shortest_path_m, distance_m, t.sim_s, t.wall_s}) {
+      out << ',' << csv_number(value);
+    }
+    out << ',' << t.ticks << ',' << t.contacts << ',' << csv_number(t.contact_s) << ','
+        << t.first_visible_tick << ',' << t.first_detected_tick << ','
+        << csv_number(t.invalid_pixel_fraction) << ',' << hex(t.state_hash);
+    for (const double value : {t.render_ms, t.detect_ms, t.policy_ms}) {
+      out << ',' << csv_number(value);
+    }
+    out << ',' << csv_field(t.error) << '\n';
+  }
+}
+
+}  // namespace segsim::experiments

@@ -1,0 +1,363 @@
+// Text, Markdown, CSV and JSON forms of a ResultTable.
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include <nlohmann/json.hpp>
+
+#include "experiments/table.h"
+
+namespace segsim::experiments {
+namespace {
+
+/// A titled rectangle of cells.
+struct Grid {
+  std::string title;
+  std::vector<std::string> header;
+  std::vector<std::vector<std::string>> rows;
+};
+
+std::string print(const char* format, double value) {
+  char text[48];
+  std::snprintf(text, sizeof text, format, value);
+  return text;
+}
+
+std::string p_text(double p) { return p < 0.001 ? print("%.1e", p) : print("%.3f", p); }
+
+/// "12/20  60 % [39, 78]"
+std::string rate_text(const ArmSummary* arm) {
+  if (arm == nullptr || arm->success.trials == 0) return "-";
+  const Interval interval = wilson_interval(arm->success);
+  return std::to_string(arm->success.successes) + "/" + std::to_string(arm->success.trials) +
+         "  " + print("%.0f", 100.0 * arm->success.value()) + " % [" +
+         print("%.0f", 100.0 * interval.low) + ", " + print("%.0f", 100.0 * interval.high) +
+         "]";
+}
+
+std::string difference_text(const GroupSummary& group) {
+  if (group.pairs.total() == 0) return "-";
+  const PairedDifference& d = group.difference;
+  return print("%+.0f", 100.0 * d.difference) + " [" + print("%+.0f", 100.0 * d.interval.low) +
+         ", " + print("%+.0f", 100.0 * d.interval.high) + "]";
+}
+
+std::string pairs_text(const GroupSummary& group) {
+  return "+" + std::to_string(group.pairs.only_after) + " -" +
+         std::to_string(group.pairs.only_before) + " of " +
+         std::to_string(group.pairs.total());
+}
+
+bool compares(const ResultTable& table) {
+  return !table.before.empty() && !table.after.empty();
+}
+
+Grid comparison_grid(const ResultTable& table, const std::vector<GroupSummary>& groups,
+                     const std::string& first, bool corrected) {
+  Grid grid;
+  grid.title = corrected
+                   ? "By goal class (exploratory; p corrected by Holm for the number of rows)"
+                   : table.run.title;
+  grid.header = {first,      "SR-Before",
+                 "SR-After", "Difference [points]",
+                 "Pairs",    corrected ? "p (Holm)" : "p"};
+  if (!corrected) grid.header.insert(grid.header.end(), {"Verdict"});
+  if (!table.oracle.empty()) grid.header.emplace_back("SR-Oracle");
+  if (table.before != "before") grid.header[1] = "SR " + table.before;
+  if (table.after != "after") grid.header[2] = "SR " + table.after;
+  for (const GroupSummary& group : groups) {
+    std::vector<std::string> row{group.title + (group.leak ? " *" : ""),
+                                 rate_text(group.find(table.before)),
+                                 rate_text(group.find(table.after)),
+                                 difference_text(group),
+                                 pairs_text(group),
+                                 p_text(corrected ? group.p_holm : group.p_exact)};
+    if (!corrected) row.push_back(group.verdict);
+    if (!table.oracle.empty()) row.push_back(rate_text(group.find(table.oracle)));
+    grid.rows.push_back(std::move(row));
+  }
+  return grid;
+}
+
+/// For runs without two arms to compare.
+Grid rates_grid(const ResultTable& table, const std::vector<GroupSummary>& groups,
+                const std::string& first) {
+  Grid grid{table.run.title, {first}, {}};
+  for (const ArmRow& arm : table.arm_rows) grid.header.push_back("SR " + arm.name);
+  for (const GroupSummary& group : groups) {
+    std::vector<std::string> row{group.title};
+    for (const ArmSummary& arm : group.arms) row.push_back(rate_text(&arm));
+    grid.rows.push_back(std::move(row));
+  }
+  return grid;
+}
+
+Grid arms_grid(const std::vector<GroupSummary>& groups) {
+  Grid grid{"How the trials went",
+            {"Scene", "Arm", "SPL", "SoftSPL", "Time [s]", "Path [m]", "Contacts", "Holes [%]",
+             "Outcomes"},
+            {}};
+  for (const GroupSummary& group : groups) {
+    for (const ArmSummary& arm : group.arms) {
+      std::string outcomes;
+      for (const auto& [outcome, count] : arm.outcomes) {
+        outcomes += (outcomes.empty() ? "" : ", ") + outcome + " " + std::to_string(count);
+      }
+      grid.rows.push_back({group.title, arm.arm, print("%.3f", arm.spl),
+                           print("%.3f", arm.soft_spl), print("%.1f", arm.sim_s),
+                           print("%.1f", arm.path_m), print("%.2f", arm.contacts),
+                           print("%.1f", 100.0 * arm.invalid_pixels), outcomes});
+    }
+  }
+  return grid;
+}
+
+std::vector<Grid> grids_of(const ResultTable& table) {
+  std::vector<GroupSummary> rows = table.scenes;
+  if (table.all) rows.push_back(*table.all);
+  std::vector<Grid> grids;
+  if (compares(table)) {
+    grids.push_back(comparison_grid(table, rows, "Scene", false));
+    grids.push_back(comparison_grid(table, table.classes, "Goal", true));
+  } else {
+    grids.push_back(rates_grid(table, rows, "Scene"));
+    grids.push_back(rates_grid(table, table.classes, "Goal"));
+    grids.back().title = "By goal class";
+  }
+  grids.push_back(arms_grid(table.scenes));
+  return grids;
+}
+
+std::string pad(const std::string& text, std::size_t width) {
+  return text + std::string(width > text.size() ? width - text.size() : 0, ' ');
+}
+
+std::vector<std::size_t> widths_of(const Grid& grid) {
+  std::vector<std::size_t> widths;
+  for (const std::string& cell : grid.header) widths.push_back(cell.size());
+  for (const auto& row : grid.rows) {
+    for (std::size_t i = 0; i < row.size(); ++i)
+      widths[i] = std::max(widths[i], row[i].size());
+  }
+  return widths;
+}
+
+std::string text_line(const std::vector<std::string>& cells,
+                      const std::vector<std::size_t>& widths) {
+  std::string line;
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    line += (i == 0 ? "" : "  ") + pad(cells[i], widths[i]);
+  }
+  return line.substr(0, line.find_last_not_of(' ') + 1) + "\n";
+}
+
+/// Breaks at spaces so that no line is longer than `width`, if it can be done.
+std::string wrap(const std::string& text, std::size_t width, const std::string& indent) {
+  std::string wrapped, line;
+  std::size_t start = 0;
+  while (start < text.size()) {
+    const std::size_t end = std::min(text.find(' ', start), text.size());
+    const std::string word = text.substr(start, end - start);
+    if (!line.empty() && line.size() + 1 + word.size() > width) {
+      wrapped += line + "\n" + indent;
+      line.clear();
+    }
+    line += (line.empty() ? "" : " ") + word;
+    start = end + 1;
+  }
+  return wrapped + line;
+}
+
+std::string as_text(const ResultTable& table) {
+  std::string text;
+  for (const Grid& grid : grids_of(table)) {
+    const std::vector<std::size_t> widths = widths_of(grid);
+    text += grid.title + "\n\n" + text_line(grid.header, widths);
+    std::vector<std::string> rules;
+    for (const std::size_t width : widths) rules.emplace_back(width, '-');
+    text += text_line(rules, widths);
+    for (const auto& row : grid.rows) text += text_line(row, widths);
+    text += "\n";
+  }
+  for (const std::string& note : table.notes) text += "- " + wrap(note, 98, "  ") + "\n";
+  return text;
+}
+
+std::string markdown_line(const std::vector<std::string>& cells) {
+  std::string line = "|";
+  for (const std::string& cell : cells) line += " " + cell + " |";
+  return line + "\n";
+}
+
+std::string as_markdown(const ResultTable& table) {
+  std::string text;
+  for (const Grid& grid : grids_of(table)) {
+    text +=
+        (text.empty() ? "# " : "## ") + grid.title + "\n\n" + markdown_line(grid.header) + "|";
+    for (std::size_t i = 0; i < grid.header.size(); ++i) text += "---|";
+    text += "\n";
+    for (std::vector<std::string> row : grid.rows) {
+      for (std::string& cell : row) {  // The asterisk of leakage is not emphasis.
+        const std::size_t star = cell.rfind(" *");
+        if (star != std::string::npos && star + 2 == cell.size()) cell.insert(star + 1, "\\");
+      }
+      text += markdown_line(row);
+    }
+    text += "\n";
+  }
+  for (const std::string& note : table.notes) text += "- " + note + "\n";
+  return text;
+}
+
+std::string quoted(const std::string& text) {
+  std::string result = "\"";
+  for (const char c : text) result += c == '"' ? std::string("\"\"") : std::string(1, c);
+  return result + "\"";
+}
+
+/// Long form: one line per group and arm, numbers in columns of their own.
+std::string as_csv(const ResultTable& table) {
+  std::string text =
+      "kind,group,leak,arm,successes,episodes,sr,wilson_low,wilson_high,exact_low,exact_high,"
+      "spl,"
+      "soft_spl,sim_s,path_m,contacts,invalid_pixels,failed_trials,only_after,only_before,"
+      "pairs,"
+      "difference,difference_low,difference_high,p_exact,p_mid,p_holm,p_spl,verdict\n";
+  const auto add = [&](const char* kind, const GroupSummary& group) {
+    for (const ArmSummary& arm : group.arms) {
+      const Interval wilson = wilson_interval(arm.success);
+      const Interval exact = clopper_pearson_interval(arm.success);
+      text += std::string(kind) + "," + quoted(group.name) + "," + (group.leak ? "1," : "0,") +
+              quoted(arm.arm) + "," + std::to_string(arm.success.successes) + "," +
+              std::to_string(arm.success.trials);
+      for (const double value :
+           {arm.success.value(), wilson.low, wilson.high, exact.low, exact.high, arm.spl,
+            arm.soft_spl, arm.sim_s, arm.path_m, arm.contacts, arm.invalid_pixels}) {
+        text += "," + print("%.6g", value);
+      }
+      text += "," + std::to_string(arm.failed_trials);
+      // Comparisons stand on the line of the arm "after" only.
+      if (compares(table) && arm.arm == table.after) {
+        text += "," + std::to_string(group.pairs.only_after) + "," +
+                std::to_string(group.pairs.only_before) + "," +
+                std::to_string(group.pairs.total());
+        for (const double value : {group.difference.difference, group.difference.interval.low,
+                                   group.difference.interval.high, group.p_exact, group.p_mid,
+                                   group.p_holm, group.p_spl}) {
+          text += "," + print("%.6g", value);
+        }
+        text += "," + group.verdict + "\n";
+      } else {
+        text += ",,,,,,,,,,,\n";
+      }
+    }
+  };
+  for (const GroupSummary& group : table.scenes) add("scene", group);
+  if (table.all) add("all", *table.all);
+  for (const GroupSummary& group : table.classes) add("class", group);
+  return text;
+}
+
+nlohmann::ordered_json json_interval(const Interval& interval) {
+  return nlohmann::ordered_json::array({interval.low, interval.high});
+}
+
+nlohmann::ordered_json json_group(const ResultTable& table, const GroupSummary& group) {
+  nlohmann::ordered_json json;
+  json["name"] = group.name;
+  json["title"] = group.title;
+  json["leakage"] = group.leak ? "scene" : "none";
+  for (const ArmSummary& arm : group.arms) {
+    nlohmann::ordered_json& a = json["arms"][arm.arm];
+    a["successes"] = arm.success.successes;
+    a["episodes"] = arm.success.trials;
+    a["sr"] = arm.success.value();
+    a["wilson95"] = json_interval(wilson_interval(arm.success));
+    a["clopper_pearson95"] = json_interval(clopper_pearson_interval(arm.success));
+    a["spl"] = arm.spl;
+    a["soft_spl"] = arm.soft_spl;
+    a["sim_s"] = arm.sim_s;
+    a["path_m"] = arm.path_m;
+    a["contacts"] = arm.contacts;
+    a["invalid_pixels"] = arm.invalid_pixels;
+    a["failed_trials"] = arm.failed_trials;
+    for (const auto& [outcome, count] : arm.outcomes) a["outcomes"][outcome] = count;
+  }
+  if (compares(table)) {
+    nlohmann::ordered_json& c = json["comparison"];
+    c["both"] = group.pairs.both;
+    c["only_after"] = group.pairs.only_after;
+    c["only_before"] = group.pairs.only_before;
+    c["neither"] = group.pairs.neither;
+    c["dropped_pairs"] = group.dropped_pairs;
+    c["difference"] = group.difference.difference;
+    c["newcombe95"] = json_interval(group.difference.interval);
+    c["p_mcnemar_exact"] = group.p_exact;
+    c["p_mcnemar_mid"] = group.p_mid;
+    c["p_holm"] = group.p_holm;
+    c["p_spl_sign_flip"] = group.p_spl;
+    c["verdict"] = group.verdict;
+  }
+  return json;
+}
+
+std::string as_json(const ResultTable& table) {
+  nlohmann::ordered_json json;
+  json["schema"] = "segsim.table/1";
+  json["title"] = table.run.title;
+  json["before"] = table.before;
+  json["after"] = table.after;
+  json["oracle"] = table.oracle;
+  json["finished_trials"] = table.finished_trials;
+  json["planned_trials"] = table.run.planned_trials;
+  json["scenes"] = nlohmann::ordered_json::array();
+  for (const GroupSummary& group : table.scenes)
+    json["scenes"].push_back(json_group(table, group));
+  if (table.all) json["all"] = json_group(table, *table.all);
+  json["classes"] = nlohmann::ordered_json::array();
+  for (const GroupSummary& group : table.classes) {
+    json["classes"].push_back(json_group(table, group));
+  }
+  nlohmann::ordered_json& provenance = json["provenance"];
+  provenance["run"] = table.run.run_id;
+  provenance["name"] = table.run.name;
+  provenance["seed"] = table.run.seed;
+  provenance["planned_n"] = table.run.planned_n;
+  provenance["success_profile"] = table.run.success_profile;
+  provenance["code_version"] = table.run.code_version;
+  provenance["spec_sha256"] = table.run.spec_sha256;
+  provenance["host"] = table.run.host;
+  provenance["libraries"] = table.run.libraries;
+  provenance["started"] = table.run.started;
+  provenance["ended"] = table.run.ended;
+  for (const SceneRow& scene : table.scene_rows) {
+    provenance["scenes"][scene.name] = {{"scene_sha256", scene.scene_sha256},
+                                        {"episodes_sha256", scene.episodes_sha256},
+                                        {"episodes", scene.episodes}};
+  }
+  for (const ArmRow& arm : table.arm_rows) {
+    provenance["arms"][arm.name] = {{"detector", arm.detector},
+                                    {"weights_sha256", arm.weights_sha256},
+                                    {"tuned_on", arm.tuned_on}};
+  }
+  json["notes"] = table.notes;
+  return json.dump(2) + "\n";
+}
+
+}  // namespace
+
+std::string format_table(const ResultTable& table, TableFormat format) {
+  switch (format) {
+    case TableFormat::kText:
+      return as_text(table);
+    case TableFormat::kMarkdown:
+      return as_markdown(table);
+    case TableFormat::kCsv:
+      return as_csv(table);
+    case TableFormat::kJson:
+      return as_json(table);
+  }
+  return {};
+}
+
+}  // namespace segsim::experiments

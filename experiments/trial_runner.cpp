@@ -1,0 +1,273 @@
+#include "experiments/trial_runner.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <optional>
+
+#include "core/error.h"
+#include "core/file_io.h"
+#include "core/random.h"
+#include "experiments/trial_picture.h"
+#include "experiments/trial_video.h"
+#include "nav/frontier_policy.h"
+#include "perception/detector.h"
+#include "perception/image_file.h"
+#include "renderer/cpu_renderer.h"
+#include "renderer/ply_io.h"
+#include "sim/geodesy.h"
+
+namespace segsim::experiments {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kVideoSpeed = 2.0;  // Twice as fast as simulated time.
+
+double radians(double degrees) { return degrees * std::numbers::pi / 180.0; }
+
+sim::TrialOptions trial_options(const ExperimentSpec& spec, const SceneSpec& scene) {
+  sim::TrialOptions options;
+  options.control_period_s = spec.control_period_s;
+  options.time_limit_s = spec.time_limit_s;
+  options.success_distance_m = spec.success.distance_m;
+  options.require_visible = spec.success.require_visible;
+  options.visible_pixels = spec.success.visible_pixels;
+  options.camera = spec.camera.intrinsics();
+  options.camera_height_m = scene.camera_height_m;
+  options.camera_pitch_down_rad = radians(spec.camera.pitch_down_deg);
+  options.depth_range_m = spec.camera.depth_range_m;
+  return options;
+}
+
+/// "flat/potted plant/03" -> "flat/potted_plant-03.before", with "-r1" for the second
+/// repetition.
+std::string file_stem(const TrialTask& task) {
+  std::string stem = task.episode->id;
+  std::replace(stem.begin(), stem.end(), ' ', '_');
+  const std::size_t last = stem.rfind('/');
+  if (last != std::string::npos && stem.find('/') != last) stem[last] = '-';
+  if (task.repetition > 0) stem += "-r" + std::to_string(task.repetition);
+  return stem + "." + task.arm->name;
+}
+
+void copy_result(const sim::TrialResult& result, TrialRow& row) {
+  row.outcome = sim::to_string(result.outcome);
+  row.success = result.success;
+  row.stop_reason = result.stop_reason;
+  row.spl = result.spl;
+  row.soft_spl = result.soft_spl;
+  row.path_m = result.path_m;
+  row.shortest_path_m = result.shortest_path_m;
+  if (std::isfinite(result.distance_to_goal_m))
+    row.distance_to_goal_m = result.distance_to_goal_m;
+  row.sim_s = result.sim_s;
+  row.wall_s = result.wall_s;
+  row.ticks = result.ticks;
+  row.contacts = result.contacts;
+  row.contact_s = result.contact_s;
+  row.first_visible_tick = result.first_visible_tick;
+  row.first_detected_tick = result.first_detected_tick;
+  row.invalid_pixel_fraction = result.invalid_pixel_fraction;
+  row.state_hash = result.state_hash;
+  row.render_ms = result.render_ms;
+  row.detect_ms = result.detect_ms;
+  row.policy_ms = result.policy_ms;
+}
+
+/// GeoJSON and KML. @return  The GeoJSON's path relative to `work`.
+std::string write_track(const fs::path& work, const TrialTask& task,
+                        const sim::TrialResult& result) {
+  sim::GeoTrack track;
+  track.name = task.episode->id + " (" + task.arm->name + ")";
+  for (const sim::TickRecord& tick : result.track) {
+    track.positions_m.emplace_back(tick.pose.x_m, tick.pose.y_m);
+  }
+  if (track.positions_m.empty()) return {};
+  const sim::DistanceField to_goal =
+      task.scene->world.distance_to(task.episode->view_points_m);
+  const std::vector<glm::dvec2> way =
+      to_goal.path_from({task.episode->start.x_m, task.episode->start.y_m});
+  if (!way.empty()) track.goal_m = way.back();
+  track.properties = {{"goal", task.episode->class_name},
+                      {"arm", task.arm->name},
+                      {"outcome", sim::to_string(result.outcome)}};
+  const std::string stem = "tracks/" + file_stem(task);
+  sim::write_track_geojson(work / (stem + ".geojson"), task.scene->world.local_frame(), track);
+  sim::write_track_kml(work / (stem + ".kml"), task.scene->world.local_frame(), track);
+  return stem + ".geojson";
+}
+
+int index_of(const std::vector<std::string>& names, const std::string& name) {
+  const auto found = std::find(names.begin(), names.end(), name);
+  return found == names.end() ? -1 : static_cast<int>(found - names.begin());
+}
+
+}  // namespace
+
+EpisodeRules episode_rules(const ExperimentSpec& spec, const SceneSpec& scene) {
+  EpisodeRules rules;
+  rules.goals = scene.goals;
+  rules.count = scene.episodes;
+  rules.seed = spec.seed;
+  rules.camera = spec.camera.intrinsics();
+  rules.camera_height_m = scene.camera_height_m;
+  rules.camera_pitch_down_rad = radians(spec.camera.pitch_down_deg);
+  rules.min_visible_pixels = spec.success.visible_pixels;
+  rules.visible_start_pixels = spec.success.visible_pixels;
+  rules.min_start_m = scene.min_start_distance_m;
+  rules.max_start_m = scene.max_start_distance_m;
+  rules.allow_visible_start = scene.allow_visible_start;
+  return rules;
+}
+
+LoadedScene load_scene(const ExperimentSpec& spec, const SceneSpec& scene,
+                       const fs::path& bundle_folder, const fs::path& work) {
+  const sim::RobotModel robot = sim::RobotModel::by_name(spec.robot);
+  core::SceneBundle bundle = core::load_bundle(bundle_folder);
+  sim::World world = sim::World::load(bundle, robot);
+  auto surfels = std::make_shared<const renderer::SurfelCloud>(
+      renderer::read_surfels_ply(bundle.surfels_file()));
+  if (!surfels->has_labels()) {
+    throw core::InputError::expected(bundle.surfels_file().string(), "labelled surfels",
+                                     "none");
+  }
+
+  const EpisodeRules rules = episode_rules(spec, scene);
+  const fs::path file = work / "episodes" / (scene.name + ".jsonl");
+  std::optional<EpisodeSet> episodes;
+  if (fs::exists(file)) {
+    EpisodeSet kept = read_episodes(file);
+    if (kept.scene == scene.name && kept.scene_sha256 == bundle.scene_sha256 &&
+        kept.rules_sha256 == rules_hash(rules, robot.name)) {
+      episodes = std::move(kept);
+    }
+  }
+  if (!episodes) {
+    const auto eye = renderer::make_cpu_renderer(surfels, {});
+    write_episodes(file, generate_episodes(scene.name, bundle, world, *eye, rules));
+    episodes = read_episodes(file);
+  }
+  FloorPlan plan = make_floor_plan(*surfels);
+  return {&scene,          std::move(bundle),    std::move(world),          std::move(surfels),
+          std::move(plan), std::move(*episodes), core::sha256_of_file(file)};
+}
+
+fs::path weights_of(const ArmSpec& arm, const PreparedDetectors& detectors) {
+  switch (arm.detector) {
+    case ArmDetector::kBefore:
+      return detectors.before;
+    case ArmDetector::kAfter:
+      return detectors.after;
+    case ArmDetector::kFile:
+      return arm.weights;
+    case ArmDetector::kOracle:
+      break;
+  }
+  return {};
+}
+
+TrialRunner::TrialRunner(const ExperimentSpec& spec, PreparedDetectors detectors,
+                         fs::path work)
+    : spec_(spec), detectors_(std::move(detectors)), work_(std::move(work)) {}
+
+core::Renderer& TrialRunner::renderer_for(const LoadedScene& scene) {
+  std::unique_ptr<core::Renderer>& renderer = renderers_[scene.spec->name];
+  if (renderer == nullptr) {
+    // Trials run side by side, so each of them renders on its own thread only.
+    renderer::RenderOptions options;
+    options.threads = 1;
+    renderer = renderer::make_cpu_renderer(scene.surfels, options);
+  }
+  return *renderer;
+}
+
+TrialRunner::ArmDetectorSlot& TrialRunner::detector_for(const LoadedScene& scene,
+                                                        const ArmSpec& arm) {
+  const bool oracle = arm.detector == ArmDetector::kOracle;
+  ArmDetectorSlot& slot = slots_[oracle ? scene.spec->name + "/" + arm.name : arm.name];
+  if (slot.detector != nullptr) return slot;
+  if (oracle) {
+    std::vector<std::string> names;
+    for (const core::SceneClass& c : scene.bundle.manifest.classes) {
+      if (c.thing) names.push_back(c.name);
+    }
+    sim::OracleDetectorOptions options;
+    options.min_pixels = spec_.success.visible_pixels;
+    options.seed = spec_.seed;
+    auto detector =
+        std::make_unique<sim::OracleDetector>(scene.bundle.manifest.classes, names, options);
+    slot.truth = detector.get();
+    slot.detector = std::move(detector);
+  } else {
+    perception::DetectorOptions options;
+    if (arm.score_threshold)
+      options.score_threshold = static_cast<float>(*arm.score_threshold);
+    slot.detector = perception::load_detector(weights_of(arm, detectors_), options);
+  }
+  return slot;
+}
+
+TrialRow TrialRunner::run(const TrialTask& task) {
+  TrialRow row;
+  row.arm = task.arm->name;
+  row.scene = task.scene->spec->name;
+  row.episode = task.episode->id;
+  row.goal_class = task.episode->class_name;
+  row.repetition = task.repetition;
+  row.shortest_path_m = task.episode->shortest_path_m;
+  try {
+    run_checked(task, row);
+  } catch (const std::exception& error) {
+    row.outcome = "error";
+    row.success = false;
+    row.error = error.what();
+  }
+  return row;
+}
+
+void TrialRunner::run_checked(const TrialTask& task, TrialRow& row) {
+  sim::Episode episode = *task.episode;
+  if (task.repetition > 0) {
+    episode.seed = core::hash64("repetition " + std::to_string(task.repetition), episode.seed);
+  }
+  core::Renderer& renderer = renderer_for(*task.scene);
+  ArmDetectorSlot& slot = detector_for(*task.scene, *task.arm);
+  const std::unique_ptr<core::Policy> policy = nav::make_frontier_policy();
+  const sim::TrialOptions options = trial_options(spec_, *task.scene->spec);
+
+  TrialScene scene;
+  scene.plan = &task.scene->plan;
+  scene.manifest = &task.scene->bundle.manifest;
+  scene.episode = &episode;
+  scene.scene_title = task.scene->spec->title;
+  scene.arm = task.arm->name;
+  scene.goal_index = index_of(slot.detector->class_names(), episode.class_name);
+  scene.shortest_path_m = task.scene->world.distance_to(episode.view_points_m)
+                              .path_from({episode.start.x_m, episode.start.y_m});
+
+  std::optional<TrialVideo> video;
+  sim::TickObserver observer;
+  const std::string stem = file_stem(task);
+  if (task.video) {
+    row.video = "videos/" + stem + ".mp4";
+    video.emplace(work_ / row.video, scene, slot.detector->class_names(),
+                  kVideoSpeed / spec_.control_period_s);
+    observer = [&](const sim::TickRecord& tick, const core::Frame& frame,
+                   const std::vector<core::Detection>& detections,
+                   const core::Policy& of) { video->add(tick, frame, detections, of.view()); };
+  }
+
+  const sim::TrialResult result =
+      sim::run_trial(episode, options, task.scene->world, task.scene->world.robot(), renderer,
+                     *slot.detector, *policy, slot.truth, observer);
+  copy_result(result, row);
+  if (video) video->finish(result);
+  if (spec_.pictures) {
+    row.picture = "pictures/" + stem + ".png";
+    perception::write_image(work_ / row.picture, draw_trial(scene, result));
+  }
+  row.track = write_track(work_, task, result);
+}
+
+}  // namespace segsim::experiments

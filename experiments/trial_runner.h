@@ -1,0 +1,87 @@
+#pragma once
+
+/// @file
+/// The wiring: which renderer, detector and policy stand behind the interfaces of one trial,
+/// and what is kept of it.
+
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <string>
+
+#include "core/render.h"
+#include "core/scene_bundle.h"
+#include "core/stages.h"
+#include "experiments/episodes.h"
+#include "experiments/floor_plan.h"
+#include "experiments/prepare.h"
+#include "experiments/spec.h"
+#include "experiments/store.h"
+#include "renderer/surfels.h"
+#include "sim/oracle_detector.h"
+#include "sim/trial.h"
+#include "sim/world.h"
+
+namespace segsim::experiments {
+
+/// A scene in memory: immutable, shared by all workers.
+struct LoadedScene {
+  const SceneSpec* spec = nullptr;
+  core::SceneBundle bundle;
+  sim::World world;
+  std::shared_ptr<const renderer::SurfelCloud> surfels;
+  FloorPlan plan;
+  EpisodeSet episodes;
+  std::string episodes_sha256;
+};
+
+/// Rules of the spec for one scene's episodes.
+[[nodiscard]] EpisodeRules episode_rules(const ExperimentSpec& spec, const SceneSpec& scene);
+
+/// Loads a bundle and its episodes, from ${work}/episodes/<scene>.jsonl if that file was made
+/// by the same rules for the same bundle; else they are generated and written there.
+[[nodiscard]] LoadedScene load_scene(const ExperimentSpec& spec, const SceneSpec& scene,
+                                     const std::filesystem::path& bundle_folder,
+                                     const std::filesystem::path& work);
+
+/// One cell of the experiment; what it points to outlives it.
+struct TrialTask {
+  const LoadedScene* scene = nullptr;
+  const sim::Episode* episode = nullptr;
+  const ArmSpec* arm = nullptr;
+  int repetition = 0;
+  bool video = false;
+};
+
+/// Weights of an arm; empty for the oracle.
+[[nodiscard]] std::filesystem::path weights_of(const ArmSpec& arm,
+                                               const PreparedDetectors& detectors);
+
+/// Runs trials one after another: one object per thread, with renderers and detectors of its
+/// own.
+class TrialRunner {
+ public:
+  TrialRunner(const ExperimentSpec& spec, PreparedDetectors detectors,
+              std::filesystem::path work);
+
+  /// The result depends on the task and the spec only. Writes picture, track and video. What a
+  /// trial throws becomes a row with outcome "error".
+  [[nodiscard]] TrialRow run(const TrialTask& task);
+
+ private:
+  struct ArmDetectorSlot {
+    std::unique_ptr<core::Detector> detector;
+    sim::GroundTruthSink* truth = nullptr;  ///< The oracle itself.
+  };
+  core::Renderer& renderer_for(const LoadedScene& scene);
+  ArmDetectorSlot& detector_for(const LoadedScene& scene, const ArmSpec& arm);
+  void run_checked(const TrialTask& task, TrialRow& row);
+
+  const ExperimentSpec& spec_;
+  PreparedDetectors detectors_;
+  std::filesystem::path work_;
+  std::map<std::string, std::unique_ptr<core::Renderer>> renderers_;  ///< By scene.
+  std::map<std::string, ArmDetectorSlot> slots_;  ///< By arm; the oracle's by scene and arm.
+};
+
+}  // namespace segsim::experiments

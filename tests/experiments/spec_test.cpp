@@ -1,0 +1,185 @@
+#include "experiments/spec.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "core/error.h"
+
+namespace segsim::experiments {
+namespace {
+
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+const char* const kSpec = R"(schema: segsim.experiment/1
+name: two-flats
+title: Two flats
+seed: 7
+scenes:
+  - name: flat-1
+    title: Flat 1
+    source: {type: flat, seed: 11, voxel_m: 0.03, capture: {frames: 90, width: 320, height: 240}}
+    goals: [chair, couch]
+    episodes: 6
+    camera_height_m: 1.1
+  - name: office
+    source: {type: rgbd, folder: "${data}/office", boxes: "${spec}/boxes.json", frame_step: 2}
+    goals: [chair]
+    start_distance_m: [1.5, 8]
+detectors:
+  pretrain: {rooms: 3, views_per_room: 5, steps: 40}
+  finetune: {scenes: [flat-1], views_per_scene: 30, steps: 50}
+arms:
+  - {name: before, detector: before}
+  - {name: after, detector: after, score_threshold: 0.4}
+  - {name: oracle, detector: oracle}
+  - {name: other, detector: "${data}/other.bin"}
+robot: jackal-gentle
+control_period_s: 0.2
+camera: {width: 160, height: 120, hfov_deg: 80, pitch_down_deg: 10, depth_range_m: 5}
+success: {profile: segsim-object, distance_m: 0.8, visible_pixels: 25}
+planned_n: 6
+videos: first
+)";
+
+ExperimentSpec parse(const std::string& text, SpecFolders folders = {"/d", ""}) {
+  return parse_spec(text, "specs/two.yaml", folders);
+}
+
+/// The message of the error that a spec causes; empty if it causes none.
+std::string error_of(const std::string& text, const SpecFolders& folders = {"/d", ""}) {
+  try {
+    (void)parse(text, folders);
+  } catch (const core::InputError& error) {
+    return error.what();
+  }
+  return {};
+}
+
+std::string with(std::string text, const std::string& from, const std::string& to) {
+  const std::size_t at = text.find(from);
+  EXPECT_NE(at, std::string::npos) << from;
+  return text.replace(at, from.size(), to);
+}
+
+TEST(Spec, EveryFieldIsRead) {
+  SpecFolders folders{"/d", ""};
+  const ExperimentSpec spec = parse_spec(kSpec, "specs/two.yaml", folders);
+  EXPECT_EQ(folders.work, "out/two-flats");
+  EXPECT_EQ(spec.name, "two-flats");
+  EXPECT_EQ(spec.seed, 7U);
+  ASSERT_EQ(spec.scenes.size(), 2U);
+
+  const SceneSpec& flat = spec.scenes[0];
+  EXPECT_EQ(flat.title, "Flat 1");
+  EXPECT_EQ(flat.bundle, "out/two-flats/scenes/flat-1");
+  ASSERT_TRUE(flat.source.has_value());
+  EXPECT_EQ(flat.source->type, SourceType::kFlat);
+  EXPECT_EQ(flat.source->seed, 11U);
+  EXPECT_EQ(flat.source->capture.frames, 90);
+  EXPECT_EQ(flat.source->capture.width_px, 320);
+  EXPECT_DOUBLE_EQ(flat.source->voxel_m, 0.03);
+  EXPECT_THAT(flat.goals, ElementsAre("chair", "couch"));
+  EXPECT_EQ(flat.episodes, 6);
+  EXPECT_DOUBLE_EQ(flat.camera_height_m, 1.1);
+
+  const SceneSpec& office = spec.scenes[1];
+  EXPECT_EQ(office.title, "office");
+  EXPECT_EQ(office.source->folder, "/d/office");
+  EXPECT_EQ(office.source->boxes, "specs/boxes.json");
+  EXPECT_EQ(office.source->frame_step, 2);
+  EXPECT_DOUBLE_EQ(office.min_start_distance_m, 1.5);
+  EXPECT_DOUBLE_EQ(office.max_start_distance_m, 8.0);
+
+  EXPECT_EQ(spec.detectors.before, "out/two-flats/detector-before.bin");
+  EXPECT_EQ(spec.detectors.pretrain->rooms, 3);
+  EXPECT_EQ(spec.detectors.finetune->views_per_scene, 30);
+  ASSERT_EQ(spec.arms.size(), 4U);
+  EXPECT_EQ(spec.arms[0].detector, ArmDetector::kBefore);
+  EXPECT_DOUBLE_EQ(spec.arms[1].score_threshold.value(), 0.4);
+  EXPECT_EQ(spec.arms[2].detector, ArmDetector::kOracle);
+  EXPECT_EQ(spec.arms[3].weights, "/d/other.bin");
+  EXPECT_EQ(spec.robot, "jackal-gentle");
+  EXPECT_EQ(spec.camera.intrinsics().width_px, 160);
+  EXPECT_NEAR(spec.camera.intrinsics().horizontal_fov_rad(), 80.0 * 3.14159265 / 180.0, 1e-6);
+  EXPECT_EQ(spec.success.visible_pixels, 25);
+  EXPECT_EQ(spec.planned_n, 6);
+  EXPECT_EQ(spec.videos, Videos::kFirst);
+}
+
+TEST(Spec, LeakageFollowsTheFineTuningScenes) {
+  const ExperimentSpec spec = parse(kSpec);
+  const ArmSpec& before = *spec.find_arm("before");
+  const ArmSpec& after = *spec.find_arm("after");
+  EXPECT_TRUE(spec.leaks(after, *spec.find_scene("flat-1")));
+  EXPECT_FALSE(spec.leaks(after, *spec.find_scene("office")));
+  EXPECT_FALSE(spec.leaks(before, *spec.find_scene("flat-1")));
+  // Without a list all scenes are tuned on.
+  const ExperimentSpec all = parse(with(kSpec, "scenes: [flat-1], ", ""));
+  EXPECT_TRUE(all.leaks(*all.find_arm("after"), *all.find_scene("office")));
+}
+
+TEST(Spec, TheHashIsThatOfTheText) {
+  EXPECT_EQ(parse(kSpec).sha256, parse(kSpec).sha256);
+  EXPECT_NE(parse(kSpec).sha256, parse(with(kSpec, "seed: 7", "seed: 8")).sha256);
+}
+
+TEST(Spec, AnUnknownKeyIsNamedWithItsLineAndTheNearestKey) {
+  EXPECT_THAT(
+      error_of(with(kSpec, "planned_n: 6", "plannedn: 6")),
+      AllOf(HasSubstr("specs/two.yaml:32"), HasSubstr("plannedn"), HasSubstr("planned_n")));
+  EXPECT_THAT(error_of(with(kSpec, "    episodes: 6", "    epsiodes: 6")),
+              AllOf(HasSubstr("specs/two.yaml:10"), HasSubstr("episodes")));
+  EXPECT_THAT(error_of(with(kSpec, "depth_range_m: 5", "depth_range: 5")),
+              AllOf(HasSubstr(":30"), HasSubstr("depth_range_m")));
+}
+
+TEST(Spec, AWrongTypeOrValueIsNamedWithItsLine) {
+  EXPECT_THAT(error_of(with(kSpec, "episodes: 6", "episodes: six")),
+              AllOf(HasSubstr(":10"), HasSubstr("integer"), HasSubstr("six")));
+  EXPECT_THAT(error_of(with(kSpec, "hfov_deg: 80", "hfov_deg: 190")),
+              AllOf(HasSubstr(":30"), HasSubstr("hfov_deg"), HasSubstr("190")));
+  EXPECT_THAT(error_of(with(kSpec, "detector: after,", "detector: aftr,")),
+              AllOf(HasSubstr(":21"), HasSubstr("near: after")));
+  EXPECT_THAT(error_of(with(kSpec, "[flat-1], v", "[flat-2], v")), HasSubstr("near: flat-1"));
+  EXPECT_THAT(error_of(with(kSpec, "robot: jackal-gentle", "robot: jakal")),
+              AllOf(HasSubstr(":28"), HasSubstr("jackal")));
+  EXPECT_THAT(error_of(with(kSpec, "name: after", "name: before")), HasSubstr("a new name"));
+  EXPECT_THAT(error_of(with(kSpec, "name: flat-1", "name: flat/1")), HasSubstr("letters"));
+  EXPECT_THAT(error_of(with(kSpec, "control_period_s: 0.2", "control_period_s: 0.033")),
+              HasSubstr("0.005"));
+  EXPECT_THAT(error_of(with(kSpec, "segsim.experiment/1", "segsim.experiment/2")),
+              HasSubstr("segsim.experiment/1"));
+}
+
+TEST(Spec, VariablesInPathsAreChecked) {
+  EXPECT_THAT(error_of(kSpec, {"", ""}), AllOf(HasSubstr(":13"), HasSubstr("--data")));
+  EXPECT_THAT(error_of(with(kSpec, "${data}/office", "${date}/office")),
+              AllOf(HasSubstr(":13"), HasSubstr("${date}")));
+  EXPECT_THAT(error_of(with(kSpec, "${data}/office", "${data/office")), HasSubstr("closing"));
+}
+
+TEST(Spec, MissingPartsAreNamed) {
+  EXPECT_THAT(error_of("schema: segsim.experiment/1\nname: x\n"), HasSubstr("scenes"));
+  EXPECT_THAT(error_of("name: x\n"), HasSubstr("schema"));
+  EXPECT_THAT(error_of("schema: segsim.experiment/1\nname: x\nscenes: []\narms: []\n"),
+              HasSubstr("at least one scene"));
+}
+
+TEST(Spec, TheSpecsOfTheRepositoryAreValid) {
+  const std::filesystem::path folder = SEGSIM_SPECS;
+  int found = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    if (entry.path().extension() != ".yaml") continue;
+    SpecFolders folders{"/data", ""};
+    const ExperimentSpec spec = load_spec(entry.path(), folders);
+    EXPECT_EQ(spec.name, entry.path().stem());
+    EXPECT_NE(spec.find_arm("oracle"), nullptr);
+    ++found;
+  }
+  EXPECT_GE(found, 3);
+}
+
+}  // namespace
+}  // namespace segsim::experiments

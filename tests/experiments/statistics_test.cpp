@@ -1,0 +1,211 @@
+#include "experiments/statistics.h"
+
+#include <cmath>
+
+#include <gtest/gtest.h>
+
+#include "core/check.h"
+#include "core/random.h"
+
+namespace segsim::experiments {
+namespace {
+
+struct IntervalCase {
+  int k, n;
+  double wilson_low, wilson_high, exact_low, exact_high;
+};
+
+// Computed independently with scipy.stats (binomtest.proportion_ci).
+constexpr IntervalCase kIntervals[] = {
+    {0, 10, 0, .2775, 0, .3085},
+    {9, 10, .5958, .9821, .5550, .9975},
+    {5, 5, .5655, 1, .4782, 1},
+    {10, 20, .2993, .7007, .2720, .7280},
+    {25, 100, .1755, .3430, .1688, .3466},
+    {1050, 2000, .5031, .5468, .5028, .5471},
+};
+
+TEST(Statistics, IntervalsHaveTheReferenceValues) {
+  for (const IntervalCase& c : kIntervals) {
+    const Interval wilson = wilson_interval({c.k, c.n});
+    const Interval exact = clopper_pearson_interval({c.k, c.n});
+    EXPECT_NEAR(wilson.low, c.wilson_low, 6e-5) << c.k << "/" << c.n;
+    EXPECT_NEAR(wilson.high, c.wilson_high, 6e-5) << c.k << "/" << c.n;
+    EXPECT_NEAR(exact.low, c.exact_low, 6e-5) << c.k << "/" << c.n;
+    EXPECT_NEAR(exact.high, c.exact_high, 6e-5) << c.k << "/" << c.n;
+  }
+}
+
+TEST(Statistics, IntervalsAreExactAtTheEndsAndStayInTheUnitRange) {
+  for (int n = 1; n <= 60; ++n) {
+    EXPECT_EQ(wilson_interval({0, n}).low, 0.0);
+    EXPECT_EQ(wilson_interval({n, n}).high, 1.0);
+    EXPECT_EQ(clopper_pearson_interval({0, n}).low, 0.0);
+    EXPECT_EQ(clopper_pearson_interval({n, n}).high, 1.0);
+    for (int k = 0; k <= n; ++k) {
+      const double p = static_cast<double>(k) / n;
+      for (const Interval& interval :
+           {wilson_interval({k, n}), clopper_pearson_interval({k, n})}) {
+        EXPECT_GE(interval.low, 0.0);
+        EXPECT_LE(interval.low, p);
+        EXPECT_GE(interval.high, p);
+        EXPECT_LE(interval.high, 1.0);
+      }
+    }
+  }
+  EXPECT_EQ(wilson_interval({0, 0}).low, 0.0);
+  EXPECT_EQ(clopper_pearson_interval({0, 0}).high, 1.0);
+  EXPECT_THROW((void)wilson_interval({3, 2}), core::ContractViolation);
+}
+
+TEST(Statistics, HalfWidthsOfWilsonAtOneHalf) {
+  const std::pair<int, double> expected[] = {{20, .20},   {50, .13},   {100, .096},
+                                             {200, .069}, {500, .044}, {2000, .022}};
+  for (const auto& [n, half] : expected) {
+    const Interval interval = wilson_interval({n / 2, n});
+    EXPECT_NEAR(0.5 * (interval.high - interval.low), half, n <= 50 ? 5e-3 : 6e-4) << n;
+  }
+}
+
+TEST(Statistics, IncompleteBetaAgreesWithTheBinomialSum) {
+  // P(X >= k) for X ~ Binomial(n, x) equals I_x(k, n - k + 1).
+  for (const double x : {0.05, 0.3, 0.5, 0.77, 0.98}) {
+    for (int n = 1; n <= 40; n += 3) {
+      for (int k = 1; k <= n; k += 2) {
+        double tail = 0.0;
+        for (int i = k; i <= n; ++i) {
+          tail += std::exp(std::lgamma(n + 1.0) - std::lgamma(i + 1.0) -
+                           std::lgamma(n - i + 1.0)) *
+                  std::pow(x, i) * std::pow(1.0 - x, n - i);
+        }
+        EXPECT_NEAR(incomplete_beta(k, n - k + 1.0, x), tail, 1e-11);
+      }
+    }
+  }
+  EXPECT_NEAR(incomplete_beta(2.5, 3.5, inverse_incomplete_beta(2.5, 3.5, 0.123)), 0.123,
+              1e-12);
+}
+
+TEST(Statistics, NormalQuantileInvertsTheDistribution) {
+  EXPECT_NEAR(normal_quantile(0.975), 1.959963984540054, 1e-12);
+  EXPECT_NEAR(normal_quantile(0.8), 0.8416212335729143, 1e-12);
+  for (double x = -5.0; x <= 5.0; x += 0.25) {
+    EXPECT_NEAR(normal_quantile(0.5 * std::erfc(-x / std::sqrt(2.0))), x, 1e-9);
+  }
+}
+
+struct McNemarCase {
+  int b, c;
+  double exact, mid, tolerance;
+};
+
+TEST(Statistics, McNemarHasTheReferenceValues) {
+  const McNemarCase cases[] = {
+      {4, 0, .125, .0625, 1e-12},
+      {5, 0, .0625, .03125, 1e-12},
+      {6, 0, .03125, .015625, 1e-12},
+      {8, 0, .0078125, .00390625, 1e-12},
+      {6, 1, .125, .0703125, 1e-12},
+      {10, 2, .03857, .02246, 6e-6},
+      {15, 5, .04139, .02660, 6e-6},
+      {12, 5, .14346, .09625, 6e-6},
+      {30, 10, .002221, .001450, 6e-7},
+      {3, 3, 1, .6875, 1e-12},
+      {0, 0, 1, 1, 1e-12},
+  };
+  for (const McNemarCase& c : cases) {
+    EXPECT_NEAR(mcnemar_exact_p(c.b, c.c), c.exact, c.tolerance) << c.b << ", " << c.c;
+    EXPECT_NEAR(mcnemar_mid_p(c.b, c.c), c.mid, c.tolerance) << c.b << ", " << c.c;
+    EXPECT_EQ(mcnemar_exact_p(c.b, c.c), mcnemar_exact_p(c.c, c.b));
+  }
+}
+
+TEST(Statistics, FewerThanSixDiscordantPairsAreNeverSignificant) {
+  for (int n = 0; n < kMinDiscordantPairs; ++n) EXPECT_GE(mcnemar_exact_p(n, 0), 0.05);
+  EXPECT_LT(mcnemar_exact_p(kMinDiscordantPairs, 0), 0.05);
+}
+
+TEST(Statistics, TheExactTestKeepsItsLevel) {
+  // Two equal arms: the share of p < 0.05 over many repeats must not exceed the level by much.
+  core::RandomStream random(5, "level");
+  int significant = 0;
+  for (int repeat = 0; repeat < 1000; ++repeat) {
+    int b = 0, c = 0;
+    for (int pair = 0; pair < 40; ++pair) {
+      const bool first = random.chance(0.5), second = random.chance(0.5);
+      b += !first && second ? 1 : 0;
+      c += first && !second ? 1 : 0;
+    }
+    significant += mcnemar_exact_p(b, c) < 0.05 ? 1 : 0;
+  }
+  EXPECT_LE(significant, 60);
+  EXPECT_GE(significant, 10);
+}
+
+TEST(Statistics, NewcombeHasTheReferenceValues) {
+  struct Case {
+    PairedCounts counts;
+    double difference, low, high;
+  };
+  const Case cases[] = {
+      {{1, 4, 0, 0}, .80, .1926, .9638},  {{1, 1, 0, 2}, .25, -.3196, .6553},
+      {{5, 5, 0, 10}, .25, .0319, .4337}, {{20, 15, 5, 60}, .10, .0120, .1866},
+      {{2, 8, 0, 0}, .80, .3840, .9433},
+  };
+  for (const Case& c : cases) {
+    const PairedDifference found = newcombe_paired_difference(c.counts);
+    EXPECT_NEAR(found.difference, c.difference, 1e-12);
+    EXPECT_NEAR(found.interval.low, c.low, 6e-5);
+    EXPECT_NEAR(found.interval.high, c.high, 6e-5);
+  }
+}
+
+TEST(Statistics, SwappingTheArmsMirrorsTheDifference) {
+  for (int seed = 0; seed < 50; ++seed) {
+    core::RandomStream random(static_cast<std::uint64_t>(seed), "swap");
+    const auto draw = [&] { return static_cast<int>(random.index(20)); };
+    const PairedCounts counts{draw(), draw(), draw(), 1 + draw()};
+    const PairedCounts swapped{counts.both, counts.only_before, counts.only_after,
+                               counts.neither};
+    const PairedDifference one = newcombe_paired_difference(counts);
+    const PairedDifference other = newcombe_paired_difference(swapped);
+    EXPECT_NEAR(one.interval.low, -other.interval.high, 1e-12);
+    EXPECT_NEAR(one.interval.high, -other.interval.low, 1e-12);
+  }
+}
+
+TEST(Statistics, PairsNeededHaveTheReferenceValues) {
+  // psi = p_b + p_c and delta = p_b - p_c of (.30, .05), (.25, 0), (.20, .10), (.15, .05).
+  EXPECT_EQ(pairs_needed(.35, .25), 42);
+  EXPECT_EQ(pairs_needed(.25, .25), 29);
+  EXPECT_EQ(pairs_needed(.30, .10), 234);
+  EXPECT_EQ(pairs_needed(.20, .10), 155);
+}
+
+TEST(Statistics, HolmCorrectionByHand) {
+  const std::vector<double> corrected = holm_correction(std::vector<double>{.04, .01, .03});
+  EXPECT_NEAR(corrected[0], .06, 1e-12);  // max(0.03 * 2, 0.04 * 1)
+  EXPECT_NEAR(corrected[1], .03, 1e-12);
+  EXPECT_NEAR(corrected[2], .06, 1e-12);
+}
+
+TEST(Statistics, SignFlipAgreesWithCounting) {
+  // Of the 8 sign patterns only +++ and --- reach the observed sum.
+  EXPECT_NEAR(sign_flip_p(std::vector<double>{1, 2, 3}), 2.0 / 8.0, 1e-12);
+  EXPECT_EQ(sign_flip_p(std::vector<double>{}), 1.0);
+  // A clear shift of 40 values: the random version finds it, and repeats itself.
+  const std::vector<double> shift(40, 0.2);
+  EXPECT_LT(sign_flip_p(shift), 0.001);
+  EXPECT_EQ(sign_flip_p(shift), sign_flip_p(shift));
+}
+
+TEST(Statistics, VerdictWords) {
+  EXPECT_EQ(verdict({5, 8, 0, 3}), "improved");
+  EXPECT_EQ(verdict({5, 0, 8, 3}), "worse");
+  EXPECT_EQ(verdict({2, 2, 1, 5}), "underpowered");
+  EXPECT_EQ(verdict({20, 12, 5, 20}), "unresolved");
+  EXPECT_EQ(verdict({200, 2, 2, 200}), "held");
+}
+
+}  // namespace
+}  // namespace segsim::experiments

@@ -1,0 +1,230 @@
+#include "experiments/store.h"
+
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sqlite3.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "core/error.h"
+
+namespace segsim::experiments {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+/// A folder of its own, removed in the end.
+class StoreTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::temp_directory_path() / ("segsim_store_" + std::to_string(getpid()));
+    fs::remove_all(folder_);
+    fs::create_directories(folder_);
+    file_ = folder_ / "results.sqlite";
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  fs::path folder_, file_;
+};
+
+RunRow a_run() {
+  RunRow run;
+  run.name = "demo";
+  run.title = "Demo";
+  run.spec_sha256 = "abc";
+  run.spec_text = "name: demo\n";
+  run.code_version = "0.1";
+  run.host = "h";
+  run.success_profile = "p";
+  run.seed = 18446744073709551557ULL;  // Larger than SQLite's signed integers.
+  run.planned_n = 4;
+  run.planned_trials = 8;
+  return run;
+}
+
+std::int64_t begin(Store& store) {
+  return store.begin_run(
+      a_run(), {{"b", "Scene B", "s1", "e1", 2}, {"a", "Scene A", "s2", "e2", 2}},
+      {{"before", "w.bin", "ff", "", -1}, {"after", "v.bin", "fe", "b", 0.5}});
+}
+
+TrialRow a_trial(const std::string& arm, const std::string& episode, bool success) {
+  TrialRow trial;
+  trial.arm = arm;
+  trial.scene = episode.substr(0, 1);
+  trial.episode = episode;
+  trial.goal_class = "chair";
+  trial.outcome = success ? "success" : "timeout";
+  trial.success = success;
+  trial.spl = success ? 0.5 : 0.0;
+  trial.path_m = 3.25;
+  trial.distance_to_goal_m = 0.125;
+  trial.ticks = 17;
+  trial.state_hash = 0xfedcba9876543210ULL;
+  return trial;
+}
+
+TEST_F(StoreTest, WhatIsWrittenIsReadBack) {
+  std::int64_t id = 0;
+  {
+    Store store(file_);
+    id = begin(store);
+    store.add_trial(id, a_trial("before", "b/chair/00", true));
+  }
+  const Store store(file_);
+  ASSERT_EQ(store.runs().size(), 1U);
+  const RunRow run = store.runs()[0];
+  EXPECT_EQ(run.spec_text, "name: demo\n");
+  EXPECT_EQ(run.seed, 18446744073709551557ULL);
+  EXPECT_EQ(run.planned_trials, 8);
+  EXPECT_FALSE(run.started.empty());
+  EXPECT_TRUE(run.ended.empty());
+  EXPECT_EQ(store.scenes(id)[0].name, "b");
+  EXPECT_EQ(store.arms(id)[1].tuned_on, "b");
+  ASSERT_EQ(store.trials(id).size(), 1U);
+  const TrialRow trial = store.trials(id)[0];
+  EXPECT_EQ(trial.episode, "b/chair/00");
+  EXPECT_TRUE(trial.success);
+  EXPECT_EQ(trial.path_m, 3.25);
+  EXPECT_EQ(trial.distance_to_goal_m.value(), 0.125);
+  EXPECT_EQ(trial.first_visible_tick, -1);
+  EXPECT_EQ(trial.state_hash, 0xfedcba9876543210ULL);
+}
+
+TEST_F(StoreTest, OrderDoesNotDependOnInsertion) {
+  Store store(file_);
+  const std::int64_t id = begin(store);
+  for (const auto& [arm, episode] :
+       std::vector<std::pair<std::string, std::string>>{{"after", "a/chair/00"},
+                                                        {"before", "b/chair/01"},
+                                                        {"after", "b/chair/00"},
+                                                        {"before", "b/chair/00"},
+                                                        {"before", "a/chair/00"}}) {
+    store.add_trial(id, a_trial(arm, episode, true));
+  }
+  std::string order;
+  for (const TrialRow& t : store.trials(id)) order += t.episode + "=" + t.arm + " ";
+  // Scenes and arms in the order of the spec, episodes by name.
+  EXPECT_EQ(order,
+            "b/chair/00=before b/chair/00=after b/chair/01=before a/chair/00=before "
+            "a/chair/00=after ");
+}
+
+TEST_F(StoreTest, ATrialIsStoredOnce) {
+  Store store(file_);
+  const std::int64_t id = begin(store);
+  store.add_trial(id, a_trial("before", "b/chair/00", true));
+  EXPECT_THROW(store.add_trial(id, a_trial("before", "b/chair/00", false)), core::InputError);
+  ASSERT_EQ(store.trials(id).size(), 1U);
+  EXPECT_TRUE(store.trials(id)[0].success);  // The first one stays.
+  // Another repetition, arm or run is another trial.
+  TrialRow again = a_trial("before", "b/chair/00", false);
+  again.repetition = 1;
+  store.add_trial(id, again);
+  store.add_trial(begin(store), a_trial("before", "b/chair/00", false));
+  EXPECT_EQ(store.trials(id).size(), 2U);
+}
+
+TEST_F(StoreTest, AFailedTrialIsReplaced) {
+  Store store(file_);
+  const std::int64_t id = begin(store);
+  TrialRow failed = a_trial("before", "b/chair/00", false);
+  failed.outcome = "error";
+  failed.error = "no memory";
+  store.add_trial(id, failed);
+  EXPECT_TRUE(store.trials(id)[0].failed());
+  store.add_trial(id, a_trial("before", "b/chair/00", true));
+  ASSERT_EQ(store.trials(id).size(), 1U);
+  EXPECT_FALSE(store.trials(id)[0].failed());
+}
+
+TEST_F(StoreTest, AKilledProcessLeavesOnlyWholeTrials) {
+  std::int64_t id = 0;
+  {
+    Store store(file_);
+    id = begin(store);
+  }
+  const pid_t child = fork();
+  ASSERT_GE(child, 0);
+  if (child == 0) {
+    // One finished trial, then death in the middle of the next transaction.
+    Store store(file_);
+    store.add_trial(id, a_trial("before", "b/chair/00", true));
+    sqlite3* db = nullptr;
+    sqlite3_open(file_.c_str(), &db);
+    const std::string copy =
+        "BEGIN IMMEDIATE; CREATE TEMP TABLE t AS SELECT * FROM trial; UPDATE t SET trial_id = "
+        "NULL, episode = 'b/chair/99'; INSERT INTO trial SELECT * FROM t;";
+    const bool inserted =
+        sqlite3_exec(db, copy.c_str(), nullptr, nullptr, nullptr) == SQLITE_OK &&
+        sqlite3_changes(db) == 1;
+    if (!inserted) _exit(1);
+    kill(getpid(), SIGKILL);
+  }
+  int status = 0;
+  waitpid(child, &status, 0);
+  ASSERT_TRUE(WIFSIGNALED(status));
+
+  Store store(file_);
+  ASSERT_EQ(store.trials(id).size(), 1U);
+  EXPECT_EQ(store.trials(id)[0].episode, "b/chair/00");
+  store.add_trial(id, a_trial("before", "b/chair/99", true));  // It can go on.
+  EXPECT_EQ(store.trials(id).size(), 2U);
+}
+
+/// The message with which a database is refused.
+std::string refusal(const fs::path& file) {
+  try {
+    const Store store(file);
+  } catch (const core::InputError& error) {
+    return error.what();
+  }
+  return {};
+}
+
+TEST_F(StoreTest, AnotherSchemaVersionIsRefused) {
+  { const Store store(file_); }
+  sqlite3* db = nullptr;
+  ASSERT_EQ(sqlite3_open(file_.c_str(), &db), SQLITE_OK);
+  sqlite3_exec(db, "UPDATE meta SET schema_version = 99", nullptr, nullptr, nullptr);
+  sqlite3_close(db);
+  EXPECT_THAT(refusal(file_), HasSubstr("version 99"));
+  EXPECT_THAT(refusal(file_), HasSubstr("results.sqlite"));
+}
+
+TEST_F(StoreTest, OtherFilesAreRefused) {
+  const fs::path foreign = folder_ / "foreign.sqlite";
+  sqlite3* db = nullptr;
+  ASSERT_EQ(sqlite3_open(foreign.c_str(), &db), SQLITE_OK);
+  sqlite3_exec(db, "CREATE TABLE recipes (name TEXT)", nullptr, nullptr, nullptr);
+  sqlite3_close(db);
+  EXPECT_THAT(refusal(foreign), HasSubstr("another SQLite database"));
+  const fs::path text = folder_ / "notes.txt";
+  std::ofstream(text) << "This is no database, but it is long enough to be taken for one. "
+                      << std::string(2000, '.');
+  EXPECT_THAT(refusal(text), HasSubstr("notes.txt"));
+}
+
+TEST_F(StoreTest, CsvHasNoNaNAndQuotesWhatNeedsIt) {
+  TrialRow trial = a_trial("before", "b/chair/00", false);
+  trial.distance_to_goal_m.reset();
+  trial.stop_reason = "stuck, \"badly\"";
+  std::ostringstream out;
+  write_trials_csv(out, {trial});
+  const std::string text = out.str();
+  EXPECT_THAT(text, HasSubstr("\"stuck, \"\"badly\"\"\""));
+  EXPECT_EQ(text.find("nan"), std::string::npos);
+  EXPECT_EQ(text.find("inf"), std::string::npos);
+  // As many fields in the row as in the header.
+  const std::string header = text.substr(0, text.find('\n'));
+  const auto commas = [](const std::string& s) { return std::count(s.begin(), s.end(), ','); };
+  EXPECT_EQ(commas(header), commas(text.substr(header.size())) - 1);  // One comma is quoted.
+}
+
+}  // namespace
+}  // namespace segsim::experiments

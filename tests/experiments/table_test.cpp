@@ -1,0 +1,209 @@
+#include "experiments/table.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "core/error.h"
+
+namespace segsim::experiments {
+namespace {
+
+using testing::Contains;
+using testing::HasSubstr;
+using testing::Not;
+
+RunRow a_run(int planned) {
+  RunRow run;
+  run.run_id = 3;
+  run.name = "demo";
+  run.title = "Object search before and after fine-tuning";
+  run.spec_sha256 = "0123456789abcdef";
+  run.code_version = "0.1.0 (abc)";
+  run.host = "host";
+  run.success_profile = "segsim-object: STOP within 1 m";
+  run.seed = 7;
+  run.planned_trials = planned;
+  run.started = "2026-01-31T12:00:00Z";
+  return run;
+}
+
+const std::vector<SceneRow> kScenes{
+    {"flat", "Flat", std::string(64, 'a'), std::string(64, 'b'), 10}};
+const std::vector<ArmRow> kArms{{"before", "one.bin", std::string(64, 'c'), "", -1},
+                                {"after", "two.bin", std::string(64, 'd'), "flat", -1},
+                                {"oracle", "oracle", "", "", -1}};
+
+/// Ten episodes, five couches and five chairs: 2 both, 6 only after, 1 only before, 1 neither.
+std::vector<TrialRow> ten_episodes() {
+  const std::string before = "ss.....s..", after = "ssssssss..";
+  std::vector<TrialRow> trials;
+  for (int k = 0; k < 10; ++k) {
+    const auto add = [&](const std::string& arm, bool success) {
+      TrialRow t;
+      t.arm = arm;
+      t.scene = "flat";
+      t.goal_class = k < 5 ? "couch" : "chair";
+      t.episode = "flat/" + t.goal_class + "/0" + std::to_string(k);
+      t.success = success;
+      t.outcome = success ? "success" : "timeout";
+      t.spl = success ? 0.5 : 0.0;
+      t.sim_s = 20;
+      t.path_m = 4;
+      trials.push_back(t);
+    };
+    const auto at = static_cast<std::size_t>(k);
+    add("before", before[at] == 's' || k == 9);
+    add("after", after[at] == 's');
+    add("oracle", true);
+  }
+  return trials;
+}
+
+TEST(Table, CountsPairsByHand) {
+  const ResultTable table = summarise(a_run(30), kScenes, kArms, ten_episodes());
+  ASSERT_EQ(table.scenes.size(), 1U);
+  const GroupSummary& flat = table.scenes[0];
+  EXPECT_EQ(flat.find("before")->success.successes, 4);
+  EXPECT_EQ(flat.find("after")->success.successes, 8);
+  EXPECT_EQ(flat.pairs.both, 3);
+  EXPECT_EQ(flat.pairs.only_after, 5);
+  EXPECT_EQ(flat.pairs.only_before, 1);
+  EXPECT_EQ(flat.pairs.neither, 1);
+  EXPECT_NEAR(flat.p_exact, 14.0 / 64.0, 1e-12);  // 2 (C(6,0) + C(6,1)) / 2^6
+  EXPECT_DOUBLE_EQ(flat.find("after")->spl, 0.4);
+  EXPECT_TRUE(flat.leak);
+  EXPECT_EQ(table.oracle, "oracle");
+  EXPECT_FALSE(table.all.has_value());
+  ASSERT_EQ(table.classes.size(), 2U);
+  EXPECT_EQ(table.classes[0].name, "chair");
+  EXPECT_EQ(table.classes[0].pairs.total(), 5);
+}
+
+TEST(Table, TextIsAsExpected) {
+  const std::string text =
+      format_table(summarise(a_run(30), kScenes, kArms, ten_episodes()), TableFormat::kText);
+  const std::string expected = R"(Object search before and after fine-tuning
+
+Scene   SR-Before            SR-After             Difference [points]  Pairs        p      Verdict       SR-Oracle
+------  -------------------  -------------------  -------------------  -----------  -----  ------------  ---------------------
+Flat *  4/10  40 % [17, 69]  8/10  80 % [49, 94]  +40 [-7, +71]        +5 -1 of 10  0.219  unresolved    10/10  100 % [72, 100]
+)";
+  // The row's figures, whatever the column widths.
+  for (const char* cell : {"Flat *", "4/10  40 % [17, 69]", "8/10  80 % [49, 94]",
+                           "+5 -1 of 10", "0.219", "unresolved", "10/10  100 % [72, 100]"}) {
+    EXPECT_THAT(expected, HasSubstr(cell));
+    EXPECT_THAT(text, HasSubstr(cell));
+  }
+  for (const char* note : {"LEAKAGE", "Fewer than 5 scenes", "seed 7",
+                           "Success profile: segsim-object", "weights cccccccccccc"}) {
+    EXPECT_THAT(text, HasSubstr(note));
+  }
+  EXPECT_THAT(text, Not(HasSubstr("INTERIM")));
+}
+
+TEST(Table, AnUnfinishedRunIsMarked) {
+  const ResultTable table = summarise(a_run(60), kScenes, kArms, ten_episodes());
+  EXPECT_THAT(table.notes, Contains(HasSubstr("INTERIM: 30 of 60 trials")));
+}
+
+TEST(Table, FailedTrialsAreInNoRateAndNoPair) {
+  std::vector<TrialRow> trials = ten_episodes();
+  trials[0].outcome = "error";  // "before" of the first episode
+  const ResultTable table = summarise(a_run(30), kScenes, kArms, trials);
+  EXPECT_EQ(table.scenes[0].find("before")->success.trials, 9);
+  EXPECT_EQ(table.scenes[0].pairs.total(), 9);
+  EXPECT_EQ(table.scenes[0].dropped_pairs, 1);
+  EXPECT_EQ(table.finished_trials, 29);
+  EXPECT_THAT(table.notes, Contains(HasSubstr("1 trial failed")));
+  EXPECT_THAT(table.notes, Contains(HasSubstr("1 episode without")));
+}
+
+TEST(Table, RepetitionsAreNotIndependentEpisodes) {
+  std::vector<TrialRow> trials = ten_episodes();
+  const std::size_t single = trials.size();
+  for (int repetition = 1; repetition < 3; ++repetition) {
+    for (std::size_t i = 0; i < single; ++i) {
+      trials.push_back(trials[i]);
+      trials.back().repetition = repetition;
+    }
+  }
+  // One repetition of three turned round changes no episode.
+  for (TrialRow& t : trials) {
+    if (t.repetition == 2) t.success = !t.success;
+  }
+  const ResultTable table = summarise(a_run(90), kScenes, kArms, trials);
+  EXPECT_EQ(table.scenes[0].pairs.total(), 10);
+  EXPECT_EQ(table.scenes[0].find("after")->success.successes, 8);
+  EXPECT_EQ(table.scenes[0].find("after")->trials, 30);
+}
+
+TEST(Table, FewDiscordantPairsAndAWeakOracleAreTold) {
+  std::vector<TrialRow> trials = ten_episodes();
+  for (TrialRow& t : trials) {
+    if (t.arm == "after") t.success = trials[0].success && t.episode == trials[0].episode;
+    if (t.arm == "oracle" && t.goal_class == "chair") t.success = false;
+  }
+  const ResultTable table = summarise(a_run(30), kScenes, kArms, trials);
+  EXPECT_THAT(table.notes, Contains(HasSubstr("at least 6")));
+  EXPECT_THAT(table.notes, Contains(HasSubstr("oracle SR 5/10")));
+}
+
+TEST(Table, TheSameArmTwiceHasNoDiscordantPairs) {
+  std::vector<TrialRow> trials;
+  for (const TrialRow& t : ten_episodes()) {
+    if (t.arm != "before") continue;
+    trials.push_back(t);
+    trials.push_back(t);
+    trials.back().arm = "after";
+  }
+  const GroupSummary group = summarise(a_run(20), kScenes, kArms, trials).scenes[0];
+  EXPECT_EQ(group.pairs.discordant(), 0);
+  EXPECT_EQ(group.p_exact, 1.0);
+}
+
+TEST(Table, ArmsCanBeChosenAndUnknownOnesAreRefused) {
+  const ResultTable table =
+      summarise(a_run(30), kScenes, kArms, ten_episodes(), "after", "oracle");
+  EXPECT_EQ(table.scenes[0].pairs.only_after, 2);
+  EXPECT_THROW((void)summarise(a_run(30), kScenes, kArms, ten_episodes(), "afer", ""),
+               core::InputError);
+}
+
+TEST(Table, JsonAndCsvAreComplete) {
+  const ResultTable table = summarise(a_run(30), kScenes, kArms, ten_episodes());
+  const nlohmann::json json = nlohmann::json::parse(format_table(table, TableFormat::kJson));
+  EXPECT_EQ(json.at("scenes")[0].at("arms").at("after").at("successes"), 8);
+  EXPECT_EQ(json.at("scenes")[0].at("leakage"), "scene");
+  EXPECT_NEAR(json.at("scenes")[0].at("comparison").at("p_mcnemar_exact").get<double>(),
+              0.21875, 1e-12);
+  EXPECT_EQ(json.at("provenance").at("seed"), 7);
+
+  const std::string csv = format_table(table, TableFormat::kCsv);
+  std::size_t start = 0, fields = 0, lines = 0;
+  while (start < csv.size()) {
+    const std::size_t end = csv.find('\n', start);
+    const auto commas = static_cast<std::size_t>(
+        std::count(csv.begin() + static_cast<std::ptrdiff_t>(start),
+                   csv.begin() + static_cast<std::ptrdiff_t>(end), ','));
+    if (lines++ == 0) fields = commas;
+    EXPECT_EQ(commas, fields) << csv.substr(start, end - start);
+    start = end + 1;
+  }
+  EXPECT_EQ(lines, 1U + 3U * 3U);  // Header; scene and two classes, three arms each.
+}
+
+TEST(Table, MarkdownKeepsItsColumns) {
+  const std::string text = format_table(summarise(a_run(30), kScenes, kArms, ten_episodes()),
+                                        TableFormat::kMarkdown);
+  EXPECT_THAT(text, HasSubstr("| Scene | SR-Before | SR-After |"));
+  EXPECT_THAT(text, HasSubstr("Flat \\*"));
+}
+
+TEST(Table, FormatWords) {
+  EXPECT_EQ(table_format_from("md"), TableFormat::kMarkdown);
+  EXPECT_THROW((void)table_format_from("markdwn"), core::InputError);
+}
+
+}  // namespace
+}  // namespace segsim::experiments

@@ -1,0 +1,307 @@
+// The executable as a user runs it: exit codes, one-line errors, and the whole chain on a small room.
+
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+struct Run {
+  int exit_code = -1;
+  std::string output;  ///< Standard output and error.
+};
+
+Run segsim(const std::string& arguments) {
+  const std::string command = std::string(SEGSIM_BINARY) + " " + arguments + " 2>&1";
+  FILE* pipe = ::popen(command.c_str(), "r");
+  Run run;
+  std::array<char, 4096> buffer{};
+  while (std::fgets(buffer.data(), buffer.size(), pipe) != nullptr) run.output += buffer.data();
+  run.exit_code = WEXITSTATUS(::pclose(pipe));
+  return run;
+}
+
+std::string read(const fs::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  std::ostringstream text;
+  text << stream.rdbuf();
+  return text.str();
+}
+
+void write(const fs::path& file, const std::string& text) {
+  fs::create_directories(file.parent_path());
+  std::ofstream(file, std::ios::binary) << text;
+}
+
+/// Writes boxes as Wavefront objects with a coloured material each.
+class ObjWriter {
+ public:
+  void add_box(const std::string& name, std::array<double, 3> lo, std::array<double, 3> hi,
+               const std::string& color) {
+    materials_ << "newmtl m" << count_ << "\nKd " << color << "\n";
+    faces_ << "o " << name << "\nusemtl m" << count_ << "\n";
+    for (int i = 0; i < 8; ++i) {
+      faces_ << "v " << ((i & 1) != 0 ? hi : lo)[0] << " " << ((i & 2) != 0 ? hi : lo)[1] << " "
+             << ((i & 4) != 0 ? hi : lo)[2] << "\n";
+    }
+    constexpr int kFaces[6][4] = {{0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4},
+                                  {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}};
+    for (const auto& face : kFaces) {
+      faces_ << "f";
+      for (const int corner : face) faces_ << " " << 8 * count_ + corner + 1;
+      faces_ << "\n";
+    }
+    ++count_;
+  }
+  void save(const fs::path& file) const {
+    write(file.parent_path() / "room.mtl", materials_.str());
+    write(file, "mtllib room.mtl\n" + faces_.str());
+  }
+
+ private:
+  std::ostringstream faces_, materials_;
+  int count_ = 0;
+};
+
+/// 6 x 5 m room, y up as Wavefront files are: couch at one end, a table in the middle.
+void write_room(const fs::path& file) {
+  ObjWriter obj;
+  obj.add_box("floor", {-3.0, -0.1, -2.5}, {3.0, 0.0, 2.5}, "0.6 0.5 0.4");
+  obj.add_box("wall_1", {-3.1, 0.0, -2.5}, {-3.0, 2.4, 2.5}, "0.8 0.8 0.7");
+  obj.add_box("wall_2", {3.0, 0.0, -2.5}, {3.1, 2.4, 2.5}, "0.7 0.8 0.8");
+  obj.add_box("wall_3", {-3.0, 0.0, -2.6}, {3.0, 2.4, -2.5}, "0.8 0.7 0.8");
+  obj.add_box("wall_4", {-3.0, 0.0, 2.5}, {3.0, 2.4, 2.6}, "0.7 0.7 0.7");
+  obj.add_box("wall_5", {-0.1, 0.0, -2.5}, {0.1, 2.4, 0.9}, "0.75 0.75 0.6");
+  obj.add_box("ceiling", {-3.1, 2.4, -2.6}, {3.1, 2.5, 2.6}, "0.9 0.9 0.9");
+  obj.add_box("couch", {1.6, 0.0, -2.4}, {2.9, 0.8, -1.6}, "0.8 0.1 0.1");
+  obj.add_box("bed", {-2.9, 0.0, -2.4}, {-1.6, 0.5, -1.5}, "0.1 0.2 0.8");
+  obj.save(file);
+}
+
+class Cli : public ::testing::Test {
+ protected:
+  Cli() : folder_(fs::temp_directory_path() / ("segsim_cli_" + std::to_string(::getpid()))) {
+    fs::remove_all(folder_);
+    fs::create_directories(folder_);
+  }
+  ~Cli() override { fs::remove_all(folder_); }
+  [[nodiscard]] std::string at(const std::string& name) const { return (folder_ / name).string(); }
+
+  /// A valid recording of three frames: a wall 2 m ahead.
+  void write_recording(const std::string& name) const {
+    const fs::path folder = folder_ / name;
+    fs::create_directories(folder);
+    write(folder / "intrinsics.txt", "60 0 31.5\n0 60 23.5\n0 0 1\n");
+    for (int i = 0; i < 3; ++i) {
+      char stem[32];
+      std::snprintf(stem, sizeof stem, "frame-%06d", i);
+      cv::Mat color(48, 64, CV_8UC3), depth(48, 64, CV_16U, cv::Scalar(2000));
+      cv::randu(color, 0, 255);
+      cv::imwrite(folder / (std::string(stem) + ".color.png"), color);
+      cv::imwrite(folder / (std::string(stem) + ".depth.png"), depth);
+      write(folder / (std::string(stem) + ".pose.txt"),
+            "0 0 1 " + std::to_string(0.1 * i) + "\n-1 0 0 0\n0 -1 0 1.2\n0 0 0 1\n");
+    }
+  }
+  [[nodiscard]] Run reconstruct(const std::string& name) const {
+    return segsim("reconstruct " + at(name) + " --floor-height 0 --out " + at("bundle"));
+  }
+  fs::path folder_;
+};
+
+void expect_input_error(const Run& run, const std::string& place, const std::string& expected,
+                        const std::string& found) {
+  EXPECT_EQ(run.exit_code, 2) << run.output;
+  EXPECT_THAT(run.output, HasSubstr(place));
+  EXPECT_THAT(run.output, HasSubstr("expected " + expected));
+  EXPECT_THAT(run.output, HasSubstr("found " + found));
+}
+
+TEST_F(Cli, HelpListsTheSubcommandsAndVersionPrints) {
+  const Run help = segsim("--help");
+  EXPECT_EQ(help.exit_code, 0);
+  for (const char* name : {"run", "table", "capture", "reconstruct", "scene", "render", "label",
+                           "detector"}) {
+    EXPECT_THAT(help.output, HasSubstr(name));
+    EXPECT_EQ(segsim(std::string(name) + " --help").exit_code, 0);
+  }
+  EXPECT_EQ(segsim("--version").exit_code, 0);
+  EXPECT_EQ(segsim("").exit_code, 2);
+  EXPECT_EQ(segsim("fly").exit_code, 2);
+}
+
+TEST_F(Cli, TruncatedPngIsNamed) {
+  write_recording("r");
+  const fs::path file = folder_ / "r" / "frame-000001.depth.png";
+  fs::resize_file(file, fs::file_size(file) / 2);
+  expect_input_error(reconstruct("r"), "frame-000001.depth.png", "", "");
+}
+
+TEST_F(Cli, PoseWithNanIsNamed) {
+  write_recording("r");
+  write(folder_ / "r" / "frame-000002.pose.txt", "0 0 1 nan\n-1 0 0 0\n0 -1 0 1.2\n0 0 0 1\n");
+  expect_input_error(reconstruct("r"), "frame-000002.pose.txt", "", "");
+}
+
+TEST_F(Cli, BadFrameIsSkippedOnRequestAndCounted) {
+  write_recording("r");
+  write(folder_ / "r" / "frame-000002.pose.txt", "0 0 1 nan\n-1 0 0 0\n0 -1 0 1.2\n0 0 0 1\n");
+  const Run run = segsim("reconstruct " + at("r") + " --on-bad-frame skip --floor-height 0 --out " +
+                         at("bundle"));
+  EXPECT_THAT(run.output, HasSubstr("warning: "));
+  EXPECT_THAT(run.output, HasSubstr("frame-000002"));
+}
+
+TEST_F(Cli, IntrinsicsWithEightNumbersAreRefused) {
+  write_recording("r");
+  write(folder_ / "r" / "intrinsics.txt", "60 0 31.5\n0 60 23.5\n0 0\n");
+  const Run run = reconstruct("r");
+  EXPECT_EQ(run.exit_code, 2) << run.output;
+  EXPECT_THAT(run.output, HasSubstr("intrinsics.txt"));
+  EXPECT_THAT(run.output, HasSubstr("8"));
+}
+
+TEST_F(Cli, PlyWithoutRot3IsRefused) {
+  std::string header = "ply\nformat ascii 1.0\nelement vertex 1\n";
+  for (const char* name : {"x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0",
+                           "scale_1", "rot_0", "rot_1", "rot_2"}) {
+    header += std::string("property float ") + name + "\n";
+  }
+  write(folder_ / "s.ply", header + "end_header\n0 0 0 0 0 0 1 -3 -3 1 0 0\n");
+  const Run run = segsim("render " + at("s.ply") + " --out " + at("v.png"));
+  EXPECT_EQ(run.exit_code, 2) << run.output;
+  EXPECT_THAT(run.output, HasSubstr("s.ply"));
+  EXPECT_THAT(run.output, HasSubstr("rot_3"));
+}
+
+TEST_F(Cli, UnknownKeyInASpecNamesLineAndNearestKey) {
+  write(folder_ / "spec.yaml", "schema: segsim.experiment/1\nname: x\nseeed: 3\n");
+  const Run run = segsim("run " + at("spec.yaml") + " --work " + at("w"));
+  EXPECT_EQ(run.exit_code, 2) << run.output;
+  EXPECT_THAT(run.output, HasSubstr("spec.yaml"));
+}
+
+TEST_F(Cli, DamagedBundleIsRefused) {
+  fs::create_directories(folder_ / "b");
+  EXPECT_EQ(segsim("scene inspect " + at("b")).exit_code, 2);
+  EXPECT_EQ(segsim("scene inspect " + at("none")).exit_code, 2);
+}
+
+TEST_F(Cli, MissingTextureIsACountedWarning) {
+  write_room(folder_ / "room.obj");
+  std::ofstream(folder_ / "room.mtl", std::ios::app) << "map_Kd nowhere.png\n";
+  const Run run = segsim("capture --mesh " + at("room.obj") + " --out " + at("cap") +
+                         " --frames 2 --width 64 --height 48");
+  EXPECT_EQ(run.exit_code, 0) << run.output;
+  EXPECT_THAT(run.output, HasSubstr("nowhere.png"));
+  EXPECT_THAT(run.output, HasSubstr("1 warnings"));
+}
+
+/// The whole chain on a room of two corners: an experiment with the oracle detector.
+class Chain : public Cli {
+ protected:
+  void SetUp() override {
+    write_room(folder_ / "room.obj");
+    write(folder_ / "spec.yaml",
+          "schema: segsim.experiment/1\n"
+          "name: chain\n"
+          "seed: 5\n"
+          "robot: jackal-gentle\n"
+          "control_period_s: 0.2\n"
+          "time_limit_s: 60\n"
+          "camera: {width: 128, height: 96, hfov_deg: 79}\n"
+          "scenes:\n"
+          "  - name: room\n"
+          "    goals: [couch, bed]\n"
+          "    episodes: 6\n"
+          "    min_start_distance_m: 1.0\n"
+          "    allow_visible_start: true\n"
+          "    source:\n"
+          "      type: mesh\n"
+          "      world: " + at("room.obj") + "\n"
+          "      voxel_m: 0.04\n"
+          "      capture: {frames: 60, width: 160, height: 120}\n"
+          "arms:\n"
+          "  - {name: oracle, detector: oracle}\n");
+  }
+  [[nodiscard]] std::string run_arguments(const std::string& work) const {
+    return "run " + at("spec.yaml") + " --work " + at(work);
+  }
+  /// The part of a work folder's table that does not depend on wall time.
+  [[nodiscard]] std::string rows(const std::string& work) const {
+    const Run table = segsim("table " + at(work) + " --trials");
+    EXPECT_EQ(table.exit_code, 0) << table.output;
+    return table.output;
+  }
+};
+
+TEST_F(Chain, RunsToATableAndRepeatsItself) {
+  const Run first = segsim(run_arguments("a"));
+  ASSERT_EQ(first.exit_code, 0) << first.output;
+  EXPECT_THAT(first.output, HasSubstr("6/6"));
+
+  const Run render = segsim("render " + at("a/scenes/room") + " --pose 1.5 0 1.2 90 5 --out " +
+                            at("view.exr"));
+  EXPECT_EQ(render.exit_code, 0) << render.output;
+  const Run inspect = segsim("scene inspect " + at("a/scenes/room"));
+  EXPECT_EQ(inspect.exit_code, 0) << inspect.output;
+  EXPECT_THAT(inspect.output, HasSubstr("couch"));
+
+  // Same spec and seed in another folder: identical trials.
+  const Run second = segsim(run_arguments("b"));
+  ASSERT_EQ(second.exit_code, 0) << second.output;
+  EXPECT_EQ(rows("a"), rows("b"));
+}
+
+TEST_F(Chain, KilledRunGoesOnAndGivesTheSameTable) {
+  ASSERT_EQ(segsim(run_arguments("whole")).exit_code, 0);
+
+  const pid_t child = ::fork();
+  ASSERT_GE(child, 0);
+  if (child == 0) {
+    const std::string spec = at("spec.yaml");
+    const std::string work = at("killed");
+    ::freopen("/dev/null", "w", stdout);
+    ::freopen("/dev/null", "w", stderr);
+    ::execl(SEGSIM_BINARY, SEGSIM_BINARY, "run", spec.c_str(), "--work", work.c_str(), nullptr);
+    std::_Exit(127);
+  }
+  // Kill it as soon as the store exists and holds something, or after a minute.
+  for (int i = 0; i < 600; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    std::error_code error;
+    if (fs::exists(at("killed/results.sqlite"), error) && fs::exists(at("killed/pictures"), error) &&
+        !fs::is_empty(at("killed/pictures"), error)) {
+      break;
+    }
+  }
+  ::kill(child, SIGKILL);
+  int status = 0;
+  ::waitpid(child, &status, 0);
+
+  const Run again = segsim(run_arguments("killed"));
+  ASSERT_EQ(again.exit_code, 0) << again.output;
+  EXPECT_EQ(rows("whole"), rows("killed"));
+}
+
+}  // namespace
