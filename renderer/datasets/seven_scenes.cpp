@@ -122,12 +122,10 @@ std::unique_ptr<RgbdSequence> open_seven_scenes(const fs::path& folder,
                                ? "layout: 7scenes; integer pixel centres assumed: 0.5 px added"
                                : "layout: 7scenes; pixel centres at +0.5");
 
-  for (const auto& [name, files] : table) {
-    if (accept_frame(options.on_bad_frame, name, parts.warnings, [&, &n = name, &f = files] {
-          parts.frames.push_back(read_frame(n, f, folder, parts.has_masks));
-        })) {
-      continue;
-    }
+  for (const auto& entry : table) {
+    (void)accept_frame(options.on_bad_frame, entry.first, parts.warnings, [&] {
+      parts.frames.push_back(read_frame(entry.first, entry.second, folder, parts.has_masks));
+    });
   }
   parts.intrinsics = read_intrinsics(intrinsics_file(folder),
                                      first_image_size(parts.frames, folder), center_offset_px);

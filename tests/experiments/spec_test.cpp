@@ -128,23 +128,24 @@ TEST(Spec, TheHashIsThatOfTheText) {
 TEST(Spec, AnUnknownKeyIsNamedWithItsLineAndTheNearestKey) {
   EXPECT_THAT(
       error_of(with(kSpec, "planned_n: 6", "plannedn: 6")),
-      AllOf(HasSubstr("specs/two.yaml:32"), HasSubstr("plannedn"), HasSubstr("planned_n")));
+      AllOf(HasSubstr("specs/two.yaml:28"), HasSubstr("plannedn"), HasSubstr("planned_n")));
   EXPECT_THAT(error_of(with(kSpec, "    episodes: 6", "    epsiodes: 6")),
               AllOf(HasSubstr("specs/two.yaml:10"), HasSubstr("episodes")));
   EXPECT_THAT(error_of(with(kSpec, "depth_range_m: 5", "depth_range: 5")),
-              AllOf(HasSubstr(":30"), HasSubstr("depth_range_m")));
+              AllOf(HasSubstr(":26"), HasSubstr("depth_range_m")));
 }
 
 TEST(Spec, AWrongTypeOrValueIsNamedWithItsLine) {
   EXPECT_THAT(error_of(with(kSpec, "episodes: 6", "episodes: six")),
               AllOf(HasSubstr(":10"), HasSubstr("integer"), HasSubstr("six")));
   EXPECT_THAT(error_of(with(kSpec, "hfov_deg: 80", "hfov_deg: 190")),
-              AllOf(HasSubstr(":30"), HasSubstr("hfov_deg"), HasSubstr("190")));
+              AllOf(HasSubstr(":26"), HasSubstr("hfov_deg"), HasSubstr("[10, 150]"),
+                    HasSubstr("190")));
   EXPECT_THAT(error_of(with(kSpec, "detector: after,", "detector: aftr,")),
               AllOf(HasSubstr(":21"), HasSubstr("near: after")));
   EXPECT_THAT(error_of(with(kSpec, "[flat-1], v", "[flat-2], v")), HasSubstr("near: flat-1"));
   EXPECT_THAT(error_of(with(kSpec, "robot: jackal-gentle", "robot: jakal")),
-              AllOf(HasSubstr(":28"), HasSubstr("jackal")));
+              AllOf(HasSubstr(":24"), HasSubstr("jackal")));
   EXPECT_THAT(error_of(with(kSpec, "name: after", "name: before")), HasSubstr("a new name"));
   EXPECT_THAT(error_of(with(kSpec, "name: flat-1", "name: flat/1")), HasSubstr("letters"));
   EXPECT_THAT(error_of(with(kSpec, "control_period_s: 0.2", "control_period_s: 0.033")),
