@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <numbers>
 #include <set>
 
@@ -52,13 +53,18 @@ class Variables {
   std::vector<std::pair<std::string, std::string>> values_;
 };
 
+std::string print(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%g", value);
+  return text;
+}
+
 double number_within(const ConfigNode& node, const std::string& key, double fallback,
                      double low, double high) {
   const double value = node.number_or(key, fallback);
   if (!(value >= low && value <= high)) {
-    std::string range =
-        "a number in [" + std::to_string(low) + ", " + std::to_string(high) + "]";
-    node.child(key).fail(range, node.text(key));
+    node.child(key).fail("a number in [" + print(low) + ", " + print(high) + "]",
+                         node.text(key));
   }
   return value;
 }

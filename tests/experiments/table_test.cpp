@@ -83,20 +83,31 @@ TEST(Table, CountsPairsByHand) {
 TEST(Table, TextIsAsExpected) {
   const std::string text =
       format_table(summarise(a_run(30), kScenes, kArms, ten_episodes()), TableFormat::kText);
-  const std::string expected = R"(Object search before and after fine-tuning
+  const std::string expected =
+      R"(Object search before and after fine-tuning
 
-Scene   SR-Before            SR-After             Difference [points]  Pairs        p      Verdict       SR-Oracle
-------  -------------------  -------------------  -------------------  -----------  -----  ------------  ---------------------
-Flat *  4/10  40 % [17, 69]  8/10  80 % [49, 94]  +40 [-7, +71]        +5 -1 of 10  0.219  unresolved    10/10  100 % [72, 100]
+Scene   SR-Before            SR-After             Difference [points]  Pairs        p      Verdict     SR-Oracle
+------  -------------------  -------------------  -------------------  -----------  -----  ----------  ----------------------
+Flat *  4/10  40 % [17, 69]  8/10  80 % [49, 94]  +40 [-4, +68]        +5 -1 of 10  0.219  unresolved  10/10  100 % [72, 100]
+
+By goal class (exploratory; p corrected by Holm for the number of rows)
+
+Goal   SR-Before           SR-After              Difference [points]  Pairs       p (Holm)  SR-Oracle
+-----  ------------------  --------------------  -------------------  ----------  --------  --------------------
+chair  2/5  40 % [12, 77]  3/5  60 % [23, 88]    +20 [-36, +63]       +2 -1 of 5  1.000     5/5  100 % [57, 100]
+couch  2/5  40 % [12, 77]  5/5  100 % [57, 100]  +60 [+3, +88]        +3 -0 of 5  0.500     5/5  100 % [57, 100]
+
+How the trials went
+
+Scene  Arm     SPL    SoftSPL  Time [s]  Path [m]  Contacts  Holes [%]  Outcomes
+-----  ------  -----  -------  --------  --------  --------  ---------  --------------------
+Flat   before  0.200  0.000    20.0      4.0       0.00      0.0        timeout 6, success 4
+Flat   after   0.400  0.000    20.0      4.0       0.00      0.0        success 8, timeout 2
+Flat   oracle  0.500  0.000    20.0      4.0       0.00      0.0        success 10
 )";
-  // The row's figures, whatever the column widths.
-  for (const char* cell : {"Flat *", "4/10  40 % [17, 69]", "8/10  80 % [49, 94]",
-                           "+5 -1 of 10", "0.219", "unresolved", "10/10  100 % [72, 100]"}) {
-    EXPECT_THAT(expected, HasSubstr(cell));
-    EXPECT_THAT(text, HasSubstr(cell));
-  }
+  EXPECT_EQ(text.substr(0, expected.size()), expected);
   for (const char* note : {"LEAKAGE", "Fewer than 5 scenes", "seed 7",
-                           "Success profile: segsim-object", "weights cccccccccccc"}) {
+                           "Success profile: segsim-object", "cccccccccccc"}) {
     EXPECT_THAT(text, HasSubstr(note));
   }
   EXPECT_THAT(text, Not(HasSubstr("INTERIM")));
