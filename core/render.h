@@ -46,10 +46,10 @@ struct Frame {
   CameraIntrinsics intrinsics;
   CameraPose T_world_camera;
   Image<Rgb8> rgb;             ///< sRGB over a black background.
-  Image<float> depth_m;        ///< Expected ray-surfel depth along +z; NaN where alpha < 0.5.
+  Image<float> depth_m;        ///< Of the surface, along +z; NaN where alpha < 0.5.
   Image<glm::vec3> normal;     ///< World frame, unit, towards the camera; 0 where alpha < 0.5.
   Image<float> alpha;          ///< Accumulated opacity, [0, 1].
-  Image<std::uint16_t> semantic;  ///< Class id, 0 = void.
+  Image<std::uint16_t> semantic;  ///< Class id, 0 = void; also where alpha < 0.5.
   Image<std::uint16_t> instance;  ///< Instance id, 0 = none.
   Image<float> confidence;     ///< Share of the Top-K weight that voted for `semantic`, [0, 1].
   RenderStats stats;

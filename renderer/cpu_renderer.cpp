@@ -76,8 +76,13 @@ class CpuRenderer final : public core::Renderer {
 
  private:
   void raster(Channels channels, core::Frame& frame) {
-    const internal::RasterJob job{projected_, bins_,          frame,
-                                  channels,   options_.top_k, surfels_->has_labels()};
+    const internal::RasterJob job{projected_,
+                                  bins_,
+                                  frame,
+                                  channels,
+                                  options_.top_k,
+                                  options_.depth == DepthMode::kMedian,
+                                  surfels_->has_labels()};
     std::atomic<std::uint64_t> touched{0}, evaluations{0}, contributions{0};
     const std::size_t tile_count =
         static_cast<std::size_t>(bins_.tiles_x()) * static_cast<std::size_t>(bins_.tiles_y());

@@ -41,7 +41,8 @@ struct Contribution {
 
 struct Pixel {
   double transmittance = 1.0;
-  double depth = 0.0;
+  double depth = 0.0;  ///< Sum of weight * depth [m].
+  double median_depth = 0.0;
   glm::dvec3 colour{0.0}, normal{0.0};
   std::vector<std::pair<double, std::size_t>> weights;  ///< (weight, surfel)
 };
@@ -186,6 +187,9 @@ class ReferenceRenderer final : public core::Renderer {
       const double left = pixel.transmittance * (1.0 - hit.alpha);
       if (left < static_cast<double>(kStopTransmittance)) break;
       const double weight = pixel.transmittance * hit.alpha;
+      if (pixel.transmittance > 1.0 - static_cast<double>(kMinSurfaceAlpha)) {
+        pixel.median_depth = hit.depth_m;
+      }
       pixel.transmittance = left;
       pixel.colour += weight * s.colour;
       pixel.normal += weight * s.normal_world;
@@ -225,8 +229,10 @@ class ReferenceRenderer final : public core::Renderer {
       frame.rgb(x, y) = {byte(pixel.colour.r), byte(pixel.colour.g), byte(pixel.colour.b)};
     }
     if (has(channels, Channels::kDepth)) {
-      frame.depth_m(x, y) = surface ? static_cast<float>(pixel.depth / alpha)
-                                    : std::numeric_limits<float>::quiet_NaN();
+      const double depth_m =
+          options_.depth == DepthMode::kMedian ? pixel.median_depth : pixel.depth / alpha;
+      frame.depth_m(x, y) =
+          surface ? static_cast<float>(depth_m) : std::numeric_limits<float>::quiet_NaN();
     }
     if (has(channels, Channels::kNormal)) {
       const double length = glm::length(pixel.normal);

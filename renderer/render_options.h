@@ -6,10 +6,17 @@
 
 namespace segsim::renderer {
 
+/// Which depth a pixel gets (both along +z, of ray and surfel, not of surfel centres).
+enum class DepthMode : unsigned char {
+  kMedian,  ///< Of the surfel that brings the transmittance to 0.5 or below: always a surface.
+  kExpected,  ///< Mean weighted by alpha * T: smooth, but floats between surfaces at edges.
+};
+
 struct RenderOptions {
   int top_k = 4;         ///< Surfels that vote for a pixel's label, 1 ... 24.
   float near_m = 0.05F;  ///< Surfels and fragments nearer than this (along +z) are not drawn.
-  int threads = 0;       ///< 0 = all processors; 1 = the calling thread only.
+  DepthMode depth = DepthMode::kMedian;
+  int threads = 0;  ///< 0 = all processors; 1 = the calling thread only.
 };
 
 inline constexpr int kMaxTopK = 24;
@@ -21,7 +28,8 @@ inline constexpr float kMinAlpha = 1.0F / 255.0F;
 /// surfel is not blended. Just under 1e-4, because two surfels at kMaxAlpha leave exactly 1e-4
 /// and rounding would decide.
 inline constexpr float kStopTransmittance = 0.999e-4F;
-/// Depth, normal and labels are given where alpha reaches this.
+/// Depth, normal and labels are given where alpha reaches this; the median depth is that of
+/// the surfel at which it does.
 inline constexpr float kMinSurfaceAlpha = 0.5F;
 
 /// @throws core::ContractViolation if an option is out of its range.

@@ -207,8 +207,8 @@ struct Row {
 
   /// Blends a surfel into the pixels that it hits; finishes those that it would saturate.
   HWY_INLINE void blend(const Hit& at, const ScreenSurfel& s, const SurfelShade& shade,
-                        std::uint32_t position, int key_count, TileState& state,
-                        std::size_t p) {
+                        std::uint32_t position, int key_count, bool median_depth,
+                        TileState& state, std::size_t p) {
     const Floats d;
     constexpr float kHalfLog2E = 0.72134752F;
     const V exponent =
@@ -224,9 +224,15 @@ struct Row {
       weight = hn::IfThenZeroElse(finished, weight);
       left = hn::IfThenElse(finished, transmittance, left);
     }
+    if (median_depth) {
+      const V half = hn::Set(d, 1.0F - kMinSurfaceAlpha);
+      const M in_front = hn::And(hn::Gt(weight, hn::Zero(d)), hn::Gt(transmittance, half));
+      depth = hn::IfThenElse(in_front, hn::Mul(at.inverse_e, hn::Set(d, s.z0_m)), depth);
+    } else {
+      const V stretch = hn::IfThenElseZero(at.hit, at.inverse_e);
+      depth = hn::MulAdd(hn::Mul(weight, stretch), hn::Set(d, s.z0_m), depth);
+    }
     transmittance = left;
-    const V stretch = hn::IfThenElseZero(at.hit, at.inverse_e);
-    depth = hn::MulAdd(hn::Mul(weight, stretch), hn::Set(d, s.z0_m), depth);
     if constexpr (kRgb) {
       r = hn::MulAdd(weight, hn::Set(d, shade.r), r);
       g = hn::MulAdd(weight, hn::Set(d, shade.g), g);
@@ -255,8 +261,8 @@ struct Row {
 /// @return  False if all its pixels are finished.
 template <bool kRgb, bool kNormal, int kKeys>
 bool raster_block(const ChunkData& chunk, const std::uint8_t* candidates, std::uint32_t count,
-                  int tile_x, int tile_y, int x, int y, int key_count, TileState& state,
-                  TileStats& stats) {
+                  int tile_x, int tile_y, int x, int y, int key_count, bool median_depth,
+                  TileState& state, TileStats& stats) {
   const Floats d;
   const auto p0 = static_cast<std::size_t>(y * kTileSizePx + x);
   const std::size_t p1 = p0 + kTileSizePx;
@@ -294,8 +300,8 @@ bool raster_block(const ChunkData& chunk, const std::uint8_t* candidates, std::u
     if (hn::AllFalse(d, hn::Or(hit0.hit, hit1.hit))) continue;
     stats.contributions += hn::CountTrue(d, hit0.hit) + hn::CountTrue(d, hit1.hit);
     const std::uint32_t position = chunk.window_position + i;
-    row0.blend(hit0, s, chunk.shade[i], position, key_count, state, p0);
-    row1.blend(hit1, s, chunk.shade[i], position, key_count, state, p1);
+    row0.blend(hit0, s, chunk.shade[i], position, key_count, median_depth, state, p0);
+    row1.blend(hit1, s, chunk.shade[i], position, key_count, median_depth, state, p1);
     any_live = !hn::AllFalse(d, hn::Or(row0.live, row1.live));
   }
   stats.evaluations += static_cast<std::uint64_t>(c) * kRowsPerStep * hn::Lanes(d);
@@ -335,8 +341,9 @@ TileStats raster_tile_with(const RasterJob& job, std::size_t tile) {
         if (block_live[block] == 0) continue;
         const std::uint32_t count =
             find_candidates(chunk, x, lanes, y, kRowsPerStep, candidates);
-        const bool live = raster_block<kRgb, kNormal, kKeys>(
-            chunk, candidates, count, tile_x, tile_y, x, y, key_count, state, stats);
+        const bool live =
+            raster_block<kRgb, kNormal, kKeys>(chunk, candidates, count, tile_x, tile_y, x, y,
+                                               key_count, job.median_depth, state, stats);
         block_live[block] = live ? 1 : 0;
         tile_live |= live;
       }

@@ -18,6 +18,7 @@ struct RasterJob {
   core::Frame& frame;  ///< Images of the wanted channels have their size.
   core::Channels channels;
   int top_k;
+  bool median_depth;  ///< Else the expected depth.
   bool labelled;  ///< False: the scene has no labels, all pixels are void.
 };
 

@@ -61,8 +61,8 @@ void write_pixel(const RasterJob& job, const TileState& state, std::size_t pixel
                        to_byte(state.b[pixel])};
   }
   if (core::has(job.channels, core::Channels::kDepth)) {
-    frame.depth_m(x, y) =
-        surface ? state.depth[pixel] / alpha : std::numeric_limits<float>::quiet_NaN();
+    const float depth_m = job.median_depth ? state.depth[pixel] : state.depth[pixel] / alpha;
+    frame.depth_m(x, y) = surface ? depth_m : std::numeric_limits<float>::quiet_NaN();
   }
   if (core::has(job.channels, core::Channels::kNormal)) {
     const glm::vec3 sum(state.nx[pixel], state.ny[pixel], state.nz[pixel]);

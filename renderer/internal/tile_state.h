@@ -28,7 +28,7 @@ struct TileState {
   alignas(64) Plane transmittance;
   alignas(64) Plane live;  ///< 1 until the pixel is finished; 0 outside the image.
   alignas(64) Plane r, g, b;
-  alignas(64) Plane depth;  ///< Sum of weight * depth [m].
+  alignas(64) Plane depth;  ///< Sum of weight * depth, or the median depth so far [m].
   alignas(64) Plane nx, ny, nz;
   /// Heaviest surfels of the present window, heaviest first.
   alignas(64) std::array<std::array<std::uint32_t, kTilePixels>, kMaxTopK> keys;

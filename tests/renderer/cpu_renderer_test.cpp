@@ -143,6 +143,29 @@ TEST(CpuRenderer, DistantRoomHasSurfelsBelowAPixel) {
                            CameraIntrinsics::from_fov(80, 60, 0.4));
 }
 
+TEST(CpuRenderer, MatchesReferenceInExpectedDepth) {
+  const auto scene = shared(testing::room_scene(0.12F));
+  const CameraPose pose = core::look_at({3.0, 2.5, 1.2}, {5.0, 4.0, 0.6});
+  expect_matches_reference(scene, pose, CameraIntrinsics::from_fov(96, 72, 1.3),
+                           {.depth = DepthMode::kExpected, .threads = 1});
+}
+
+TEST(CpuRenderer, MedianDepthDoesNotFloatBetweenSurfaces) {
+  // A half-transparent disc before an opaque one: the mean of their depths belongs to neither.
+  SurfelCloud cloud;
+  add(cloud, {.position_m = {0.0F, 0.0F, 1.0F}, .scale_m = {0.5F, 0.5F}, .opacity = 0.45F});
+  add(cloud, {.position_m = {0.0F, 0.0F, 3.0F}, .scale_m = {2.0F, 2.0F}, .opacity = 0.99F});
+  const auto scene = shared(cloud);
+  const auto intrinsics = CameraIntrinsics::from_fov(33, 33, 0.6);
+  const auto depth_at_centre = [&](DepthMode mode) {
+    const RenderOptions options{.depth = mode, .threads = 1};
+    return render_with(scene, CameraPose(), intrinsics, options).depth_m(16, 16);
+  };
+  EXPECT_NEAR(depth_at_centre(DepthMode::kMedian), 3.0F, 1e-3F);
+  // 0.45 at 1 m, 0.55 * 0.99 at 3 m.
+  EXPECT_NEAR(depth_at_centre(DepthMode::kExpected), (0.45 + 3.0 * 0.5445) / 0.9945, 2e-3);
+}
+
 TEST(CpuRenderer, MatchesReferenceForEveryTopK) {
   const auto scene = shared(testing::random_scene(3, 1200));
   for (const int top_k : {1, 2, 3, 4, 5, 8, 24}) {
@@ -325,7 +348,7 @@ void expect_identical(const Frame& a, const Frame& b) {
 }
 
 TEST(CpuRenderer, SamePictureForAnyNumberOfThreads) {
-  const auto room = shared(testing::room_scene(0.06F));
+  const auto room = shared(testing::room_scene(0.12F));
   const CameraPose pose = core::look_at({3.0, 2.5, 1.2}, {5.0, 4.0, 0.6});
   const CameraIntrinsics camera = CameraIntrinsics::from_fov(160, 120, 1.3);
   const Frame one = render_with(room, pose, camera, {.threads = 1});
