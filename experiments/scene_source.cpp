@@ -23,6 +23,10 @@ std::vector<core::CameraPose> plan_path(const sim::MeshScene& scene, const Sourc
   sim::CapturePlan plan;
   plan.heights_m = {source.capture.camera_height_m, source.capture.camera_height_m - 0.4,
                     source.capture.camera_height_m + 0.2};
+  // Dense places and every pitch: what no frame has seen is a hole in the reconstruction.
+  plan.spacing_m = 0.8;
+  plan.views_per_place = 6;
+  plan.pitches_down_rad = {0.1, 0.45, -0.25, 0.25, 0.7, 0.0};
   plan.max_views = source.capture.frames;
   plan.seed = source.seed;
   return sim::plan_capture_trajectory(scene, plan);

@@ -22,7 +22,7 @@ namespace segsim::experiments {
 struct CaptureSpec {
   int frames = 240;
   int width_px = 640, height_px = 480;
-  double hfov_deg = 70.0;
+  double hfov_deg = 90.0;
   double camera_height_m = 1.4;
 };
 

@@ -34,34 +34,57 @@ core::Image<float> distance_to_object_m(const CostMap& map, const MappedObject& 
   return distance_to_cells_m(cells, map.frame().resolution_m);
 }
 
-std::optional<ApproachPlace> cheapest_in_sight(const CostMap& map, const MappedObject& object,
+/// The first candidate in order of cost across open floor, else the first in sight at all.
+std::optional<ApproachPlace> cheapest_in_sight(const CostMap& map, const GeodesicField& field,
+                                               const MappedObject& object,
                                                std::vector<Candidate> candidates) {
   std::stable_sort(candidates.begin(), candidates.end(),
                    [](const Candidate& a, const Candidate& b) { return a.cost_m < b.cost_m; });
   // Neighbours see the same; look at every n-th when there are many.
   const std::size_t stride = 1 + candidates.size() / kMaxSightChecks;
+  std::optional<ApproachPlace> in_sight;
   for (std::size_t k = 0; k < candidates.size(); k += stride) {
-    const glm::dvec2 place = map.frame().center_m(candidates[k].cell);
-    if (line_of_sight(map, place, object.nearest_point_m(place))) {
-      return ApproachPlace{place, candidates[k].to_object_m, true};
+    const Cell& cell = candidates[k].cell;
+    const glm::dvec2 place = map.frame().center_m(cell);
+    const glm::dvec2 surface = object.nearest_point_m(place);
+    if (!line_of_sight(map, place, surface)) continue;
+    const bool open = open_floor(map, place, surface);
+    if (open || !in_sight) {
+      in_sight = ApproachPlace{place, candidates[k].to_object_m, true, open,
+                               static_cast<double>(field.cost_m(cell.x, cell.y))};
     }
+    if (open) break;
   }
-  return std::nullopt;
+  return in_sight;
 }
 
 }  // namespace
 
 double view_distance_m(const core::Observation& observation, const MappedObject& object) {
+  if (object.cloud_m.empty()) return 0.0;
   const auto T_odom_camera = observation.T_odom_camera();
   const core::CameraIntrinsics& camera = observation.intrinsics;
   const glm::dvec3 lowest =
       T_odom_camera.rotation() * camera.back_project({camera.cx_px, camera.height_px}, 1.0);
-  const double below_camera_m =
-      T_odom_camera.translation_m().z - 0.5 * (object.low_m.z + object.high_m.z);
-  if (below_camera_m <= 0.0) return 0.0;
-  const double planar = std::hypot(lowest.x, lowest.y);
   if (lowest.z >= -1e-6) return 1e3;
-  return below_camera_m * planar / (kEdgeMargin * -lowest.z);
+  const double reach = std::hypot(lowest.x, lowest.y) / (kEdgeMargin * -lowest.z);
+  const glm::dvec2 robot(observation.T_odom_robot.translation_m());
+  const glm::dvec2 nearest = object.nearest_point_m(robot);
+  const glm::dvec2 to_nearest = nearest - robot;
+  const double norm = glm::length(to_nearest);
+  const glm::dvec2 along = norm > 1e-6 ? to_nearest / norm : glm::dvec2(0.0);
+  // Each point has a distance at which it meets the lowest ray; what lies behind the nearest
+  // point lets the robot come nearer by as much.
+  std::vector<double> needed_m;
+  needed_m.reserve(object.cloud_m.size());
+  for (const glm::vec3& p : object.cloud_m) {
+    const double below_camera_m = T_odom_camera.translation_m().z - static_cast<double>(p.z);
+    const double behind_m = std::max(0.0, glm::dot(glm::dvec2(p.x, p.y) - nearest, along));
+    needed_m.push_back(std::max(0.0, below_camera_m * reach - behind_m));
+  }
+  const auto middle = needed_m.begin() + static_cast<std::ptrdiff_t>(needed_m.size() / 2);
+  std::nth_element(needed_m.begin(), middle, needed_m.end());
+  return *middle;
 }
 
 bool line_of_sight(const CostMap& map, const glm::dvec2& from_m, const glm::dvec2& to_m,
@@ -73,6 +96,17 @@ bool line_of_sight(const CostMap& map, const glm::dvec2& from_m, const glm::dvec
     // Occupied in both layers: as high as the mast.
     if (map.state(cell) == CellState::kOccupied && map.mast_clearance_m(cell) <= 0.0F)
       return false;
+  }
+  return true;
+}
+
+bool open_floor(const CostMap& map, const glm::dvec2& from_m, const glm::dvec2& to_m,
+                double skip_m) {
+  const double length_m = glm::distance(from_m, to_m);
+  const double step_m = 0.5 * map.frame().resolution_m;
+  for (double s = 0.0; s < length_m - skip_m; s += step_m) {
+    const Cell cell = map.frame().cell_at(from_m + (to_m - from_m) * (s / length_m));
+    if (map.state(cell) == CellState::kOccupied) return false;
   }
   return true;
 }
@@ -98,12 +132,13 @@ std::optional<ApproachPlace> choose_approach(const CostMap& map, const GeodesicF
       }
     }
   }
-  if (auto place = cheapest_in_sight(map, object, std::move(preferred))) return place;
-  if (auto place = cheapest_in_sight(map, object, std::move(allowed))) return place;
+  if (auto place = cheapest_in_sight(map, field, object, std::move(preferred))) return place;
+  if (auto place = cheapest_in_sight(map, field, object, std::move(allowed))) return place;
   if (!nearest) return std::nullopt;
   const glm::dvec2 place = map.frame().center_m(nearest->cell);
-  return ApproachPlace{place, nearest->to_object_m,
-                       line_of_sight(map, place, object.nearest_point_m(place))};
+  const glm::dvec2 surface = object.nearest_point_m(place);
+  return ApproachPlace{place, nearest->to_object_m, line_of_sight(map, place, surface),
+                       open_floor(map, place, surface), nearest->cost_m};
 }
 
 std::vector<glm::dvec2> spread_places(const CostMap& map, const GeodesicField& field,

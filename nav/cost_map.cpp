@@ -116,13 +116,17 @@ void CostMap::finish(const core::Image<std::uint8_t>& mast) {
     const float clearance = clearance_m_.data()[k];
     clear_.data()[k] =
         clearance >= radius && mast_clearance_m_.data()[k] >= mast_radius ? 1 : 0;
+    const bool known_free = states_.data()[k] == CellState::kFree;
     traversable_.data()[k] =
-        clear_.data()[k] != 0 && states_.data()[k] == CellState::kFree ? 1 : 0;
+        clear_.data()[k] != 0 && (known_free || options_.cross_unknown) ? 1 : 0;
     // Quadratic: cheap in the middle of a corridor, steep next to the wall.
     const float near = std::clamp((soft - clearance) / (soft - radius), 0.0F, 1.0F);
     cost_.data()[k] = 1.0F + weight * near * near;
+    if (options_.cross_unknown && !known_free) {
+      cost_.data()[k] *= static_cast<float>(options_.unknown_cost);
+    }
   }
-  fill_pockets();
+  if (!options_.cross_unknown) fill_pockets();
 }
 
 void CostMap::fill_pockets() {

@@ -19,6 +19,10 @@ struct CostMapOptions {
   double fill_pocket_m2 = 0.5;
   double soft_distance_m = 0.65;  ///< Obstacles nearer than this cost extra ...
   double soft_weight = 4.0;  ///< ... up to this multiple of the length, at the inflated edge.
+  /// Take everything unknown as free (the "free-space assumption" of Koenig and Likhachev), at
+  /// `unknown_cost` times the length: where to go when the known way does not lead there.
+  bool cross_unknown = false;
+  double unknown_cost = 2.0;
 };
 
 class CostMap {

@@ -39,18 +39,21 @@ struct FrontierPolicyOptions {
   double no_progress_s = 12.0;     ///< ... or without 0.3 m less to go for this long.
   double tight_radius_m = 0.28;    ///< Inflation when nothing is left with the full one:
                                    ///< between inscribed 0.215 m and circumscribed 0.33 m.
-  int sweep_places = 3;  ///< Places of the second look around when no frontier is left.
+  int sweep_places = 3;        ///< Places of the second look around when no frontier is left.
+  double bold_depth_m = 0.25;  ///< Then the robot enters the unknown: places this far in.
   // Approach and stop.
-  double stop_distance_m = 0.9;        ///< VLFM's stop radius: robot to nearest object point.
+  double stop_distance_m = 0.8;        ///< Robot to nearest object point; VLFM: 0.9 m.
   double stop_distance_limit_m = 1.5;  ///< Allowed where nothing nearer is reachable, or where
                                        ///< the object would drop below the image if nearer.
   double approach_min_m = 0.6;         ///< Places to drive to: this far from the surface ...
-  double approach_max_m = 1.0;         ///< ... to this.
+  double approach_max_m = 0.9;         ///< ... to this, or a little beyond view distance.
   double facing_tolerance_rad = 0.35;  ///< 20 degrees.
-  double recent_detection_s = 1.5;     ///< "Re-detected recently" for the stop rule.
-  double verify_time_s = 2.0;  ///< Looking at the place without detection until refuted.
-  double second_look_m = 1.1;  ///< An object that was seen often gets a second look from
-                               ///< this far or more: very near it may fill the image.
+  double detour_m = 15.0;  ///< Weighted way through the unknown that a place on the object's
+                           ///< side of a counter or a wall is worth.
+  double recent_detection_s = 1.5;  ///< "Re-detected recently" for the stop rule.
+  double verify_time_s = 2.0;       ///< Looking at the place without detection until refuted.
+  double second_look_m = 1.1;       ///< An object that was seen often gets a second look from
+                                    ///< this far or more: very near it may fill the image.
   double second_look_sightings = 5.0;  ///< Weighted views that entitle to it.
   double postpone_s = 15.0;  ///< An object that is not reachable yet waits this long.
   StuckOptions stuck;

@@ -19,6 +19,8 @@ constexpr double kInscribedShare =
 constexpr double kMaxStartFree_m = 2.0;  // Bound of the assumed-free disc.
 constexpr float kPassLow_m = 0.10F;      // A ray contradicts an obstacle from this far below
 constexpr float kPassTop_m = 0.02F;      // its lowest hit to this far below its top.
+constexpr float kOverhang_m = 0.25F;     // Floor may be seen below what hangs higher.
+constexpr float kSureOdds = 1.2F;        // Two hits more than misses.
 
 /// Calls `visit(i, j)` for the cells whose centres lie within the disc, inside the map.
 template <class Visit>
@@ -32,6 +34,27 @@ void for_each_cell_in_disc(const GridFrame& frame, const glm::dvec2& center_m, d
       if (glm::dot(offset, offset) <= radius_m * radius_m) visit(i, j);
     }
   }
+}
+
+/// Whether a pixel lies on the blend between two surfaces along one image axis: strictly
+/// between its neighbours, apart from both, while the surfaces beyond go on smoothly. On a
+/// plane, however slanted, inverse depth is linear in the pixel, so all differences are equal.
+bool blended(const float* depth, std::ptrdiff_t step) {
+  const float d = depth[0], a = depth[-step], b = depth[step];
+  if (!((d - a) * (b - d) > 0.0F)) return false;  // NaN too.
+  if (std::abs(b - a) < 0.15F + 0.05F * d) return false;
+  if (std::min(std::abs(d - a), std::abs(b - d)) < 0.03F + 0.01F * d) return false;
+  const float inner = std::abs(1.0F / a - 1.0F / b);
+  const float outer = std::abs(1.0F / depth[-2 * step] - 1.0F / a) +
+                      std::abs(1.0F / b - 1.0F / depth[2 * step]);
+  return !(outer >= 0.8F * inner);  // Holes next to it: no plane.
+}
+
+bool flying_pixel(const core::Image<float>& depth_m, int x, int y) {
+  const int width = depth_m.width_px(), height = depth_m.height_px();
+  const float* depth = depth_m.row(y) + x;
+  return (x >= 2 && x + 2 < width && blended(depth, 1)) ||
+         (y >= 2 && y + 2 < height && blended(depth, width));
 }
 
 template <class Pixel>
@@ -94,6 +117,7 @@ void OccupancyMap::reset() {
   frame_.resolution_m = options_.resolution_m;
   body_ = mast_ = {};
   heights_ = {};
+  hole_views_ = {};
   seen_ = {};
   touched_.clear();
   stamp_ = 0;
@@ -111,6 +135,7 @@ void OccupancyMap::ensure_covers(const glm::dvec2& low_m, const glm::dvec2& high
     frame_.height_cells = static_cast<int>(cells.y);
     body_ = mast_ = core::Image<float>(frame_.width_cells, frame_.height_cells, 0.0F);
     heights_ = core::Image<Heights>(frame_.width_cells, frame_.height_cells);
+    hole_views_ = core::Image<std::uint8_t>(frame_.width_cells, frame_.height_cells);
     seen_ = core::Image<CellView>(frame_.width_cells, frame_.height_cells);
     return;
   }
@@ -127,6 +152,7 @@ void OccupancyMap::ensure_covers(const glm::dvec2& low_m, const glm::dvec2& high
   body_ = grown(body_, left, bottom, width, height);
   mast_ = grown(mast_, left, bottom, width, height);
   heights_ = grown(heights_, left, bottom, width, height);
+  hole_views_ = grown(hole_views_, left, bottom, width, height);
   seen_ = core::Image<CellView>(width, height);  // Stamps of old images never match again.
   frame_.origin_m -= glm::dvec2(left, bottom) * r;
   frame_.width_cells = width;
@@ -175,12 +201,14 @@ void OccupancyMap::mark_end_points(const core::Image<float>& depth_m, const View
       if (!(z <= mast_z) || z < -static_cast<float>(kFloorBelow_m)) continue;
       const float dx = depth * d.x * inverse_resolution, dy = depth * d.y * inverse_resolution;
       if (!(dx * dx + dy * dy <= max_range2)) continue;
+      if (z >= min_z && options_.reject_flying_pixels && flying_pixel(depth_m, x, y)) continue;
       // Inside the map, hence positive: truncation is floor.
       const auto i = static_cast<std::size_t>(eye_cells.x + dx);
       const auto j = static_cast<std::size_t>(eye_cells.y + dy);
       CellView& cell = touch(j * static_cast<std::size_t>(frame_.width_cells) + i);
       if (z < min_z) {
         cell.lowest_pass_m = 0.0F;
+        ++cell.floor_hits;
       } else if (z <= max_z) {
         ++cell.body_hits;
         cell.heights.body_low_m = std::min(cell.heights.body_low_m, z);
@@ -240,16 +268,68 @@ void OccupancyMap::trace_rays(const core::Image<float>& depth_m, const View& vie
   }
 }
 
-void OccupancyMap::fuse_body(std::size_t index, const CellView& cell, bool below_unseen) {
+/// Whether a known obstacle stands on the ray before `range_m`.
+bool OccupancyMap::hidden_by_obstacle(const View& view, const glm::dvec3& direction,
+                                      double range_m) const {
+  const double planar = std::hypot(direction.x, direction.y), r = frame_.resolution_m;
+  for (double s = 0.0; s < range_m - 0.5 * r; s += r) {
+    const glm::dvec3 p = view.eye_m + direction * (s / planar);
+    const Cell cell = frame_.cell_at(glm::dvec2(p));
+    const Heights& stored = heights_(cell.x, cell.y);
+    const double low_m = 2.0 * r;
+    if (body_(cell.x, cell.y) > options_.occupied_above &&
+        p.z < static_cast<double>(stored.body_top_m) + low_m) {
+      return true;
+    }
+    if (mast_(cell.x, cell.y) > options_.occupied_above &&
+        p.z > static_cast<double>(stored.mast_low_m) - low_m &&
+        p.z < static_cast<double>(stored.mast_top_m) + low_m) {
+      return true;
+    }
+  }
+  return false;
+}
+
+/// Pixels without depth that should show the floor.
+void OccupancyMap::note_holes(const core::Image<float>& depth_m, const View& view) {
+  if (options_.hole_views <= 0) return;
+  for (int y = 0; y < depth_m.height_px(); ++y) {
+    for (int x = 0; x < depth_m.width_px(); x += options_.ray_step_x_px) {
+      if (depth_m(x, y) > 0.0F) continue;
+      const glm::dvec3 direction = view.direction(x + 0.5, y + 0.5);
+      if (direction.z > -1e-3) continue;
+      const double range_m =
+          view.eye_m.z / -direction.z * std::hypot(direction.x, direction.y);
+      if (range_m > std::min(options_.hole_range_m, options_.max_range_m)) continue;
+      const glm::dvec3 p = view.eye_m + direction * (view.eye_m.z / -direction.z);
+      const Cell cell = frame_.cell_at(glm::dvec2(p));
+      if (body_(cell.x, cell.y) != 0.0F) continue;
+      const std::size_t index =
+          static_cast<std::size_t>(cell.y) * static_cast<std::size_t>(frame_.width_cells) +
+          static_cast<std::size_t>(cell.x);
+      const CellView& seen = seen_.data()[index];
+      if (seen.stamp == stamp_ && seen.hole) continue;
+      if (!hidden_by_obstacle(view, direction, range_m)) touch(index).hole = true;
+    }
+  }
+}
+
+void OccupancyMap::fuse_hole(std::size_t index, const CellView& cell) {
+  if (body_.data()[index] != 0.0F || cell.body_hits > 0 || cell.mast_hits > 0) return;
+  std::uint8_t& views = hole_views_.data()[index];
+  if (++views >= options_.hole_views) body_.data()[index] = kAssumedFree;
+}
+
+void OccupancyMap::fuse_body(std::size_t index, const CellView& cell, int hits_needed,
+                             bool below_unseen) {
   float& odds = body_.data()[index];
   Heights& stored = heights_.data()[index];
   if (odds >= kBlocked) return;
-  if (cell.body_hits >= options_.min_hits_per_cell) {
+  if (cell.body_hits >= hits_needed) {
     odds = std::min(odds + options_.log_odds_hit, options_.log_odds_max);
     stored.body_low_m = std::min(stored.body_low_m, cell.heights.body_low_m);
     stored.body_top_m = std::max(stored.body_top_m, cell.heights.body_top_m);
-  } else if (below_unseen && cell.mast_hits >= options_.min_hits_per_cell &&
-             odds > 2.0F * kAssumedFree) {
+  } else if (below_unseen && cell.mast_hits >= hits_needed && odds > 2.0F * kAssumedFree) {
     // Near the robot only the upper part of a wall is in view. Take it to stand on the floor
     // unless that cell was seen to be free before.
     odds = std::min(odds + options_.log_odds_hit, options_.log_odds_max);
@@ -257,8 +337,10 @@ void OccupancyMap::fuse_body(std::size_t index, const CellView& cell, bool below
     stored.body_top_m = static_cast<float>(options_.obstacle_max_m);
   } else if (cell.body_hits == 0) {  // A single point says neither this nor that.
     const bool occupied = odds > options_.occupied_above;
+    const bool floor_instead = cell.floor_hits >= options_.min_hits_per_cell &&
+                               (stored.body_low_m < kOverhang_m || odds < kSureOdds);
     const bool miss = occupied
-                          ? cell.through_body
+                          ? cell.through_body || floor_instead
                           : cell.lowest_pass_m <= static_cast<float>(options_.pass_height_m);
     if (!miss) return;
     odds = std::max(odds - options_.log_odds_miss, options_.log_odds_min);
@@ -269,11 +351,11 @@ void OccupancyMap::fuse_body(std::size_t index, const CellView& cell, bool below
   }
 }
 
-void OccupancyMap::fuse_mast(std::size_t index, const CellView& cell) {
+void OccupancyMap::fuse_mast(std::size_t index, const CellView& cell, int hits_needed) {
   float& odds = mast_.data()[index];
   Heights& stored = heights_.data()[index];
   if (odds >= kBlocked) return;
-  if (cell.mast_hits >= options_.min_hits_per_cell) {
+  if (cell.mast_hits >= hits_needed) {
     odds = std::min(odds + options_.log_odds_hit, options_.log_odds_max);
     stored.mast_low_m = std::min(stored.mast_low_m, cell.heights.mast_low_m);
     stored.mast_top_m = std::max(stored.mast_top_m, cell.heights.mast_top_m);
@@ -289,17 +371,25 @@ void OccupancyMap::fuse_mast(std::size_t index, const CellView& cell) {
 void OccupancyMap::fuse_view(const View& view) {
   const glm::dvec2 eye(view.eye_m);
   const double blind2 = view.blind_range_m * view.blind_range_m;
+  // Pixels of a facing square of one cell at 1 m; the number falls with the distance squared.
+  const double square_px = options_.hit_share * frame_.resolution_m * frame_.resolution_m *
+                           view.intrinsics.fx_px * view.intrinsics.fy_px;
   for (const std::uint32_t index : touched_) {
     const CellView& cell = seen_.data()[index];
     bool below_unseen = false;
-    if (cell.mast_hits > 0) {
+    int hits_needed = options_.min_hits_per_cell;
+    if (cell.mast_hits > 0 || cell.body_hits > 0) {
       const Cell at(static_cast<int>(index) % frame_.width_cells,
                     static_cast<int>(index) / frame_.width_cells);
       const glm::dvec2 offset = frame_.center_m(at) - eye;
-      below_unseen = glm::dot(offset, offset) < blind2;
+      const double range2 = glm::dot(offset, offset);
+      below_unseen = cell.mast_hits > 0 && range2 < blind2;
+      // Nearer than 1 m the camera looks over what it hits at a slant.
+      hits_needed = std::max(hits_needed, static_cast<int>(square_px / std::max(range2, 1.0)));
     }
-    fuse_body(index, cell, below_unseen);
-    fuse_mast(index, cell);
+    fuse_body(index, cell, hits_needed, below_unseen);
+    fuse_mast(index, cell, hits_needed);
+    if (cell.hole) fuse_hole(index, cell);
   }
 }
 
@@ -358,6 +448,7 @@ void OccupancyMap::integrate(const core::Observation& observation) {
   touched_.clear();
   mark_end_points(depth_m, view);
   trace_rays(depth_m, view);
+  note_holes(depth_m, view);
   fuse_view(view);
 
   // The inscribed circle is free for certain; the ring around it only where nothing was seen.

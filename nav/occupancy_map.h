@@ -7,7 +7,12 @@
 /// The camera sits on a mast and does not see the floor near the robot. A ray above a low
 /// table says nothing about the table, so clearing looks at heights: a ray clears an occupied
 /// cell only if it passes below the top of the obstacle, and makes an unknown cell free only
-/// if it passes below `pass_height_m`.
+/// if it passes below `pass_height_m`. Floor seen in the very cell contradicts low obstacles.
+///
+/// Depth cameras blend fore- and background at edges ("flying pixels"), which puts specks into
+/// doors; such pixels are no hits. Where the image has no depth although the floor should be
+/// there, with nothing known in between, a few such views make an unknown cell presumed free:
+/// dark or unreconstructed floor would otherwise never be crossed.
 ///
 /// Two layers: what the body can hit (`obstacle_min_m` .. `obstacle_max_m`) and what only the
 /// mast can hit (table tops, from there up to the camera). Differs from VLFM, whose cells are
@@ -36,6 +41,11 @@ struct OccupancyOptions {
   /// Never observed cells this near to the robot's path are assumed free until seen otherwise.
   double near_free_radius_m = 0.55;
   int min_hits_per_cell = 2;  ///< Points of one image that make a hit; one is a stray.
+  /// ... and this share of the points that a facing square of one cell would get.
+  double hit_share = 0.25;
+  bool reject_flying_pixels = true;
+  double hole_range_m = 4.0;  ///< Missing depth within this range of the floor is a hole;
+  int hole_views = 3;  ///< seen so often, its unknown cells are presumed free. 0: never.
   int ray_step_x_px = 2, ray_step_y_px = 3;  ///< Every n-th pixel is traced for clearing.
   float log_odds_hit = 0.7F, log_odds_miss = 0.35F;
   float log_odds_min = -1.5F, log_odds_max = 2.5F;
@@ -81,7 +91,8 @@ class OccupancyMap {
   /// What one image says about a cell.
   struct CellView {
     std::uint32_t stamp = 0;  ///< Valid if equal to `stamp_`.
-    std::uint16_t body_hits = 0, mast_hits = 0;
+    std::uint16_t body_hits = 0, mast_hits = 0, floor_hits = 0;
+    bool hole = false;                                ///< Floor without depth.
     bool through_body = false, through_mast = false;  ///< A ray met no stored obstacle.
     float lowest_pass_m = 0.0F;  ///< Lowest ray seen through; floor points count as 0.
     Heights heights;             ///< Of this image's hits.
@@ -92,15 +103,21 @@ class OccupancyMap {
   void mark_end_points(const core::Image<float>& depth_m, const View& view);
   void trace_rays(const core::Image<float>& depth_m, const View& view);
   void trace_ray(const View& view, const glm::dvec3& direction, double depth_m);
+  void note_holes(const core::Image<float>& depth_m, const View& view);
+  [[nodiscard]] bool hidden_by_obstacle(const View& view, const glm::dvec3& direction,
+                                        double range_m) const;
   void fuse_view(const View& view);
-  void fuse_body(std::size_t index, const CellView& cell_view, bool below_unseen);
-  void fuse_mast(std::size_t index, const CellView& cell_view);
+  void fuse_body(std::size_t index, const CellView& cell_view, int hits_needed,
+                 bool below_unseen);
+  void fuse_mast(std::size_t index, const CellView& cell_view, int hits_needed);
+  void fuse_hole(std::size_t index, const CellView& cell_view);
   void assume_free_disc(const glm::dvec2& center_odom_m, double radius_m);
 
   OccupancyOptions options_;
   GridFrame frame_;
   core::Image<float> body_, mast_;  ///< Log-odds.
   core::Image<Heights> heights_;
+  core::Image<std::uint8_t> hole_views_;
   bool started_ = false;
   core::Image<CellView> seen_;  ///< Scratch of the image being fused.
   std::vector<std::uint32_t> touched_;

@@ -23,8 +23,9 @@ struct FollowerOptions {
   double min_forward_mps = 0.08;
   double slow_clearance_m = 0.55;     ///< Below this clearance the speed falls linearly ...
   double min_clearance_factor = 0.4;  ///< ... to this share of the maximum at the footprint.
-  double footprint_radius_m = 0.30;   ///< Circle checked against occupied cells; between the
-                                     ///< inscribed and the circumscribed circle of the Jackal.
+  double footprint_radius_m = 0.27;   ///< Circle checked against occupied cells; between the
+                                     ///< inscribed and the circumscribed circle of the Jackal,
+                                     ///< and below the planner's narrowest inflation.
   double horizon_s = 1.0;  ///< Forward simulation.
   double goal_tolerance_m = 0.12;
 };

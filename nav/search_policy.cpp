@@ -147,11 +147,17 @@ core::VelocityCommand SearchPolicy::spin(const Now& now) {
 }
 
 core::VelocityCommand SearchPolicy::look(const Now& now) {
-  const double yaw_rad = std::atan2(target_->outward.y, target_->outward.x);
+  const bool all_around = target_->outward == glm::dvec2(0.0);
+  const double yaw_rad =
+      all_around ? now.pose.yaw_rad : std::atan2(target_->outward.y, target_->outward.x);
   const core::VelocityCommand command = follower_.turn_to(now.pose, yaw_rad, 0.15);
   const bool late = core::seconds(now.time_ns - target_->since_ns) > options_.target_timeout_s;
   if (command.turn_radps != 0.0 && !late) return command;
-  looked_at_m_ = target_->position_m;
+  if (target_->bold) {
+    selector_.blacklist(target_->position_m);
+  } else {
+    looked_at_m_ = target_->position_m;
+  }
   target_.reset();
   state_ = State::kExplore;
   replanned_ns_ = 0;
@@ -197,12 +203,20 @@ bool SearchPolicy::replan_due(const Now& now) const {
 void SearchPolicy::refresh_cost_map() {
   if (cost_fresh_) return;
   CostMapOptions options = options_.cost;
-  if (tight_) {
+  if (effort_ != Effort::kNormal) {
     options.robot_radius_m = std::min(options_.tight_radius_m, options.robot_radius_m);
     options.margin_m = 0.0;
   }
   cost_.build(map_, options);
   cost_fresh_ = true;
+}
+
+void SearchPolicy::build_bold_map() {
+  CostMapOptions options = options_.cost;
+  options.robot_radius_m = std::min(options_.tight_radius_m, options.robot_radius_m);
+  options.margin_m = 0.0;
+  options.cross_unknown = true;
+  bold_.build(map_, options);
 }
 
 void SearchPolicy::track_target(const Now& now, const glm::dvec2& target_m,
@@ -225,8 +239,8 @@ bool SearchPolicy::hopeless(const Now& now) {
           core::seconds(now.time_ns - target_->progress_ns) > options_.no_progress_s);
 }
 
-bool SearchPolicy::drive_to(const Now& now, const glm::dvec2& place_m) {
-  const std::optional<Path> path = plan_path(cost_, now.position_m, place_m);
+bool SearchPolicy::drive_to(const Now& now, const glm::dvec2& place_m, const CostMap& map) {
+  const std::optional<Path> path = plan_path(map, now.position_m, place_m);
   if (!path) return false;
   follower_.set_path(*path);
   return true;
@@ -235,14 +249,13 @@ bool SearchPolicy::drive_to(const Now& now, const glm::dvec2& place_m) {
 bool SearchPolicy::replan_explore(const Now& now) {
   replanned_ns_ = now.time_ns;
   const auto field = geodesic_field(cost_, cost_.frame().cell_at(now.position_m));
-  if (!field) {
-    frontiers_.clear();
-    return false;
-  }
-  frontiers_ = find_frontiers(cost_, *field, options_.frontiers);
+  const bool bold = effort_ == Effort::kBold || effort_ == Effort::kBoldAgain;
+  FrontierOptions options = options_.frontiers;
+  if (effort_ != Effort::kNormal) options.min_length_m = 0.0;
+  frontiers_ = field ? find_frontiers(cost_, *field, options) : std::vector<Frontier>{};
   while (true) {
     const std::optional<Frontier> frontier = selector_.select(frontiers_);
-    if (!frontier) return false;
+    if (!frontier) return bold && replan_bold(now);
     const bool seen_it_all =
         looked_at_m_ && glm::distance(*looked_at_m_, frontier->waypoint_m) <= kAtFrontier_m;
     if (!seen_it_all && drive_to(now, frontier->waypoint_m)) {
@@ -252,6 +265,42 @@ bool SearchPolicy::replan_explore(const Now& now) {
     // Looked at from its very edge, or no way there: not worth another try.
     selector_.blacklist(frontier->waypoint_m);
   }
+}
+
+bool SearchPolicy::replan_bold(const Now& now) {
+  build_bold_map();
+  const GridFrame& frame = bold_.frame();
+  const auto field = geodesic_field(bold_, frame.cell_at(now.position_m));
+  if (!field) return false;
+  core::Image<std::uint8_t> known(frame.width_cells, frame.height_cells);
+  for (std::size_t k = 0; k < known.size(); ++k) {
+    known.data()[k] = bold_.states().data()[k] != CellState::kUnknown ? 1 : 0;
+  }
+  const core::Image<float> depth_m = distance_to_cells_m(known, frame.resolution_m);
+  if (target_ && target_->bold) {  // Stay with it while it is worth it.
+    const Cell cell = frame.cell_at(target_->position_m);
+    if (bold_.state(cell) == CellState::kUnknown && field->reachable(cell) &&
+        drive_to(now, target_->position_m, bold_)) {
+      track_target(now, target_->position_m, glm::dvec2(0.0));
+      return true;
+    }
+  }
+  std::optional<Cell> best;
+  for (int j = 0; j < frame.height_cells; ++j) {
+    for (int i = 0; i < frame.width_cells; ++i) {
+      if (static_cast<double>(depth_m(i, j)) < options_.bold_depth_m) continue;
+      const float cost_m = field->cost_m(i, j);
+      if (!std::isfinite(cost_m) || (best && cost_m >= field->cost_m(best->x, best->y)) ||
+          selector_.blacklisted(frame.center_m({i, j}))) {
+        continue;
+      }
+      best = Cell(i, j);
+    }
+  }
+  if (!best || !drive_to(now, frame.center_m(*best), bold_)) return false;
+  track_target(now, frame.center_m(*best), glm::dvec2(0.0));
+  target_->bold = true;
+  return true;
 }
 
 core::VelocityCommand SearchPolicy::explore(const Now& now) {
@@ -281,26 +330,22 @@ void SearchPolicy::escalate(const Now& now) {
     begin_navigate(now, object->id);
     return;
   }
-  if (!tight_ && options_.tight_radius_m < options_.cost.robot_radius_m) {
-    tight_ = true;
-    cost_fresh_ = false;
-    selector_.clear_blacklist();
-    looked_at_m_.reset();
-    return;  // Explore again with less inflation.
+  if (effort_ == Effort::kBoldAgain) {
+    stop("no_frontier_left");
+    return;
   }
-  if (!swept_) {
-    swept_ = true;
+  effort_ = static_cast<Effort>(static_cast<int>(effort_) + 1);
+  cost_fresh_ = false;
+  replanned_ns_ = 0;
+  selector_.clear_blacklist();
+  looked_at_m_.reset();
+  if (effort_ == Effort::kSweep) {
     if (const auto field = geodesic_field(cost_, cost_.frame().cell_at(now.position_m))) {
       sweep_places_m_ = spread_places(cost_, *field, options_.sweep_places);
       std::reverse(sweep_places_m_.begin(), sweep_places_m_.end());
     }
-    if (!sweep_places_m_.empty()) {
-      state_ = State::kSweep;
-      replanned_ns_ = 0;
-      return;
-    }
+    if (!sweep_places_m_.empty()) state_ = State::kSweep;
   }
-  stop("no_frontier_left");
 }
 
 void SearchPolicy::stop(const std::string& reason) {

@@ -9,9 +9,9 @@ namespace segsim::nav::internal {
 namespace {
 
 constexpr double kViewSlack_m =
-    0.15;  // Stop a little before the object sinks out of the image.
+    0.10;  // Stop a little before the object sinks out of the image.
 constexpr double kArrivalSlack_m = 0.10;  // Cell size and goal tolerance.
-constexpr double kApproachWidth_m = 0.4;
+constexpr double kApproachWidth_m = 0.25;
 constexpr int kMaxReplaced = 3;  // Verifications that end with "seen, but farther away".
 
 }  // namespace
@@ -50,6 +50,15 @@ void SearchPolicy::begin_navigate(const Now& now, int id) {
   verify_since_ns_ = now.time_ns;
   facing_since_ns_ = -1;
   replaced_verifications_ = 0;
+  approach_rank_ = ApproachRank::kNone;
+}
+
+/// Back to what was interrupted by an object.
+void SearchPolicy::resume_search() {
+  target_.reset();
+  follower_.clear();
+  state_ = sweep_places_m_.empty() ? State::kExplore : State::kSweep;
+  replanned_ns_ = 0;
 }
 
 double SearchPolicy::stop_distance_m(const Now& now, const MappedObject& object) const {
@@ -73,7 +82,8 @@ bool SearchPolicy::at_goal(const Now& now, const MappedObject& object) const {
   return object.status == ObjectStatus::kConfirmed &&
          object.planar_distance_m(now.position_m) < stop_distance_m(now, object) &&
          std::abs(facing_error_rad(now, object)) <= options_.facing_tolerance_rad &&
-         recently_seen(now, object);
+         recently_seen(now, object) &&
+         open_floor(cost_, now.position_m, object.nearest_point_m(now.position_m));
 }
 
 /// Verification failed. An object that many views showed gets a second look from farther away.
@@ -86,48 +96,89 @@ void SearchPolicy::give_up_object(const Now& now) {
   }
   objects_.refute(object_id_);
   object_id_ = -1;
-  target_.reset();
-  follower_.clear();
-  state_ = sweep_places_m_.empty() ? State::kExplore : State::kSweep;
-  replanned_ns_ = 0;
+  resume_search();
+}
+
+SearchPolicy::ApproachRange SearchPolicy::approach_range(const Now& now,
+                                                         const MappedObject& object) const {
+  ApproachRange range{};
+  range.limit_m = options_.stop_distance_limit_m - kArrivalSlack_m;
+  const double visible_m =
+      std::min(view_distance_m(*now.observation, object), range.limit_m - 0.3);
+  range.min_m = std::max(options_.approach_min_m, visible_m);
+  if (second_look_.count(object_id_) != 0) {
+    range.min_m = std::max(range.min_m, options_.second_look_m);
+  }
+  range.min_m = std::min(range.min_m, range.limit_m - 0.2);
+  range.max_m = std::min(std::max(options_.approach_max_m, range.min_m + kApproachWidth_m),
+                         range.limit_m);
+  return range;
+}
+
+/// Whether to stay with the old place: the best one changes a little with every view.
+bool SearchPolicy::still_good(const Now& now, const MappedObject& object,
+                              const ApproachRange& range, const ApproachPlace& better,
+                              ApproachRank rank) const {
+  if (!target_ || !follower_.has_path() || rank < approach_rank_) return false;
+  if (glm::distance(target_->position_m, better.position_m) >= 1.0) return false;
+  const CostMap& map = rank == ApproachRank::kOpenBeyondUnknown ? bold_ : cost_;
+  if (!map.traversable(map.frame().cell_at(target_->position_m))) return false;
+  if (rank == ApproachRank::kOpen &&
+      !open_floor(map, target_->position_m, object.nearest_point_m(target_->position_m))) {
+    return false;
+  }
+  const double to_object_m = object.planar_distance_m(target_->position_m);
+  return to_object_m >= range.min_m - kArrivalSlack_m && to_object_m <= range.limit_m &&
+         plan_path(map, now.position_m, target_->position_m).has_value();
 }
 
 bool SearchPolicy::replan_navigate(const Now& now, const MappedObject& object) {
   replanned_ns_ = now.time_ns;
-  const auto field = geodesic_field(cost_, cost_.frame().cell_at(now.position_m));
-  if (!field) return false;
-  const double limit_m = options_.stop_distance_limit_m - kArrivalSlack_m;
-  const double visible_m = std::min(view_distance_m(*now.observation, object), limit_m - 0.3);
-  double min_m = std::max(options_.approach_min_m, visible_m);
-  if (second_look_.count(object_id_) != 0) min_m = std::max(min_m, options_.second_look_m);
-  min_m = std::min(min_m, limit_m - 0.2);
-  const double max_m = std::max(options_.approach_max_m, min_m + kApproachWidth_m);
-  const auto place =
-      choose_approach(cost_, *field, object, min_m, std::min(max_m, limit_m), limit_m);
-  if (!place || place->to_object_m > limit_m) return false;
-  // Stay with the old place unless the new one is better: its cost changes with every view.
-  if (target_ && follower_.has_path() &&
-      glm::distance(target_->position_m, place->position_m) < 1.0 &&
-      cost_.traversable(cost_.frame().cell_at(target_->position_m))) {
-    const double to_object_m = object.planar_distance_m(target_->position_m);
-    if (to_object_m >= min_m - kArrivalSlack_m && to_object_m <= limit_m &&
-        drive_to(now, target_->position_m)) {
-      track_target(now, target_->position_m, glm::dvec2(0.0));
-      return true;
+  const ApproachRange range = approach_range(now, object);
+  const auto choose = [&](const CostMap& map) -> std::optional<ApproachPlace> {
+    const auto field = geodesic_field(map, map.frame().cell_at(now.position_m));
+    if (!field) return std::nullopt;
+    auto place = choose_approach(map, *field, object, range.min_m, range.max_m, range.limit_m);
+    if (place && place->to_object_m > range.limit_m) place.reset();
+    return place;
+  };
+  const auto near = [&](const std::optional<ApproachPlace>& place) {
+    return place && place->line_of_sight && place->to_object_m <= range.max_m;
+  };
+  std::optional<ApproachPlace> place = choose(cost_);
+  ApproachRank rank = ApproachRank::kNone;
+  if (near(place) && place->open_floor) {
+    rank = ApproachRank::kOpen;
+  } else {
+    // The known floor ends too far away or behind something: perhaps the unknown leads nearer.
+    build_bold_map();
+    const std::optional<ApproachPlace> beyond = choose(bold_);
+    const double known_cost_m = near(place) ? place->cost_m : 0.0;
+    if (near(beyond) && beyond->open_floor &&
+        (!near(place) || beyond->cost_m < known_cost_m + options_.detour_m)) {
+      place = beyond;
+      rank = ApproachRank::kOpenBeyondUnknown;
+    } else if (near(place)) {
+      rank = ApproachRank::kInSight;
+    } else if (place && (frontiers_.empty() || effort_ != Effort::kNormal)) {
+      rank = ApproachRank::kFar;  // Only when there is nothing else to find out.
+    } else {
+      return false;
     }
   }
-  if (!drive_to(now, place->position_m)) return false;
-  track_target(now, place->position_m, glm::dvec2(0.0));
+  const CostMap& map = rank == ApproachRank::kOpenBeyondUnknown ? bold_ : cost_;
+  const glm::dvec2 to_m =
+      still_good(now, object, range, *place, rank) ? target_->position_m : place->position_m;
+  if (!drive_to(now, to_m, map)) return false;
+  approach_rank_ = rank;
+  track_target(now, to_m, glm::dvec2(0.0));
   return true;
 }
 
 core::VelocityCommand SearchPolicy::navigate(const Now& now) {
   const MappedObject* object = objects_.find(object_id_);
   if (object == nullptr || object->status == ObjectStatus::kRefuted) {
-    target_.reset();
-    follower_.clear();
-    state_ = sweep_places_m_.empty() ? State::kExplore : State::kSweep;
-    replanned_ns_ = 0;
+    resume_search();
     return {};
   }
   if (at_goal(now, *object)) {
@@ -142,10 +193,7 @@ core::VelocityCommand SearchPolicy::navigate(const Now& now) {
       objects_.refute(object_id_);
     }
     until_ns = now.time_ns + static_cast<core::TimeNs>(options_.postpone_s * 1e9);
-    target_.reset();
-    follower_.clear();
-    state_ = sweep_places_m_.empty() ? State::kExplore : State::kSweep;
-    replanned_ns_ = 0;
+    resume_search();
     return {};
   }
   if (follower_.arrived(now.pose)) {

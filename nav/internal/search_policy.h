@@ -49,7 +49,12 @@ class SearchPolicy final : public core::Policy {
     glm::dvec2 outward{0.0};
     core::TimeNs since_ns = 0, progress_ns = 0;
     double best_to_go_m = 1e18;
+    bool bold = false;  ///< In the unknown.
   };
+  /// How good the place near the object is; lower is better.
+  enum class ApproachRank : std::uint8_t { kOpen, kOpenBeyondUnknown, kInSight, kFar, kNone };
+  /// What is tried, in this order, when no frontier is left.
+  enum class Effort : std::uint8_t { kNormal, kTight, kBold, kSweep, kBoldAgain };
 
   // search_policy.cpp: the frame of every decision, exploring, recovering.
   core::VelocityCommand act(const Now& now);
@@ -61,15 +66,22 @@ class SearchPolicy final : public core::Policy {
   void begin_spin(const Now& now);
   void begin_recovery(const Now& now);
   bool replan_explore(const Now& now);
-  /// No frontier is left: tentative objects, tight inflation, second look around, stop.
+  /// Drives to the nearest place inside the unknown that may be passable.
+  bool replan_bold(const Now& now);
+  /// No frontier is left: tentative objects, then the next effort, at last stop.
   void escalate(const Now& now);
   void stop(const std::string& reason);
   bool replan_due(const Now& now) const;
   void refresh_cost_map();
+  /// The map in which everything unknown counts as free, narrow inflation.
+  void build_bold_map();
   void track_target(const Now& now, const glm::dvec2& target_m, const glm::dvec2& outward);
   bool hopeless(const Now& now);
   /// Plans to the place and hands the path to the follower; false if there is no way.
-  bool drive_to(const Now& now, const glm::dvec2& place_m);
+  bool drive_to(const Now& now, const glm::dvec2& place_m) {
+    return drive_to(now, place_m, cost_);
+  }
+  bool drive_to(const Now& now, const glm::dvec2& place_m, const CostMap& map);
 
   // search_policy_object.cpp: going to the object.
   const MappedObject* best_object(const Now& now) const;
@@ -78,6 +90,14 @@ class SearchPolicy final : public core::Policy {
   core::VelocityCommand navigate(const Now& now);
   core::VelocityCommand verify(const Now& now);
   bool replan_navigate(const Now& now, const MappedObject& object);
+  /// Range of distances from the object for places to drive to.
+  struct ApproachRange {
+    double min_m, max_m, limit_m;
+  };
+  ApproachRange approach_range(const Now& now, const MappedObject& object) const;
+  bool still_good(const Now& now, const MappedObject& object, const ApproachRange& range,
+                  const ApproachPlace& better, ApproachRank rank) const;
+  void resume_search();
   /// Whether the stop rule holds.
   bool at_goal(const Now& now, const MappedObject& object) const;
   double stop_distance_m(const Now& now, const MappedObject& object) const;
@@ -91,6 +111,7 @@ class SearchPolicy final : public core::Policy {
 
   OccupancyMap map_;
   CostMap cost_;
+  CostMap bold_;
   bool cost_fresh_ = false;
   ObjectMap objects_;
   FrontierSelector selector_;
@@ -109,11 +130,11 @@ class SearchPolicy final : public core::Policy {
   double spun_rad_ = 0.0;
   double last_yaw_rad_ = 0.0;
 
-  bool tight_ = false;
-  bool swept_ = false;
+  Effort effort_ = Effort::kNormal;
   std::vector<glm::dvec2> sweep_places_m_;  ///< Still to visit, last first.
 
   int object_id_ = -1;
+  ApproachRank approach_rank_ = ApproachRank::kNone;  ///< Of the present target.
   core::TimeNs verify_since_ns_ = 0, facing_since_ns_ = -1;
   int replaced_verifications_ = 0;  ///< In a row, of the present object.
   std::set<int> second_look_;       ///< Objects that are or were looked at from farther.

@@ -23,17 +23,18 @@ MappedObject object_at(double x, double y, double low_z, double high_z) {
   return object;
 }
 
-TEST(ViewDistance, IsWhereTheLowestRayMeetsHalfTheHeight) {
+TEST(ViewDistance, IsWhereTheLowestRayMeetsTheMiddleOfTheCloud) {
+  // The middle point of the cloud lies 0.08 m behind the nearest one.
   core::Observation observation;
   observation.intrinsics = core::CameraIntrinsics::from_fov(256, 192, 1.3788);
   observation.T_robot_camera = core::mast_camera(1.1, 0.0);
   const double tan_down = 96.0 / observation.intrinsics.fy_px;
-  EXPECT_NEAR(view_distance_m(observation, object_at(3, 0, 0.0, 0.6)), 0.8 / (0.95 * tan_down),
-              1e-9);
+  EXPECT_NEAR(view_distance_m(observation, object_at(3, 0, 0.0, 0.6)),
+              0.8 / (0.95 * tan_down) - 0.08, 1e-6);
   EXPECT_EQ(view_distance_m(observation, object_at(3, 0, 1.0, 1.6)), 0.0);
   observation.T_robot_camera = core::mast_camera(1.1, 0.4);
   EXPECT_NEAR(view_distance_m(observation, object_at(3, 0, 0.0, 0.6)),
-              0.8 / (0.95 * std::tan(std::atan(tan_down) + 0.4)), 1e-9);
+              0.8 / (0.95 * std::tan(std::atan(tan_down) + 0.4)) - 0.08, 1e-6);
 }
 
 TEST(ChooseApproach, NearReachableAndInSight) {
