@@ -87,11 +87,15 @@ class ViewSampler {
     }
   }
 
-  /// The next pose that is not a near duplicate of those accepted.
-  core::Pose2 next() {
+  struct View {
+    core::Pose2 pose;
+    std::uint16_t wanted_instance = 0;  ///< That the view was made for; 0 = none.
+  };
+
+  View next() {
     const glm::dvec2 p_m = cells_[random_.index(static_cast<std::uint32_t>(cells_.size()))];
     core::Pose2 pose{p_m.x, p_m.y, random_.uniform(-std::numbers::pi, std::numbers::pi)};
-    if (objects_by_class_.empty() || !random_.chance(options_.share_facing_object)) return pose;
+    if (objects_by_class_.empty() || !random_.chance(options_.share_facing_object)) return {pose};
     // A class first, then one of its objects: frequent classes would dominate otherwise.
     auto entry = objects_by_class_.begin();
     std::advance(entry, random_.index(static_cast<std::uint32_t>(objects_by_class_.size())));
@@ -105,9 +109,9 @@ class ViewSampler {
       }
       pose = sim::facing(q_m, object.box_min_m, object.box_max_m);
       pose.yaw_rad = core::wrap_angle_rad(pose.yaw_rad + random_.uniform(-0.4, 0.4));
-      break;
+      return {pose, object.id};
     }
-    return pose;
+    return {pose};
   }
 
   [[nodiscard]] bool is_near_duplicate(const core::Pose2& pose) const {
@@ -177,18 +181,24 @@ perception::CocoDataset label_views(const core::SceneBundle& bundle, const sim::
   if (options.show_progress) {
     progress = std::make_unique<core::Progress>("label " + bundle.manifest.name, options.views);
   }
-  const int max_tries = 30 * options.views;
+  const int max_tries = 60 * options.views;
   for (int i = 0; i < max_tries && static_cast<int>(dataset.images.size()) < options.views; ++i) {
-    const core::Pose2 pose = sampler.next();
+    const auto [pose, wanted_instance] = sampler.next();
     if (sampler.is_near_duplicate(pose)) continue;
     view_renderer->render(
         core::transform_from_pose2<core::frame::World>(pose) * T_robot_camera, options.camera,
         core::Channels::kAll, frame);
     if (!is_useful(frame, options)) continue;
+    const std::map<std::uint16_t, int> pixels = count_pixels(frame.instance);
+    // A wall may stand between: such views would leave rare classes without examples.
+    if (wanted_instance != 0 && (!pixels.contains(wanted_instance) ||
+                                 pixels.at(wanted_instance) < options.min_wanted_pixels)) {
+      continue;
+    }
     sampler.accept(pose);
 
     perception::LabelView view{&frame.semantic, &frame.instance, &frame.depth_m, {}};
-    for (const auto& [id, visible] : count_pixels(frame.instance)) {
+    for (const auto& [id, visible] : pixels) {
       const int all = std::max(visible, alone.unoccluded_pixels(id, frame));
       view.visible_fraction[id] = static_cast<double>(visible) / all;
     }

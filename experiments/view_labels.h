@@ -25,7 +25,8 @@ struct ViewLabelOptions {
   double camera_height_m = 1.2;
   double camera_pitch_down_rad = 0.0;
   std::vector<std::string> class_names;  ///< Of the detector; objects of other classes get no box.
-  double share_facing_object = 0.6;      ///< Of the views look at an object, the others anywhere.
+  double share_facing_object = 0.85;     ///< Tried to look at an object, classes in turn; the rest anywhere.
+  int min_wanted_pixels = 100;           ///< Of that object, or the view is dropped.
   double max_object_distance_m = 5.0;    ///< For views that face an object.
   double min_view_distance_m = 0.4;      ///< Median depth below this: the view stares at a wall.
   double max_invalid_share = 0.35;       ///< Of pixels with alpha < 0.5: outside the reconstruction.

@@ -4,6 +4,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <cstdio>
@@ -24,29 +25,23 @@ namespace {
 
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
-using ::testing::Not;
+using ::testing::SizeIs;
 
-struct Run {
+struct Output {
   int exit_code = -1;
-  std::string output;  ///< Standard output and error.
+  std::string text;  ///< Standard output and error.
 };
 
-Run segsim(const std::string& arguments) {
+Output segsim(const std::string& arguments) {
   const std::string command = std::string(SEGSIM_BINARY) + " " + arguments + " 2>&1";
   FILE* pipe = ::popen(command.c_str(), "r");
-  Run run;
+  Output run;
   std::array<char, 4096> buffer{};
-  while (std::fgets(buffer.data(), buffer.size(), pipe) != nullptr) run.output += buffer.data();
+  while (std::fgets(buffer.data(), buffer.size(), pipe) != nullptr) run.text += buffer.data();
   run.exit_code = WEXITSTATUS(::pclose(pipe));
   return run;
 }
 
-std::string read(const fs::path& file) {
-  std::ifstream stream(file, std::ios::binary);
-  std::ostringstream text;
-  text << stream.rdbuf();
-  return text.str();
-}
 
 void write(const fs::path& file, const std::string& text) {
   fs::create_directories(file.parent_path());
@@ -123,26 +118,26 @@ class Cli : public ::testing::Test {
             "0 0 1 " + std::to_string(0.1 * i) + "\n-1 0 0 0\n0 -1 0 1.2\n0 0 0 1\n");
     }
   }
-  [[nodiscard]] Run reconstruct(const std::string& name) const {
+  [[nodiscard]] Output reconstruct(const std::string& name) const {
     return segsim("reconstruct " + at(name) + " --floor-height 0 --out " + at("bundle"));
   }
   fs::path folder_;
 };
 
-void expect_input_error(const Run& run, const std::string& place, const std::string& expected,
-                        const std::string& found) {
-  EXPECT_EQ(run.exit_code, 2) << run.output;
-  EXPECT_THAT(run.output, HasSubstr(place));
-  EXPECT_THAT(run.output, HasSubstr("expected " + expected));
-  EXPECT_THAT(run.output, HasSubstr("found " + found));
+/// Exit code 2 and one line with place, expected and found.
+void expect_input_error(const Output& run, const std::string& place) {
+  EXPECT_EQ(run.exit_code, 2) << run.text;
+  EXPECT_THAT(run.text, HasSubstr(place));
+  EXPECT_THAT(run.text, HasSubstr(": expected "));
+  EXPECT_THAT(run.text, HasSubstr(", found "));
 }
 
 TEST_F(Cli, HelpListsTheSubcommandsAndVersionPrints) {
-  const Run help = segsim("--help");
+  const Output help = segsim("--help");
   EXPECT_EQ(help.exit_code, 0);
   for (const char* name : {"run", "table", "capture", "reconstruct", "scene", "render", "label",
                            "detector"}) {
-    EXPECT_THAT(help.output, HasSubstr(name));
+    EXPECT_THAT(help.text, HasSubstr(name));
     EXPECT_EQ(segsim(std::string(name) + " --help").exit_code, 0);
   }
   EXPECT_EQ(segsim("--version").exit_code, 0);
@@ -154,31 +149,31 @@ TEST_F(Cli, TruncatedPngIsNamed) {
   write_recording("r");
   const fs::path file = folder_ / "r" / "frame-000001.depth.png";
   fs::resize_file(file, fs::file_size(file) / 2);
-  expect_input_error(reconstruct("r"), "frame-000001.depth.png", "", "");
+  expect_input_error(reconstruct("r"), "frame-000001.depth.png");
 }
 
 TEST_F(Cli, PoseWithNanIsNamed) {
   write_recording("r");
   write(folder_ / "r" / "frame-000002.pose.txt", "0 0 1 nan\n-1 0 0 0\n0 -1 0 1.2\n0 0 0 1\n");
-  expect_input_error(reconstruct("r"), "frame-000002.pose.txt", "", "");
+  expect_input_error(reconstruct("r"), "frame-000002.pose.txt");
 }
 
 TEST_F(Cli, BadFrameIsSkippedOnRequestAndCounted) {
   write_recording("r");
   write(folder_ / "r" / "frame-000002.pose.txt", "0 0 1 nan\n-1 0 0 0\n0 -1 0 1.2\n0 0 0 1\n");
-  const Run run = segsim("reconstruct " + at("r") + " --on-bad-frame skip --floor-height 0 --out " +
+  const Output run = segsim("reconstruct " + at("r") + " --on-bad-frame skip --floor-height 0 --out " +
                          at("bundle"));
-  EXPECT_THAT(run.output, HasSubstr("warning: "));
-  EXPECT_THAT(run.output, HasSubstr("frame-000002"));
+  EXPECT_THAT(run.text, HasSubstr("warning: "));
+  EXPECT_THAT(run.text, HasSubstr("frame-000002"));
 }
 
 TEST_F(Cli, IntrinsicsWithEightNumbersAreRefused) {
   write_recording("r");
   write(folder_ / "r" / "intrinsics.txt", "60 0 31.5\n0 60 23.5\n0 0\n");
-  const Run run = reconstruct("r");
-  EXPECT_EQ(run.exit_code, 2) << run.output;
-  EXPECT_THAT(run.output, HasSubstr("intrinsics.txt"));
-  EXPECT_THAT(run.output, HasSubstr("8"));
+  const Output run = reconstruct("r");
+  EXPECT_EQ(run.exit_code, 2) << run.text;
+  EXPECT_THAT(run.text, HasSubstr("intrinsics.txt"));
+  EXPECT_THAT(run.text, HasSubstr("8"));
 }
 
 TEST_F(Cli, PlyWithoutRot3IsRefused) {
@@ -188,17 +183,17 @@ TEST_F(Cli, PlyWithoutRot3IsRefused) {
     header += std::string("property float ") + name + "\n";
   }
   write(folder_ / "s.ply", header + "end_header\n0 0 0 0 0 0 1 -3 -3 1 0 0\n");
-  const Run run = segsim("render " + at("s.ply") + " --out " + at("v.png"));
-  EXPECT_EQ(run.exit_code, 2) << run.output;
-  EXPECT_THAT(run.output, HasSubstr("s.ply"));
-  EXPECT_THAT(run.output, HasSubstr("rot_3"));
+  const Output run = segsim("render " + at("s.ply") + " --out " + at("v.png"));
+  EXPECT_EQ(run.exit_code, 2) << run.text;
+  EXPECT_THAT(run.text, HasSubstr("s.ply"));
+  EXPECT_THAT(run.text, HasSubstr("rot_3"));
 }
 
 TEST_F(Cli, UnknownKeyInASpecNamesLineAndNearestKey) {
   write(folder_ / "spec.yaml", "schema: segsim.experiment/1\nname: x\nseeed: 3\n");
-  const Run run = segsim("run " + at("spec.yaml") + " --work " + at("w"));
-  EXPECT_EQ(run.exit_code, 2) << run.output;
-  EXPECT_THAT(run.output, HasSubstr("spec.yaml"));
+  const Output run = segsim("run " + at("spec.yaml") + " --work " + at("w"));
+  EXPECT_EQ(run.exit_code, 2) << run.text;
+  EXPECT_THAT(run.text, HasSubstr("spec.yaml"));
 }
 
 TEST_F(Cli, DamagedBundleIsRefused) {
@@ -210,11 +205,11 @@ TEST_F(Cli, DamagedBundleIsRefused) {
 TEST_F(Cli, MissingTextureIsACountedWarning) {
   write_room(folder_ / "room.obj");
   std::ofstream(folder_ / "room.mtl", std::ios::app) << "map_Kd nowhere.png\n";
-  const Run run = segsim("capture --mesh " + at("room.obj") + " --out " + at("cap") +
+  const Output run = segsim("capture --mesh " + at("room.obj") + " --out " + at("cap") +
                          " --frames 2 --width 64 --height 48");
-  EXPECT_EQ(run.exit_code, 0) << run.output;
-  EXPECT_THAT(run.output, HasSubstr("nowhere.png"));
-  EXPECT_THAT(run.output, HasSubstr("1 warnings"));
+  EXPECT_EQ(run.exit_code, 0) << run.text;
+  EXPECT_THAT(run.text, HasSubstr("nowhere.png"));
+  EXPECT_THAT(run.text, HasSubstr("1 warnings"));
 }
 
 /// The whole chain on a room of two corners: an experiment with the oracle detector.
@@ -247,29 +242,49 @@ class Chain : public Cli {
   [[nodiscard]] std::string run_arguments(const std::string& work) const {
     return "run " + at("spec.yaml") + " --work " + at(work);
   }
-  /// The part of a work folder's table that does not depend on wall time.
-  [[nodiscard]] std::string rows(const std::string& work) const {
-    const Run table = segsim("table " + at(work) + " --trials");
-    EXPECT_EQ(table.exit_code, 0) << table.output;
-    return table.output;
+  /// The finished trials of a work folder without the columns of wall time.
+  [[nodiscard]] std::vector<std::string> rows(const std::string& work) const {
+    std::ifstream stream(folder_ / work / "trials.csv");
+    std::string line;
+    std::getline(stream, line);
+    const std::vector<std::string> names = fields(line);
+    std::vector<std::string> kept;
+    while (std::getline(stream, line)) {
+      const std::vector<std::string> values = fields(line);
+      std::string row;
+      for (std::size_t i = 0; i < std::min(names.size(), values.size()); ++i) {
+        const std::string& name = names[i];
+        if (name == "wall_s" || name.ends_with("_ms")) continue;
+        row += name + "=" + values[i] + " ";
+      }
+      kept.push_back(row);
+    }
+    return kept;
+  }
+  static std::vector<std::string> fields(const std::string& line) {
+    std::vector<std::string> parts;
+    std::istringstream stream(line);
+    for (std::string part; std::getline(stream, part, ',');) parts.push_back(part);
+    return parts;
   }
 };
 
 TEST_F(Chain, RunsToATableAndRepeatsItself) {
-  const Run first = segsim(run_arguments("a"));
-  ASSERT_EQ(first.exit_code, 0) << first.output;
-  EXPECT_THAT(first.output, HasSubstr("6/6"));
+  const Output first = segsim(run_arguments("a"));
+  ASSERT_EQ(first.exit_code, 0) << first.text;
+  EXPECT_THAT(first.text, HasSubstr("/6"));
 
-  const Run render = segsim("render " + at("a/scenes/room") + " --pose 1.5 0 1.2 90 5 --out " +
+  const Output render = segsim("render " + at("a/scenes/room") + " --pose 1.5 0 1.2 90 5 --out " +
                             at("view.exr"));
-  EXPECT_EQ(render.exit_code, 0) << render.output;
-  const Run inspect = segsim("scene inspect " + at("a/scenes/room"));
-  EXPECT_EQ(inspect.exit_code, 0) << inspect.output;
-  EXPECT_THAT(inspect.output, HasSubstr("couch"));
+  EXPECT_EQ(render.exit_code, 0) << render.text;
+  const Output inspect = segsim("scene inspect " + at("a/scenes/room"));
+  EXPECT_EQ(inspect.exit_code, 0) << inspect.text;
+  EXPECT_THAT(inspect.text, HasSubstr("couch"));
 
   // Same spec and seed in another folder: identical trials.
-  const Run second = segsim(run_arguments("b"));
-  ASSERT_EQ(second.exit_code, 0) << second.output;
+  const Output second = segsim(run_arguments("b"));
+  ASSERT_EQ(second.exit_code, 0) << second.text;
+  EXPECT_THAT(rows("a"), SizeIs(6));
   EXPECT_EQ(rows("a"), rows("b"));
 }
 
@@ -281,8 +296,8 @@ TEST_F(Chain, KilledRunGoesOnAndGivesTheSameTable) {
   if (child == 0) {
     const std::string spec = at("spec.yaml");
     const std::string work = at("killed");
-    ::freopen("/dev/null", "w", stdout);
-    ::freopen("/dev/null", "w", stderr);
+    if (::freopen("/dev/null", "w", stdout) == nullptr) std::_Exit(126);
+    if (::freopen("/dev/null", "w", stderr) == nullptr) std::_Exit(126);
     ::execl(SEGSIM_BINARY, SEGSIM_BINARY, "run", spec.c_str(), "--work", work.c_str(), nullptr);
     std::_Exit(127);
   }
@@ -299,8 +314,9 @@ TEST_F(Chain, KilledRunGoesOnAndGivesTheSameTable) {
   int status = 0;
   ::waitpid(child, &status, 0);
 
-  const Run again = segsim(run_arguments("killed"));
-  ASSERT_EQ(again.exit_code, 0) << again.output;
+  const Output again = segsim(run_arguments("killed"));
+  ASSERT_EQ(again.exit_code, 0) << again.text;
+  EXPECT_THAT(rows("whole"), SizeIs(6));
   EXPECT_EQ(rows("whole"), rows("killed"));
 }
 
