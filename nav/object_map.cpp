@@ -19,6 +19,9 @@ constexpr double kTrim = 0.02;        // Quantile cut off each side of the exten
 constexpr double kNearerView = 0.6;   // A view this much nearer replaces the cloud,
 constexpr double kFartherView = 1.8;  // one this much farther adds no points.
 constexpr std::size_t kVisibilitySamples = 24;
+constexpr float kCarveMargin_px = 3.0F;  // A box is this uncertain, or
+constexpr float kCarveMargin = 0.1F;     // by this share of its size.
+constexpr double kCarveDepth_m = 0.15;   // A point is in view if the depth there agrees.
 
 struct Samples {
   std::size_t looked_at = 0;  ///< Pixels, with or without depth.
@@ -117,6 +120,29 @@ void describe_cloud(MappedObject& object) {
     std::nth_element(values.begin(), values.begin() + high, values.end());
     object.high_m[axis] = static_cast<double>(values[static_cast<std::size_t>(high)]);
   }
+}
+
+/// Removes points in plain view that project beside the object's box.
+void carve(const core::Observation& observation, const core::BoxPx& box,
+           std::vector<glm::vec3>& cloud_m) {
+  const auto T_camera_odom = observation.T_odom_camera().inverse();
+  const core::Image<float>& depth_m = *observation.depth_m;
+  const float dx = std::max(kCarveMargin_px, kCarveMargin * box.width_px());
+  const float dy = std::max(kCarveMargin_px, kCarveMargin * box.height_px());
+  const auto beside = [&](const glm::vec3& point) {
+    const glm::dvec3 p =
+        (T_camera_odom * core::Point<core::frame::Odom>{glm::dvec3(point)}).xyz_m;
+    if (p.z < 0.2) return false;
+    const glm::vec2 px(observation.intrinsics.project(p));
+    if (px.x >= box.x0 - dx && px.x <= box.x1 + dx && px.y >= box.y0 - dy &&
+        px.y <= box.y1 + dy) {
+      return false;
+    }
+    const int x = static_cast<int>(std::floor(px.x)), y = static_cast<int>(std::floor(px.y));
+    return depth_m.contains(x, y) &&
+           std::abs(static_cast<double>(depth_m(x, y)) - p.z) < kCarveDepth_m;
+  };
+  std::erase_if(cloud_m, beside);
 }
 
 }  // namespace
@@ -222,6 +248,7 @@ std::size_t ObjectMap::object_for(const LiftedDetection& lifted) {
 }
 
 void ObjectMap::add_sighting(std::size_t index, const LiftedDetection& lifted,
+                             const core::Observation& observation, const core::BoxPx& box,
                              const ViewPose& now) {
   MappedObject& object = objects_[index];
   object.last_seen_ns = now.time_ns;
@@ -232,10 +259,13 @@ void ObjectMap::add_sighting(std::size_t index, const LiftedDetection& lifted,
   if (lifted.range_m < kNearerView * object.best_range_m) {
     object.cloud_m = lifted.cloud_m;
     describe_cloud(object);
-  } else if (lifted.range_m <= kFartherView * object.best_range_m &&
-             object.cloud_m.size() < options_.max_cloud_points) {
-    object.cloud_m.insert(object.cloud_m.end(), lifted.cloud_m.begin(), lifted.cloud_m.end());
-    object.cloud_m = internal::thinned(object.cloud_m, options_.voxel_m);
+  } else if (lifted.range_m <= kFartherView * object.best_range_m) {
+    carve(observation, box, object.cloud_m);
+    if (object.cloud_m.size() < options_.max_cloud_points) {
+      object.cloud_m.insert(object.cloud_m.end(), lifted.cloud_m.begin(),
+                            lifted.cloud_m.end());
+      object.cloud_m = internal::thinned(object.cloud_m, options_.voxel_m);
+    }
     describe_cloud(object);
   }
   object.best_range_m = std::min(object.best_range_m, lifted.range_m);
@@ -325,7 +355,8 @@ void ObjectMap::update(const core::Observation& observation,
     const std::size_t index = object_for(lifted);
     seen_now.resize(objects_.size(), false);
     if (!seen_now[index])
-      add_sighting(index, lifted, now);  // The best box of an object counts.
+      // The best box of an object counts.
+      add_sighting(index, lifted, observation, detection.box, now);
     seen_now[index] = true;
   }
   count_misses(observation, now, seen_now);

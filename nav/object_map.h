@@ -5,6 +5,8 @@
 /// against. Follows VLFM's object map where it can (largest cluster, far detections are second
 /// class, refuted when seen from near without detection) and differs: objects are kept apart
 /// and have integer ids (quirk Q12), clouds are thinned (Q11), evidence is counted per view.
+/// A box also holds parts of other things; what a later box of the object leaves out although
+/// it is in plain view is cut off the cloud again.
 
 #include <cstdint>
 #include <memory>
@@ -102,7 +104,9 @@ class ObjectMap {
   /// Weight of one more view of an object after the last counted one: 1, 1/2 or 0.
   [[nodiscard]] double view_weight(const ViewPose& last, const ViewPose& now) const;
   std::size_t object_for(const LiftedDetection& lifted);
-  void add_sighting(std::size_t index, const LiftedDetection& lifted, const ViewPose& now);
+  void add_sighting(std::size_t index, const LiftedDetection& lifted,
+                    const core::Observation& observation, const core::BoxPx& box,
+                    const ViewPose& now);
   void count_misses(const core::Observation& observation, const ViewPose& now,
                     const std::vector<bool>& seen_now);
   void update_status(MappedObject& object) const;

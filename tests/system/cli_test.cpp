@@ -229,7 +229,7 @@ class Chain : public Cli {
           "  - name: room\n"
           "    goals: [couch, bed]\n"
           "    episodes: 6\n"
-          "    min_start_distance_m: 1.0\n"
+          "    start_distance_m: [1, 8]\n"
           "    allow_visible_start: true\n"
           "    source:\n"
           "      type: mesh\n"
