@@ -15,6 +15,12 @@ if [[ ${1:-} =~ ^[a-z]+$ ]]; then
   shift
 fi
 
+# Tests on real recordings run where the data lies beside the checkout; others do without.
+if [[ -z ${SEGSIM_DATA:-} && -d $root/../shared/data ]]; then
+  SEGSIM_DATA=$(cd "$root/../shared/data" && pwd)
+  export SEGSIM_DATA
+fi
+
 install_packages
 build "$preset"
 say "Running the tests"
