@@ -25,14 +25,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Views of the fine-tuning scenes: for training, for choosing thresholds, for reporting. No
-/// view serves two purposes.
+/// Views of the fine-tuning scenes: for training, for choosing thresholds, for reporting. No view
+/// serves two purposes.
 struct ViewSets {
   fs::path train, validation, test;
 };
 
-constexpr int kValidationShare =
-    5;  ///< One view in five as many again for each of the other sets.
+constexpr int kValidationShare = 5;  ///< One view in five as many again for each of the other sets.
 
 core::CameraIntrinsics view_camera(const ExperimentSpec& spec) {
   const FinetuneSpec& finetune = *spec.detectors.finetune;
@@ -94,9 +93,9 @@ fs::path prepare_before(const ExperimentSpec& spec, const fs::path& work) {
   const DetectorSpec& detectors = spec.detectors;
   if (fs::exists(detectors.before)) return detectors.before;
   if (!detectors.pretrain) {
-    throw core::InputError::expected(
-        detectors.before.string(), "weights, or a detectors.pretrain section that makes them",
-        "none");
+    throw core::InputError::expected(detectors.before.string(),
+                                     "weights, or a detectors.pretrain section that makes them",
+                                     "none");
   }
   const PretrainSpec& pretrain = *detectors.pretrain;
   SourceDatasetOptions source;
@@ -112,8 +111,8 @@ fs::path prepare_before(const ExperimentSpec& spec, const fs::path& work) {
   return detectors.before;
 }
 
-fs::path prepare_after(const ExperimentSpec& spec, const fs::path& before,
-                       const ViewSets& views, const fs::path& work) {
+fs::path prepare_after(const ExperimentSpec& spec, const fs::path& before, const ViewSets& views,
+                       const fs::path& work) {
   const DetectorSpec& detectors = spec.detectors;
   const FinetuneSpec& finetune = *detectors.finetune;
   std::ostringstream recipe;
@@ -138,8 +137,8 @@ fs::path prepare_after(const ExperimentSpec& spec, const fs::path& before,
 }
 
 /// The weights with the threshold that the one rule of this project gives them: best F1 on the
-/// validation views of the scenes. Applied to 'before' and 'after' alike, so that neither
-/// profits from a better chosen threshold.
+/// validation views of the scenes. Applied to 'before' and 'after' alike, so that neither profits
+/// from a better chosen threshold.
 fs::path with_common_threshold(const fs::path& weights_file, const fs::path& validation,
                                const fs::path& output) {
   perception::DetectorWeights weights = perception::read_weights(weights_file);
@@ -148,8 +147,7 @@ fs::path with_common_threshold(const fs::path& weights_file, const fs::path& val
   const std::vector<perception::ImageResult> results =
       perception::detect_all(weights_file, dataset);
   weights.score_threshold =
-      perception::best_f1(results, static_cast<int>(weights.class_names.size()))
-          .score_threshold;
+      perception::best_f1(results, static_cast<int>(weights.class_names.size())).score_threshold;
   perception::write_weights(output, weights);
   return output;
 }
@@ -157,30 +155,27 @@ fs::path with_common_threshold(const fs::path& weights_file, const fs::path& val
 void print_precision(const char* name, const fs::path& weights, const fs::path& test) {
   const perception::EvaluationReport report = perception::evaluate(weights, test);
   const perception::OperatingPoint& point = report.precision.operating;
-  std::printf(
-      "%-8s AP50 %5.1f  AP %5.1f  on %d held-out views; at score >= %.3f: precision %.2f, "
-      "recall %.2f\n",
-      name, 100.0 * report.precision.ap50, 100.0 * report.precision.ap, report.images,
-      point.score_threshold, point.precision(), point.recall());
+  std::printf("%-8s AP50 %5.1f  AP %5.1f  on %d held-out views; at score >= %.3f: precision %.2f, "
+              "recall %.2f\n",
+              name, 100.0 * report.precision.ap50, 100.0 * report.precision.ap, report.images,
+              point.score_threshold, point.precision(), point.recall());
 }
 
 }  // namespace
 
-fs::path prepare_scene(const ExperimentSpec& spec, const SceneSpec& scene,
-                       const fs::path& work) {
+fs::path prepare_scene(const ExperimentSpec& spec, const SceneSpec& scene, const fs::path& work) {
   if (!scene.source) {
     (void)core::load_bundle(scene.bundle);  // Names what is missing.
     return scene.bundle;
   }
   const SourceSpec& source = *scene.source;
   std::ostringstream recipe;
-  recipe << "bundle v1: " << describe_capture(source) << "; voxel " << source.voxel_m
-         << " m, robot " << spec.robot << ", camera " << scene.camera_height_m << " m";
+  recipe << "bundle v1: " << describe_capture(source) << "; voxel " << source.voxel_m << " m, robot "
+         << spec.robot << ", camera " << scene.camera_height_m << " m";
   const StepRecord record(scene.bundle.string() + ".step", recipe.str());
   if (fs::exists(scene.bundle / "scene.yaml") && record.is_current()) return scene.bundle;
 
-  std::printf("preparing scene %s: %s\n", scene.name.c_str(),
-              describe_capture(source).c_str());
+  std::printf("preparing scene %s: %s\n", scene.name.c_str(), describe_capture(source).c_str());
   fs::path recording = source.folder;
   if (source.type != SourceType::kRgbd) {
     recording = work / "captures" / scene.name;
@@ -188,8 +183,7 @@ fs::path prepare_scene(const ExperimentSpec& spec, const SceneSpec& scene,
   }
   renderer::SequenceOptions sequence_options;
   sequence_options.on_bad_frame = renderer::OnBadFrame::kSkip;
-  if (source.type == SourceType::kRgbd)
-    sequence_options.floor_height_m = source.floor_height_m;
+  if (source.type == SourceType::kRgbd) sequence_options.floor_height_m = source.floor_height_m;
   const auto sequence = open_recording(recording, source.boxes, sequence_options);
 
   ReconstructOptions options;
@@ -205,8 +199,8 @@ fs::path prepare_scene(const ExperimentSpec& spec, const SceneSpec& scene,
   return scene.bundle;
 }
 
-PreparedDetectors prepare_detectors(const ExperimentSpec& spec,
-                                    std::span<const fs::path> bundles, const fs::path& work) {
+PreparedDetectors prepare_detectors(const ExperimentSpec& spec, std::span<const fs::path> bundles,
+                                    const fs::path& work) {
   const auto needs = [&](ArmDetector wanted) {
     return std::any_of(spec.arms.begin(), spec.arms.end(),
                        [&](const ArmSpec& arm) { return arm.detector == wanted; });
@@ -215,9 +209,9 @@ PreparedDetectors prepare_detectors(const ExperimentSpec& spec,
   if (!needs(ArmDetector::kBefore) && !needs(ArmDetector::kAfter)) return prepared;
   if (needs(ArmDetector::kAfter) && !spec.detectors.finetune) {
     if (!fs::exists(spec.detectors.after)) {
-      throw core::InputError::expected(
-          spec.detectors.after.string(),
-          "weights, or a detectors.finetune section that makes them", "none");
+      throw core::InputError::expected(spec.detectors.after.string(),
+                                       "weights, or a detectors.finetune section that makes them",
+                                       "none");
     }
   }
   prepared.before = prepare_before(spec, work);
@@ -231,9 +225,10 @@ PreparedDetectors prepare_detectors(const ExperimentSpec& spec,
   const int views = spec.detectors.finetune->views_per_scene;
   const int held_out = std::max(10, views / kValidationShare);
   const fs::path folder = work / "views";
-  const ViewSets sets{label_scenes(spec, bundles, class_names, "train", views, folder),
-                      label_scenes(spec, bundles, class_names, "validation", held_out, folder),
-                      label_scenes(spec, bundles, class_names, "test", held_out, folder)};
+  const ViewSets sets{
+      label_scenes(spec, bundles, class_names, "train", views, folder),
+      label_scenes(spec, bundles, class_names, "validation", held_out, folder),
+      label_scenes(spec, bundles, class_names, "test", held_out, folder)};
   const fs::path tuned = prepare_after(spec, prepared.before, sets, work);
   prepared.before =
       with_common_threshold(prepared.before, sets.validation, work / "arm-before.weights");

@@ -128,7 +128,8 @@ bool SearchPolicy::still_good(const Now& now, const MappedObject& object,
     return false;
   }
   const double to_object_m = object.planar_distance_m(target_->position_m);
-  return to_object_m >= range.min_m - kArrivalSlack_m && to_object_m <= range.limit_m &&
+  return to_object_m >= range.min_m - kArrivalSlack_m &&
+         to_object_m <= (rank == ApproachRank::kFar ? range.limit_m : range.max_m) &&
          plan_path(map, now.position_m, target_->position_m).has_value();
 }
 
@@ -213,10 +214,13 @@ core::VelocityCommand SearchPolicy::verify(const Now& now) {
   const bool facing = std::abs(error) <= options_.facing_tolerance_rad;
   if (facing && facing_since_ns_ < 0) facing_since_ns_ = now.time_ns;
 
-  // This is the reachable place that was chosen, so the wider limit holds here.
+  // Where nothing nearer is reachable the wider limit holds.
+  const bool far = approach_rank_ == ApproachRank::kFar;
+  const double enough_m =
+      (far ? options_.stop_distance_limit_m : approach_range(now, *object).max_m) +
+      kArrivalSlack_m;
   if (facing && recently_seen(now, *object) && object->last_seen_ns >= verify_since_ns_ &&
-      object->status == ObjectStatus::kConfirmed &&
-      distance_m <= options_.stop_distance_limit_m + kArrivalSlack_m) {
+      object->status == ObjectStatus::kConfirmed && distance_m <= enough_m) {
     stop("goal_reached");
     return {};
   }
