@@ -64,6 +64,22 @@ TEST(ChooseApproach, WallsHideAndLowThingsDoNot) {
   EXPECT_TRUE(line_of_sight(high, {0.5, 0.5}, {1.55, 0.5}));  // The object is the wall.
 }
 
+TEST(ChooseApproach, PrefersTheSideWithoutACounter) {
+  // A counter, lower than the mast, runs along x; the object stands beyond it.
+  std::vector<std::string> lines(60, std::string(60, '.'));
+  for (std::size_t i = 0; i < 50; ++i) lines[29][i] = lines[30][i] = '#';
+  const CostMap map = text_map(lines, test::thin_options());
+  const MappedObject object = object_at(3.0, 3.8, 0.0, 0.8);
+  EXPECT_FALSE(open_floor(map, {3.0, 2.5}, {3.0, 3.8}));
+  EXPECT_TRUE(line_of_sight(map, {3.0, 2.5}, {3.0, 3.8}));
+  EXPECT_TRUE(open_floor(map, {3.0, 2.5}, {3.0, 3.3}));  // Within the skipped end.
+  const auto field = geodesic_field(map, {30, 10});
+  const auto place = choose_approach(map, *field, object, 0.6, 1.3, 1.5);
+  ASSERT_TRUE(place);
+  EXPECT_TRUE(place->open_floor);
+  EXPECT_GT(place->position_m.y, 3.1);
+}
+
 TEST(ChooseApproach, FallsBackToTheNearestReachableCell) {
   std::vector<std::string> lines(11, std::string(60, '.'));
   for (std::string& line : lines) line[20] = '#';

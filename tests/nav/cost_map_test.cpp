@@ -61,6 +61,17 @@ TEST(CostMap, SmallPocketsAreFreeLargeOnesAndTheOutsideAreNot) {
   EXPECT_FALSE(map.traversable({0, 6}));
 }
 
+TEST(CostMap, CrossingTheUnknownCostsMoreAndObstaclesStay) {
+  CostMapOptions options = test::thin_options();
+  options.cross_unknown = true;
+  options.unknown_cost = 3.0;
+  const CostMap map = text_map({".?#"}, options);
+  EXPECT_TRUE(map.traversable({1, 0}));
+  EXPECT_FALSE(map.traversable({2, 0}));
+  EXPECT_FLOAT_EQ(map.length_cost({1, 0}), 3.0F * map.length_cost({0, 0}));
+  EXPECT_EQ(map.state({1, 0}), CellState::kUnknown);
+}
+
 TEST(CostMap, OutsideIsUnknownAndNotTraversable) {
   const CostMap map = text_map({"..."}, test::thin_options());
   EXPECT_EQ(map.state({-1, 0}), CellState::kUnknown);

@@ -90,6 +90,25 @@ ObjectMap drive(const BoxWorld& world, double from_x, double to_x, int views, in
   return objects;
 }
 
+TEST(ObjectMap, CutsOffWhatALaterBoxLeavesOut) {
+  // A cupboard flush with the object shares its box at first.
+  BoxWorld world = room_with(kCabinet);
+  world.boxes.push_back({{2.0, 0.3, 0.0}, {2.5, 1.1, 1.0}});
+  Simulation simulation(world, {0, 0, 0}, {});
+  const core::Observation& observation = simulation.observe();
+  const core::Detection tight = simulation.detect().at(0);
+  core::Detection wide = tight;
+  wide.box.x0 -= 1.2F * wide.box.width_px();  // Left in the image is +y.
+  ObjectMap objects;
+  objects.update(observation, {&wide, 1}, 0);
+  ASSERT_EQ(objects.objects().size(), 1U);
+  EXPECT_GT(objects.objects()[0].high_m.y, 0.5);
+  objects.update(observation, {&tight, 1}, 0);
+  ASSERT_EQ(objects.objects().size(), 1U);
+  EXPECT_LT(objects.objects()[0].high_m.y, 0.42);
+  EXPECT_NEAR(objects.objects()[0].center_m.x, 2.0, 0.1);
+}
+
 TEST(ObjectMap, OneObjectFromManyViewsIsConfirmed) {
   const ObjectMap objects = drive(room_with(kCabinet), -2.0, 0.5, 12, 1);
   ASSERT_EQ(objects.objects().size(), 1U);

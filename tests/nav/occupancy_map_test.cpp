@@ -143,6 +143,135 @@ TEST(OccupancyMap, AllNanAndInfinityChangeNothingBeyondTheFootprint) {
   EXPECT_EQ(state_at(map, 0.0, 0.2), CellState::kFree);
 }
 
+/// A pillar before the far wall; the pixel column at each of its edges gets a depth in
+/// between, as a camera that blends fore- and background delivers it.
+TEST(OccupancyMap, FlyingPixelsAreNoObstacles) {
+  WorldBuilder b = room();
+  b.add(0.0, -0.2, 0.0, 0.2, 0.2, 2.0);
+  SimulationOptions simulated;
+  simulated.camera = core::CameraIntrinsics::from_fov(256, 192, 1.3788);
+  simulated.pitch_down_rad = 0.2;
+  Simulation simulation(b.world, {-1.5, 0, 0}, simulated);
+  core::Observation observation = simulation.observe();
+  core::Image<float> depth_m = *observation.depth_m;
+  for (int y = 0; y < depth_m.height_px(); ++y) {
+    const float* clean = observation.depth_m->row(y);
+    for (int x = 2; x + 2 < depth_m.width_px(); ++x) {
+      // Before and after the step: one pixel in the middle between both.
+      if (std::abs(clean[x + 1] - clean[x]) > 0.5F) {
+        depth_m(x, y) = 0.5F * (clean[x] + clean[x + 1]);
+      }
+    }
+  }
+  observation.depth_m = &depth_m;
+  // Occupied cells in the open floor between the pillar and the wall.
+  const auto specks = [&](bool reject) {
+    OccupancyOptions options;
+    options.reject_flying_pixels = reject;
+    OccupancyMap map(options);
+    for (int k = 0; k < 3; ++k) map.integrate(observation);
+    EXPECT_EQ(state_at(map, 0.02, 0.0), CellState::kOccupied);
+    int count = 0;
+    for (double x = 0.35; x < 2.7; x += 0.05) {
+      for (double y = -2.5; y < 2.5; y += 0.05) {
+        count += state_at(map, x, y) == CellState::kOccupied ? 1 : 0;
+      }
+    }
+    return count;
+  };
+  EXPECT_GT(specks(false), 0);
+  EXPECT_EQ(specks(true), 0);
+}
+
+TEST(OccupancyMap, SlantedWallsAreNotTakenForFlyingPixels) {
+  // Along a wall every pixel lies between its neighbours.
+  SimulationOptions simulated;
+  simulated.camera = core::CameraIntrinsics::from_fov(256, 192, 1.3788);
+  Simulation simulation(room().world, {-2.0, -2.2, 0.0}, simulated);
+  const core::Observation& observation = simulation.observe();
+  const auto wall_cells = [&](bool reject) {
+    OccupancyOptions options;
+    options.reject_flying_pixels = reject;
+    OccupancyMap map(options);
+    map.integrate(observation);
+    int count = 0;
+    for (double x = -1.0; x < 2.5; x += 0.05) {
+      count += state_at(map, x, -2.97) == CellState::kOccupied ||
+                       state_at(map, x, -2.93) == CellState::kOccupied
+                   ? 1
+                   : 0;
+    }
+    return count;
+  };
+  EXPECT_GT(wall_cells(false), 30);
+  EXPECT_EQ(wall_cells(true), wall_cells(false));
+}
+
+TEST(OccupancyMap, FloorSeenInACellClearsASpeck) {
+  SimulationOptions simulated;
+  simulated.camera = core::CameraIntrinsics::from_fov(256, 192, 1.3788);
+  Simulation simulation(room().world, {-1.0, 0, 0}, simulated);
+  core::Observation observation = simulation.observe();
+  const core::Image<float> clean = *observation.depth_m;
+  // Some pixels that show the floor 2.5 m ahead claim an obstacle of 0.15 m there.
+  core::Image<float> dirty = clean;
+  const double eye_m = simulated.mast_m, fy = simulated.camera.fy_px;
+  for (int y = 0; y < dirty.height_px(); ++y) {
+    const double down = (y + 0.5 - simulated.camera.cy_px) / fy;
+    const double depth_m = (eye_m - 0.15) / down;
+    if (down <= 0.0 || std::abs(depth_m - 2.5) > 0.1) continue;
+    for (int x = 120; x < 136; ++x) dirty(x, y) = static_cast<float>(depth_m);
+  }
+  OccupancyMap map;
+  observation.depth_m = &dirty;
+  map.integrate(observation);
+  const auto occupied = [&] {
+    int count = 0;
+    for (double x = 1.3; x < 1.7; x += 0.05) {
+      for (double y = -0.3; y < 0.3; y += 0.05) {
+        count += state_at(map, x, y) == CellState::kOccupied ? 1 : 0;
+      }
+    }
+    return count;
+  };
+  EXPECT_GT(occupied(), 0);
+  observation.depth_m = &clean;
+  for (int k = 0; k < 4; ++k) map.integrate(observation);
+  EXPECT_EQ(occupied(), 0);
+}
+
+/// The same hole in the floor in view and behind an obstacle.
+TEST(OccupancyMap, FloorWithoutDepthIsPresumedFreeOnlyInPlainView) {
+  for (const bool hidden : {false, true}) {
+    WorldBuilder b = room();
+    if (hidden) b.add(0.6, -2.9, 0.0, 0.8, 2.9, 0.9);
+    SimulationOptions simulated;
+    simulated.camera = core::CameraIntrinsics::from_fov(256, 192, 1.3788);
+    Simulation simulation(b.world, {-1.0, 0, 0}, simulated);
+    core::Observation observation = simulation.observe();
+    core::Image<float> depth_m = *observation.depth_m;
+    OccupancyMap map;
+    map.integrate(observation);  // The obstacle is known, if there is one.
+    OccupancyMap fresh;
+    for (int y = 0; y < depth_m.height_px(); ++y) {
+      for (int x = 0; x < depth_m.width_px(); ++x) {
+        const double down = (y + 0.5 - simulated.camera.cy_px) / simulated.camera.fy_px;
+        const double floor_m = down > 0.0 ? simulated.mast_m / down : 1e3;
+        if (floor_m > 2.0 && floor_m < 4.2) {
+          depth_m(x, y) = std::numeric_limits<float>::quiet_NaN();
+        }
+      }
+    }
+    observation.depth_m = &depth_m;
+    OccupancyMap& looking = hidden ? map : fresh;
+    for (int k = 0; k < looking.options().hole_views; ++k) {
+      EXPECT_EQ(state_at(looking, 1.3, 0.0), CellState::kUnknown);
+      looking.integrate(observation);
+    }
+    EXPECT_EQ(state_at(looking, 1.3, 0.0), hidden ? CellState::kUnknown : CellState::kFree);
+  }
+}
+
 TEST(OccupancyMap, RefusesWrongInput) {
   Simulation simulation(room().world, {0, 0, 0}, {});
   core::Observation observation = simulation.observe();
