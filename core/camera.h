@@ -5,9 +5,9 @@
 
 namespace segsim::core {
 
-/// Pinhole camera without distortion: x_px = f_px * (X/Z, Y/Z) + c_px, where pixel (i, j) has its
-/// centre at (i + 0.5, j + 0.5). A calibration whose pixel centres are integers (OpenCV, COLMAP's
-/// dense tools, the HoloLens files) needs +0.5 on c_px: loaders add it.
+/// Pinhole camera without distortion: x_px = f_px * (X/Z, Y/Z) + c_px, where pixel (i, j) has
+/// its centre at (i + 0.5, j + 0.5). A calibration whose pixel centres are integers (OpenCV,
+/// COLMAP's dense tools, the HoloLens files) needs +0.5 on c_px: loaders add it.
 struct CameraIntrinsics {
   int width_px = 0, height_px = 0;
   double fx_px = 0.0, fy_px = 0.0;

@@ -73,8 +73,8 @@ ConfigNode ConfigNode::parse(const std::string& text, const std::string& origin)
     impl->origin = origin;
     return ConfigNode(impl);
   } catch (const YAML::ParserException& error) {
-    throw InputError::expected(origin + ":" + std::to_string(error.mark.line + 1), "valid YAML",
-                               error.msg);
+    throw InputError::expected(origin + ":" + std::to_string(error.mark.line + 1),
+                               "valid YAML", error.msg);
   }
 }
 
@@ -200,7 +200,8 @@ void ConfigNode::finish() const {
     const std::string near = nearest_word(key, valid);
     std::string expected = "a known key";
     if (!near.empty()) expected += " (did you mean \"" + near + "\"?)";
-    const std::string place = impl_->origin + ":" + std::to_string(entry.first.Mark().line + 1) +
+    const std::string place = impl_->origin + ":" +
+                              std::to_string(entry.first.Mark().line + 1) +
                               (impl_->path.empty() ? "" : ": " + impl_->path);
     throw InputError::expected(place, expected, "\"" + key + "\"");
   }

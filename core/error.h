@@ -5,14 +5,15 @@
 
 namespace segsim::core {
 
-/// The world outside is at fault: a file, a key or a flag. The message is one line that names the
-/// place, what was expected and what was found. The executable exits with code 2.
+/// The world outside is at fault: a file, a key or a flag. The message is one line that names
+/// the place, what was expected and what was found. The executable exits with code 2.
 class InputError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 
   /// "<place>: expected <expected>, found <found>"
-  [[nodiscard]] static InputError expected(const std::string& place, const std::string& expected,
+  [[nodiscard]] static InputError expected(const std::string& place,
+                                           const std::string& expected,
                                            const std::string& found) {
     return InputError(place + ": expected " + expected + ", found " + found);
   }

@@ -21,8 +21,8 @@ namespace {
 namespace fs = std::filesystem;
 
 fs::path temporary_name(const fs::path& file) {
-  return file.parent_path() / ("." + file.stem().string() + ".tmp" + std::to_string(::getpid()) +
-                               file.extension().string());
+  return file.parent_path() / ("." + file.stem().string() + ".tmp" +
+                               std::to_string(::getpid()) + file.extension().string());
 }
 
 class Sha256 {

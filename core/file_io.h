@@ -9,14 +9,14 @@
 
 namespace segsim::core {
 
-/// Writes a file so that it is either wholly there or unchanged: `write` fills a temporary file in
-/// the same folder, which is then renamed. Parent folders are made.
+/// Writes a file so that it is either wholly there or unchanged: `write` fills a temporary
+/// file in the same folder, which is then renamed. Parent folders are made.
 /// @throws InputError if the place cannot be written; the temporary file is removed.
 void write_file_atomically(const std::filesystem::path& file,
                            const std::function<void(std::ostream&)>& write);
 
-/// For libraries that insist on a file name of their own: calls `write` with a temporary path that
-/// keeps the extension of `file`, then renames it.
+/// For libraries that insist on a file name of their own: calls `write` with a temporary path
+/// that keeps the extension of `file`, then renames it.
 void write_via_temporary(const std::filesystem::path& file,
                          const std::function<void(const std::filesystem::path&)>& write);
 

@@ -1,8 +1,8 @@
 #pragma once
 
 /// @file
-/// Coordinate frames as types: a transform that is composed in the wrong order does not compile.
-/// docs/conventions.md draws each frame's axes.
+/// Coordinate frames as types: a transform that is composed in the wrong order does not
+/// compile. docs/conventions.md draws each frame's axes.
 
 #include <cmath>
 
@@ -88,13 +88,14 @@ template <class To, class From = frame::Robot>
   return {glm::dquat(std::cos(half), 0.0, 0.0, std::sin(half)), {pose.x_m, pose.y_m, z_m}};
 }
 
-/// Camera on a mast: `height_m` above the floor and `forward_m` ahead of the base, looking along
-/// the robot's +x, pitched down by `pitch_down_rad`.
+/// Camera on a mast: `height_m` above the floor and `forward_m` ahead of the base, looking
+/// along the robot's +x, pitched down by `pitch_down_rad`.
 [[nodiscard]] Transform<frame::Robot, frame::Camera> mast_camera(double height_m,
                                                                  double pitch_down_rad,
                                                                  double forward_m = 0.0);
 
-/// A camera at `eye_m` that looks at `target_m`, image "up" towards world +z (any frame with z up).
+/// A camera at `eye_m` that looks at `target_m`, image "up" towards world +z (any frame with z
+/// up).
 /// @throws ContractViolation if the two points coincide.
 [[nodiscard]] CameraPose look_at(const glm::dvec3& eye_m, const glm::dvec3& target_m);
 

@@ -12,7 +12,8 @@ std::string format_duration(double duration_s) {
   const auto total = static_cast<long>(std::lround(std::max(0.0, duration_s)));
   char text[48];
   if (total >= 3600) {
-    std::snprintf(text, sizeof text, "%ld:%02ld:%02ld", total / 3600, total / 60 % 60, total % 60);
+    std::snprintf(text, sizeof text, "%ld:%02ld:%02ld", total / 3600, total / 60 % 60,
+                  total % 60);
   } else if (total >= 60) {
     std::snprintf(text, sizeof text, "%ld:%02ld", total / 60, total % 60);
   } else {
@@ -52,7 +53,8 @@ void Progress::print(Clock::time_point now) {
   const double elapsed_s = std::chrono::duration<double>(now - start_).count();
   const std::int64_t fresh = done_ - std::max<std::int64_t>(0, first_done_);
   const double left_s =
-      fresh > 0 ? elapsed_s / static_cast<double>(fresh) * static_cast<double>(total_ - done_) : 0;
+      fresh > 0 ? elapsed_s / static_cast<double>(fresh) * static_cast<double>(total_ - done_)
+                : 0;
   const int filled = static_cast<int>(20 * std::min(done_, total_) / total_);
   std::string bar(static_cast<std::size_t>(filled), '#');
   bar.resize(20, '.');

@@ -32,7 +32,8 @@ std::uint64_t hash64(std::string_view text, std::uint64_t seed) {
 RandomStream::RandomStream(std::uint64_t seed, std::string_view name, std::uint64_t index) {
   const std::uint64_t key = hash64(name, seed);
   key_ = {static_cast<std::uint32_t>(key), static_cast<std::uint32_t>(key >> 32)};
-  counter_ = {0, 0, static_cast<std::uint32_t>(index), static_cast<std::uint32_t>(index >> 32)};
+  counter_ = {0, 0, static_cast<std::uint32_t>(index),
+              static_cast<std::uint32_t>(index >> 32)};
 }
 
 std::uint32_t RandomStream::next_u32() {

@@ -1,9 +1,9 @@
 #pragma once
 
 /// @file
-/// Counter-based random numbers (Philox4x32-10, Salmon et al. 2011, "Parallel random numbers: as
-/// easy as 1, 2, 3"). A stream is named by its keys and needs no hidden state, so adding a draw
-/// in one place never shifts the numbers of another.
+/// Counter-based random numbers (Philox4x32-10, Salmon et al. 2011, "Parallel random numbers:
+/// as easy as 1, 2, 3"). A stream is named by its keys and needs no hidden state, so adding a
+/// draw in one place never shifts the numbers of another.
 
 #include <array>
 #include <cstdint>
@@ -18,7 +18,8 @@ namespace segsim::core {
 /// 64-bit FNV-1a.
 [[nodiscard]] std::uint64_t hash64(std::string_view text, std::uint64_t seed = 0);
 
-/// A stream of random numbers. Equal (seed, name, index) give equal sequences on every machine.
+/// A stream of random numbers. Equal (seed, name, index) give equal sequences on every
+/// machine.
 class RandomStream {
  public:
   /// @param seed  Seed of the run.

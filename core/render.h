@@ -33,30 +33,30 @@ enum class Channels : std::uint32_t {
 
 /// Work done for one frame.
 struct RenderStats {
-  std::uint64_t surfels_projected = 0;   ///< Surfels that reach the image.
-  std::uint64_t pairs_binned = 0;        ///< (tile, surfel) pairs in the tile lists.
-  std::uint64_t pairs_touched = 0;       ///< Pairs read before their tile saturated.
-  std::uint64_t evaluations = 0;         ///< (pixel, surfel) intersections computed.
-  std::uint64_t contributions = 0;       ///< Evaluations with alpha >= 1/255 on a live pixel.
-  double render_ms = 0.0;                ///< Wall time.
+  std::uint64_t surfels_projected = 0;  ///< Surfels that reach the image.
+  std::uint64_t pairs_binned = 0;       ///< (tile, surfel) pairs in the tile lists.
+  std::uint64_t pairs_touched = 0;      ///< Pairs read before their tile saturated.
+  std::uint64_t evaluations = 0;        ///< (pixel, surfel) intersections computed.
+  std::uint64_t contributions = 0;      ///< Evaluations with alpha >= 1/255 on a live pixel.
+  double render_ms = 0.0;               ///< Wall time.
 };
 
 /// One rendered view. Images that were not asked for are empty; alpha is always there.
 struct Frame {
   CameraIntrinsics intrinsics;
   CameraPose T_world_camera;
-  Image<Rgb8> rgb;             ///< sRGB over a black background.
-  Image<float> depth_m;        ///< Of the surface, along +z; NaN where alpha < 0.5.
-  Image<glm::vec3> normal;     ///< World frame, unit, towards the camera; 0 where alpha < 0.5.
-  Image<float> alpha;          ///< Accumulated opacity, [0, 1].
+  Image<Rgb8> rgb;          ///< sRGB over a black background.
+  Image<float> depth_m;     ///< Of the surface, along +z; NaN where alpha < 0.5.
+  Image<glm::vec3> normal;  ///< World frame, unit, towards the camera; 0 where alpha < 0.5.
+  Image<float> alpha;       ///< Accumulated opacity, [0, 1].
   Image<std::uint16_t> semantic;  ///< Class id, 0 = void; also where alpha < 0.5.
   Image<std::uint16_t> instance;  ///< Instance id, 0 = none.
-  Image<float> confidence;     ///< Share of the Top-K weight that voted for `semantic`, [0, 1].
+  Image<float> confidence;  ///< Share of the Top-K weight that voted for `semantic`, [0, 1].
   RenderStats stats;
 };
 
-/// Scene -> images. An implementation holds one scene and its scratch memory, so one object serves
-/// one thread; it may use many threads inside.
+/// Scene -> images. An implementation holds one scene and its scratch memory, so one object
+/// serves one thread; it may use many threads inside.
 class Renderer {
  public:
   virtual ~Renderer() = default;
@@ -68,8 +68,8 @@ class Renderer {
   virtual void render(const CameraPose& T_world_camera, const CameraIntrinsics& intrinsics,
                       Channels channels, Frame& frame) = 0;
 
-  [[nodiscard]] Frame render(const CameraPose& T_world_camera, const CameraIntrinsics& intrinsics,
-                             Channels channels) {
+  [[nodiscard]] Frame render(const CameraPose& T_world_camera,
+                             const CameraIntrinsics& intrinsics, Channels channels) {
     Frame frame;
     render(T_world_camera, intrinsics, channels, frame);
     return frame;

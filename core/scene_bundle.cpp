@@ -46,8 +46,9 @@ YAML::Emitter& emit_vec3(YAML::Emitter& out, const glm::dvec3& v) {
 }
 
 void emit_file(YAML::Emitter& out, const char* key, const BundleFile& file) {
-  out << YAML::Key << key << YAML::Value << YAML::BeginMap << YAML::Key << "name" << YAML::Value
-      << file.name << YAML::Key << "sha256" << YAML::Value << file.sha256 << YAML::EndMap;
+  out << YAML::Key << key << YAML::Value << YAML::BeginMap << YAML::Key << "name"
+      << YAML::Value << file.name << YAML::Key << "sha256" << YAML::Value << file.sha256
+      << YAML::EndMap;
 }
 
 }  // namespace
@@ -130,7 +131,8 @@ SceneBundle load_bundle(const fs::path& folder) {
 
   std::set<std::uint16_t> class_ids, instance_ids;
   for (const ConfigNode& node : root.list("classes")) {
-    m.classes.push_back({read_id(node, "id"), node.text("name"), node.boolean_or("thing", false)});
+    m.classes.push_back(
+        {read_id(node, "id"), node.text("name"), node.boolean_or("thing", false)});
     if (!class_ids.insert(m.classes.back().id).second || m.classes.back().id == 0) {
       node.fail("a new class id > 0", std::to_string(m.classes.back().id));
     }
@@ -191,7 +193,8 @@ void write_bundle_manifest(const fs::path& folder, SceneManifest m) {
   out << YAML::Key << "source" << YAML::Value << m.source;
   out << YAML::Key << "source_sha256" << YAML::Value << m.source_sha256 << YAML::EndMap;
   out << YAML::Key << "statistics" << YAML::Value << YAML::BeginMap;
-  for (const auto& [key, value] : m.statistics) out << YAML::Key << key << YAML::Value << value;
+  for (const auto& [key, value] : m.statistics)
+    out << YAML::Key << key << YAML::Value << value;
   out << YAML::EndMap;
   out << YAML::Key << "files" << YAML::Value << YAML::BeginMap;
   emit_file(out, "surfels", m.surfels);
@@ -200,15 +203,15 @@ void write_bundle_manifest(const fs::path& folder, SceneManifest m) {
   out << YAML::EndMap;
   out << YAML::Key << "classes" << YAML::Value << YAML::BeginSeq;
   for (const SceneClass& c : m.classes) {
-    out << YAML::Flow << YAML::BeginMap << YAML::Key << "id" << YAML::Value << c.id << YAML::Key
-        << "name" << YAML::Value << c.name << YAML::Key << "thing" << YAML::Value << c.thing
-        << YAML::EndMap;
+    out << YAML::Flow << YAML::BeginMap << YAML::Key << "id" << YAML::Value << c.id
+        << YAML::Key << "name" << YAML::Value << c.name << YAML::Key << "thing" << YAML::Value
+        << c.thing << YAML::EndMap;
   }
   out << YAML::EndSeq << YAML::Key << "instances" << YAML::Value << YAML::BeginSeq;
   for (const SceneInstance& i : m.instances) {
-    out << YAML::Flow << YAML::BeginMap << YAML::Key << "id" << YAML::Value << i.id << YAML::Key
-        << "class" << YAML::Value << i.class_id << YAML::Key << "name" << YAML::Value << i.name
-        << YAML::Key << "box_min_m" << YAML::Value;
+    out << YAML::Flow << YAML::BeginMap << YAML::Key << "id" << YAML::Value << i.id
+        << YAML::Key << "class" << YAML::Value << i.class_id << YAML::Key << "name"
+        << YAML::Value << i.name << YAML::Key << "box_min_m" << YAML::Value;
     emit_vec3(out, i.box_min_m) << YAML::Key << "box_max_m" << YAML::Value;
     emit_vec3(out, i.box_max_m) << YAML::EndMap;
   }

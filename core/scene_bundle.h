@@ -22,19 +22,19 @@ namespace segsim::core {
 
 struct SceneClass {
   std::uint16_t id = 0;  ///< 0 is void and not listed.
-  std::string name;      ///< Lower case, COCO's word where COCO has one: "couch", "dining table".
-  bool thing = false;    ///< Countable objects have instances; stuff (wall, floor) has none.
+  std::string name;  ///< Lower case, COCO's word where COCO has one: "couch", "dining table".
+  bool thing = false;  ///< Countable objects have instances; stuff (wall, floor) has none.
 };
 
 struct SceneInstance {
   std::uint16_t id = 0;  ///< Unique in the scene; 0 is none.
   std::uint16_t class_id = 0;
-  std::string name;      ///< As in the source, for example "ChairA_01_003".
+  std::string name;  ///< As in the source, for example "ChairA_01_003".
   glm::dvec3 box_min_m{0.0}, box_max_m{0.0};  ///< World-aligned box of its surfels.
 };
 
-/// Where the world origin lies on the earth. The world frame is the tangent plane there, turned by
-/// `yaw_rad`: east = x cos(yaw) - y sin(yaw).
+/// Where the world origin lies on the earth. The world frame is the tangent plane there,
+/// turned by `yaw_rad`: east = x cos(yaw) - y sin(yaw).
 struct GeodeticOrigin {
   double latitude_deg = 0.0, longitude_deg = 0.0, height_m = 0.0, yaw_rad = 0.0;
 };
@@ -48,13 +48,13 @@ struct SceneManifest {
   static constexpr int kVersion = 1;
 
   std::string name;
-  std::string created_by;          ///< Program version.
-  std::string source;              ///< What it was reconstructed from, in words.
-  std::string source_sha256;       ///< Of the source's listing; empty if unknown.
+  std::string created_by;     ///< Program version.
+  std::string source;         ///< What it was reconstructed from, in words.
+  std::string source_sha256;  ///< Of the source's listing; empty if unknown.
   GeodeticOrigin origin;
-  double robot_radius_m = 0.0;     ///< That the navmesh was eroded by.
+  double robot_radius_m = 0.0;  ///< That the navmesh was eroded by.
   double robot_height_m = 0.0;
-  double camera_height_m = 0.0;    ///< Mast height that suits the capture.
+  double camera_height_m = 0.0;  ///< Mast height that suits the capture.
   std::vector<SceneClass> classes;
   std::vector<SceneInstance> instances;
   BundleFile surfels, collision_mesh, navmesh;
@@ -75,15 +75,20 @@ struct SceneBundle {
   SceneManifest manifest;
   std::string scene_sha256;  ///< Of scene.yaml, which contains the hashes of the other files.
 
-  [[nodiscard]] std::filesystem::path surfels_file() const { return folder / manifest.surfels.name; }
+  [[nodiscard]] std::filesystem::path surfels_file() const {
+    return folder / manifest.surfels.name;
+  }
   [[nodiscard]] std::filesystem::path collision_mesh_file() const {
     return folder / manifest.collision_mesh.name;
   }
-  [[nodiscard]] std::filesystem::path navmesh_file() const { return folder / manifest.navmesh.name; }
+  [[nodiscard]] std::filesystem::path navmesh_file() const {
+    return folder / manifest.navmesh.name;
+  }
 };
 
 /// Reads and checks a bundle.
-/// @throws InputError naming the file and the reason: no scene.yaml, another version, a missing
+/// @throws InputError naming the file and the reason: no scene.yaml, another version, a
+/// missing
 ///         file, a hash that differs, an unknown key, an instance of an unknown class.
 [[nodiscard]] SceneBundle load_bundle(const std::filesystem::path& folder);
 

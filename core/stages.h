@@ -2,7 +2,8 @@
 
 /// @file
 /// The seams of one control tick. Each stage implements one interface, includes nothing of the
-/// other stages, and is chosen by name in experiments/. None of these types carries ground truth.
+/// other stages, and is chosen by name in experiments/. None of these types carries ground
+/// truth.
 
 #include <algorithm>
 #include <cstdint>
@@ -22,7 +23,9 @@ namespace segsim::core {
 /// Simulated time since the episode began [ns].
 using TimeNs = std::int64_t;
 inline constexpr TimeNs kNsPerSecond = 1'000'000'000;
-[[nodiscard]] constexpr double seconds(TimeNs time_ns) { return static_cast<double>(time_ns) * 1e-9; }
+[[nodiscard]] constexpr double seconds(TimeNs time_ns) {
+  return static_cast<double>(time_ns) * 1e-9;
+}
 
 /// What the robot's camera delivers. Images are borrowed for the tick.
 struct Observation {
@@ -39,8 +42,8 @@ struct Observation {
   }
 };
 
-/// Axis-aligned image box, half-open: a pixel (i, j) lies in it if x0 <= i < x1 and y0 <= j < y1
-/// for integer corners.
+/// Axis-aligned image box, half-open: a pixel (i, j) lies in it if x0 <= i < x1 and y0 <= j <
+/// y1 for integer corners.
 struct BoxPx {
   float x0 = 0, y0 = 0, x1 = 0, y1 = 0;
   [[nodiscard]] float width_px() const { return x1 - x0; }
@@ -88,7 +91,7 @@ enum class PolicyMode : std::uint8_t { kInitialize, kExplore, kNavigate, kRecove
 struct Decision {
   VelocityCommand command;
   PolicyMode mode = PolicyMode::kExplore;
-  bool stop = false;       ///< The policy declares the episode finished.
+  bool stop = false;        ///< The policy declares the episode finished.
   std::string stop_reason;  ///< "goal_reached", "no_frontier_left", ...; empty unless `stop`.
 };
 
@@ -101,8 +104,10 @@ struct ObjectGoal {
 /// A policy's own picture of the world, for debugging views and trial pictures (frame Odom).
 struct PolicyView {
   double resolution_m = 0.0;
-  glm::dvec2 origin_m{0.0};  ///< Corner (min x, min y) of cell (0, 0); cell (i, j): i along x, j along y.
-  Image<std::uint8_t> cells;  ///< 0 unknown, 1 free, 2 occupied, 3 inflated (free but too close).
+  glm::dvec2 origin_m{
+      0.0};  ///< Corner (min x, min y) of cell (0, 0); cell (i, j): i along x, j along y.
+  Image<std::uint8_t>
+      cells;  ///< 0 unknown, 1 free, 2 occupied, 3 inflated (free but too close).
   std::vector<glm::dvec2> frontiers_m;
   std::vector<glm::dvec2> path_m;
   std::optional<glm::dvec2> target_m;  ///< Where it drives to.

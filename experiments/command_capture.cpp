@@ -45,7 +45,8 @@ void capture(Flags flags) {
 void add_capture_command(CLI::App& app) {
   auto flags = std::make_shared<Flags>();
   CLI::App* command = app.add_subcommand(
-      "capture", "Record a mesh world with a virtual RGB-D camera: colour, depth, exact labels");
+      "capture",
+      "Record a mesh world with a virtual RGB-D camera: colour, depth, exact labels");
   command->add_option("--world", flags->world, "Gazebo world (.world, .sdf)");
   command->add_option("--mesh", flags->mesh, "Mesh file (.obj, .glb, .dae, .ply, ...)");
   command->add_option("--flat", flags->flat_seed, "Procedural flat of this seed");
@@ -55,14 +56,18 @@ void add_capture_command(CLI::App& app) {
   CaptureSpec& capture_spec = flags->source.capture;
   command->add_option("--frames", capture_spec.frames, "Most frames to record")
       ->capture_default_str();
-  command->add_option("--width", capture_spec.width_px, "Image width [px]")->capture_default_str();
+  command->add_option("--width", capture_spec.width_px, "Image width [px]")
+      ->capture_default_str();
   command->add_option("--height", capture_spec.height_px, "Image height [px]")
       ->capture_default_str();
-  command->add_option("--hfov-deg", capture_spec.hfov_deg, "Horizontal field of view [degrees]")
+  command
+      ->add_option("--hfov-deg", capture_spec.hfov_deg, "Horizontal field of view [degrees]")
       ->capture_default_str();
   command->add_option("--camera-height", capture_spec.camera_height_m, "Camera height [m]")
       ->capture_default_str();
-  command->add_option("--path-seed", flags->source.seed, "Of the planned path; a flat uses its own seed")
+  command
+      ->add_option("--path-seed", flags->source.seed,
+                   "Of the planned path; a flat uses its own seed")
       ->capture_default_str();
   command->add_flag("--exr", flags->exr, "Write metric depth as float OpenEXR too");
   command->add_flag("--overwrite", flags->overwrite,

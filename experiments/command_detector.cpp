@@ -17,7 +17,8 @@ namespace fs = std::filesystem;
 
 void print_report(const perception::TrainReport& report, const fs::path& weights) {
   std::printf("%s: %lld parameters, %d steps, %.0f ms a step\n", weights.string().c_str(),
-              static_cast<long long>(report.parameters), report.steps_done, report.mean_step_ms);
+              static_cast<long long>(report.parameters), report.steps_done,
+              report.mean_step_ms);
   std::printf("score threshold %.3f: precision %.3f, recall %.3f\n",
               report.operating.score_threshold, report.operating.precision(),
               report.operating.recall());
@@ -31,14 +32,16 @@ void print_evaluation(const perception::EvaluationReport& report) {
   for (std::size_t i = 0; i < report.class_names.size(); ++i) {
     const perception::ClassPrecision& c = report.precision.classes[i];
     if (c.objects == 0) continue;
-    std::printf("%-18s %8d %8.1f %8.1f %10.3f %8.3f\n", report.class_names[i].c_str(), c.objects,
-                percent(c.ap50), percent(c.ap), c.operating.precision(), c.operating.recall());
+    std::printf("%-18s %8d %8.1f %8.1f %10.3f %8.3f\n", report.class_names[i].c_str(),
+                c.objects, percent(c.ap50), percent(c.ap), c.operating.precision(),
+                c.operating.recall());
   }
   const perception::OperatingPoint& all = report.precision.operating;
-  std::printf("%-18s %8s %8.1f %8.1f %10.3f %8.3f   (threshold %.3f, %d images, %.1f ms each)\n",
-              "mean", "", percent(report.precision.ap50), percent(report.precision.ap),
-              all.precision(), all.recall(), all.score_threshold, report.images,
-              report.mean_detect_ms);
+  std::printf(
+      "%-18s %8s %8.1f %8.1f %10.3f %8.3f   (threshold %.3f, %d images, %.1f ms each)\n",
+      "mean", "", percent(report.precision.ap50), percent(report.precision.ap),
+      all.precision(), all.recall(), all.score_threshold, report.images,
+      report.mean_detect_ms);
 }
 
 /// Flags that both kinds of training share.
@@ -68,12 +71,16 @@ void add_pretrain(CLI::App& detector) {
   CLI::App* command = detector.add_subcommand(
       "pretrain", "Train the 'before' weights on plain procedural rooms, rendered on the way");
   add_training_flags(*command, flags->train);
-  command->add_option("--width", flags->train.width, "Channel multiplier: 0.5 = 0.45 M parameters")
+  command
+      ->add_option("--width", flags->train.width,
+                   "Channel multiplier: 0.5 = 0.45 M parameters")
       ->capture_default_str();
-  command->add_option("--rooms", flags->source.rooms, "Rooms to render")->capture_default_str();
+  command->add_option("--rooms", flags->source.rooms, "Rooms to render")
+      ->capture_default_str();
   command->add_option("--views", flags->source.views_per_room, "Views of each room")
       ->capture_default_str();
-  command->add_option("--dataset", flags->dataset, "Folder for the rendered views")->required();
+  command->add_option("--dataset", flags->dataset, "Folder for the rendered views")
+      ->required();
   command->callback([flags] {
     flags->train.train_json = render_source_dataset(flags->source, flags->dataset);
     print_report(perception::train(flags->train), flags->train.output);
@@ -82,10 +89,11 @@ void add_pretrain(CLI::App& detector) {
 
 void add_finetune(CLI::App& detector) {
   auto options = std::make_shared<perception::TrainOptions>();
-  CLI::App* command =
-      detector.add_subcommand("finetune", "Train on: the 'after' weights, from `segsim label` views");
+  CLI::App* command = detector.add_subcommand(
+      "finetune", "Train on: the 'after' weights, from `segsim label` views");
   command->add_option("--from", options->initial_weights, "Weights to start from")->required();
-  command->add_option("--train", options->train_json, "COCO JSON, for example of `segsim label`")
+  command
+      ->add_option("--train", options->train_json, "COCO JSON, for example of `segsim label`")
       ->required();
   command->add_option("--mix", options->mix_json,
                       "COCO JSON of which a share is mixed in, against forgetting");
@@ -101,8 +109,10 @@ void add_evaluate(CLI::App& detector) {
     fs::path dataset;
   };
   auto flags = std::make_shared<Flags>();
-  CLI::App* command = detector.add_subcommand("evaluate", "Average precision of weights on views");
-  command->add_option("--weights", flags->weights, "Weights files, for example before and after")
+  CLI::App* command =
+      detector.add_subcommand("evaluate", "Average precision of weights on views");
+  command
+      ->add_option("--weights", flags->weights, "Weights files, for example before and after")
       ->required();
   command->add_option("--on", flags->dataset, "COCO JSON")->required();
   command->callback([flags] {
@@ -116,7 +126,8 @@ void add_evaluate(CLI::App& detector) {
 }  // namespace
 
 void add_detector_command(CLI::App& app) {
-  CLI::App* detector = app.add_subcommand("detector", "Train and evaluate the object detector");
+  CLI::App* detector =
+      app.add_subcommand("detector", "Train and evaluate the object detector");
   detector->require_subcommand(1);
   add_pretrain(*detector);
   add_finetune(*detector);

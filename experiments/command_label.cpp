@@ -34,14 +34,14 @@ void label(const Flags& flags) {
     ViewLabelOptions options;
     options.seed = flags.seed;
     options.views = flags.views;
-    options.camera = core::CameraIntrinsics::from_fov(flags.width_px, flags.height_px,
-                                                      flags.hfov_deg * std::numbers::pi / 180.0);
-    options.camera_height_m = flags.camera_height_m > 0.0 ? flags.camera_height_m
-                                                          : bundle.manifest.camera_height_m;
+    options.camera = core::CameraIntrinsics::from_fov(
+        flags.width_px, flags.height_px, flags.hfov_deg * std::numbers::pi / 180.0);
+    options.camera_height_m =
+        flags.camera_height_m > 0.0 ? flags.camera_height_m : bundle.manifest.camera_height_m;
     options.class_names = flags.classes;
     options.prefix = folder.filename().string() + "-";
-    append_dataset(all, label_views(bundle, sim::RobotModel::by_name(flags.robot), options,
-                                    flags.out));
+    append_dataset(
+        all, label_views(bundle, sim::RobotModel::by_name(flags.robot), options, flags.out));
   }
   perception::write_coco(flags.out / "labels.json", all);
 
@@ -58,7 +58,8 @@ void label(const Flags& flags) {
 void add_label_command(CLI::App& app) {
   auto flags = std::make_shared<Flags>();
   CLI::App* command = app.add_subcommand(
-      "label", "Render 3-D-consistent boxes from bundles, where the robot can be, to COCO JSON");
+      "label",
+      "Render 3-D-consistent boxes from bundles, where the robot can be, to COCO JSON");
   command->add_option("bundles", flags->bundles, "Bundle folders")->required();
   command->add_option("--out", flags->out, "Folder for labels.json and images/")->required();
   command->add_option("--views", flags->views, "Views of each bundle")
@@ -71,7 +72,8 @@ void add_label_command(CLI::App& app) {
   command->add_option("--camera-height", flags->camera_height_m,
                       "Camera height [m]; default: the bundle's");
   command->add_option("--width", flags->width_px, "Image width [px]")->capture_default_str();
-  command->add_option("--height", flags->height_px, "Image height [px]")->capture_default_str();
+  command->add_option("--height", flags->height_px, "Image height [px]")
+      ->capture_default_str();
   command->add_option("--hfov-deg", flags->hfov_deg, "Horizontal field of view [degrees]")
       ->capture_default_str();
   command->callback([flags] { label(*flags); });

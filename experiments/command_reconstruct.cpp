@@ -72,8 +72,9 @@ void add_reconstruct_command(CLI::App& app) {
       ->capture_default_str();
   command->add_option("--robot", flags->robot, "Whose free space is checked and meshed")
       ->capture_default_str();
-  command->add_option("--camera-height", flags->reconstruct.camera_height_m,
-                      "Mast height that suits the recording [m]")
+  command
+      ->add_option("--camera-height", flags->reconstruct.camera_height_m,
+                   "Mast height that suits the recording [m]")
       ->capture_default_str();
   core::GeodeticOrigin& origin = flags->reconstruct.origin;
   command->add_option("--latitude", origin.latitude_deg, "Of the world origin [degrees]")

@@ -68,7 +68,8 @@ void render(const Flags& flags) {
   std::printf("%s: %zu surfels, %llu on screen, %llu tile pairs, %.1f ms\n",
               flags.out.string().c_str(), surfels->size(),
               static_cast<unsigned long long>(frame.stats.surfels_projected),
-              static_cast<unsigned long long>(frame.stats.pairs_binned), frame.stats.render_ms);
+              static_cast<unsigned long long>(frame.stats.pairs_binned),
+              frame.stats.render_ms);
 }
 
 }  // namespace
@@ -76,8 +77,10 @@ void render(const Flags& flags) {
 void add_render_command(CLI::App& app) {
   auto flags = std::make_shared<Flags>();
   CLI::App* command = app.add_subcommand(
-      "render", "Render one view of a bundle or a 2DGS .ply: every channel to EXR, or a sheet");
-  command->add_option("scene", flags->scene, "Bundle folder, or surfels in the 2DGS PLY layout")
+      "render",
+      "Render one view of a bundle or a 2DGS .ply: every channel to EXR, or a sheet");
+  command
+      ->add_option("scene", flags->scene, "Bundle folder, or surfels in the 2DGS PLY layout")
       ->required();
   command
       ->add_option("--out", flags->out,

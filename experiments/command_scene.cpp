@@ -26,8 +26,9 @@ void inspect(const std::filesystem::path& folder, const std::string& robot_name)
   std::printf("sha256         %s\n", bundle.scene_sha256.c_str());
   std::printf("made by        %s\n", m.created_by.c_str());
   std::printf("from           %s\n", m.source.c_str());
-  std::printf("origin         latitude %.7f deg, longitude %.7f deg, height %.2f m, yaw %.4f rad\n",
-              m.origin.latitude_deg, m.origin.longitude_deg, m.origin.height_m, m.origin.yaw_rad);
+  std::printf(
+      "origin         latitude %.7f deg, longitude %.7f deg, height %.2f m, yaw %.4f rad\n",
+      m.origin.latitude_deg, m.origin.longitude_deg, m.origin.height_m, m.origin.yaw_rad);
   std::printf("camera height  %.2f m\n", m.camera_height_m);
   std::printf("surfels        %zu, SH degree %d, %s\n", surfels.size(), surfels.sh_degree,
               surfels.has_labels() ? "labelled" : "without labels");
@@ -42,11 +43,13 @@ void inspect(const std::filesystem::path& folder, const std::string& robot_name)
     const auto instances = std::count_if(
         m.instances.begin(), m.instances.end(),
         [&](const core::SceneInstance& instance) { return instance.class_id == c.id; });
-    std::printf("%5d  %-18s %-6s %9ld %10zu\n", c.id, c.name.c_str(), c.thing ? "thing" : "stuff",
-                static_cast<long>(instances), surfels_of_class[c.id]);
+    std::printf("%5d  %-18s %-6s %9ld %10zu\n", c.id, c.name.c_str(),
+                c.thing ? "thing" : "stuff", static_cast<long>(instances),
+                surfels_of_class[c.id]);
   }
   std::printf("\nunlabelled surfels: %zu\n\nstatistics\n", surfels_of_class[0]);
-  for (const auto& [key, value] : m.statistics) std::printf("  %-28s %g\n", key.c_str(), value);
+  for (const auto& [key, value] : m.statistics)
+    std::printf("  %-28s %g\n", key.c_str(), value);
 }
 
 }  // namespace

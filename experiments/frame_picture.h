@@ -10,7 +10,8 @@
 
 namespace segsim::experiments {
 
-/// A colour per id, far apart for neighbouring ids; 0 is dark grey. Equal everywhere in the program.
+/// A colour per id, far apart for neighbouring ids; 0 is dark grey. Equal everywhere in the
+/// program.
 [[nodiscard]] core::Rgb8 id_color(std::uint16_t id);
 
 /// Near = warm, far = cold; invalid = black. @param max_m  Depth of the coldest colour.

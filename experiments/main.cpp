@@ -24,8 +24,9 @@ int main(int argc, char** argv) {
       "segsim"};
   app.set_version_flag("--version", core::version());
   app.require_subcommand(1);
-  app.footer("Exit codes: 0 done, 1 an expectation failed, 2 bad input, 3 internal error.\n"
-             "Each subcommand has its own --help.");
+  app.footer(
+      "Exit codes: 0 done, 1 an expectation failed, 2 bad input, 3 internal error.\n"
+      "Each subcommand has its own --help.");
   experiments::add_run_command(app);
   experiments::add_table_command(app);
   experiments::add_capture_command(app);

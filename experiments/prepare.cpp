@@ -9,13 +9,13 @@
 #include "core/file_io.h"
 #include "core/random.h"
 #include "core/scene_bundle.h"
+#include "experiments/arm_weights.h"
 #include "experiments/reconstruct.h"
 #include "experiments/scene_source.h"
 #include "experiments/source_dataset.h"
 #include "experiments/step_record.h"
 #include "experiments/view_labels.h"
 #include "perception/dataset.h"
-#include "perception/evaluate.h"
 #include "perception/training.h"
 #include "perception/weights_file.h"
 #include "sim/robot.h"
@@ -25,13 +25,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Views of the fine-tuning scenes: for training, for choosing thresholds, for reporting. No view
-/// serves two purposes.
+/// Views of the fine-tuning scenes: for training, for choosing thresholds, for reporting. No
+/// view serves two purposes.
 struct ViewSets {
   fs::path train, validation, test;
 };
 
-constexpr int kValidationShare = 5;  ///< One view in five as many again for each of the other sets.
+constexpr int kValidationShare =
+    5;  ///< One view in five as many again for each of the other sets.
 
 core::CameraIntrinsics view_camera(const ExperimentSpec& spec) {
   const FinetuneSpec& finetune = *spec.detectors.finetune;
@@ -93,9 +94,9 @@ fs::path prepare_before(const ExperimentSpec& spec, const fs::path& work) {
   const DetectorSpec& detectors = spec.detectors;
   if (fs::exists(detectors.before)) return detectors.before;
   if (!detectors.pretrain) {
-    throw core::InputError::expected(detectors.before.string(),
-                                     "weights, or a detectors.pretrain section that makes them",
-                                     "none");
+    throw core::InputError::expected(
+        detectors.before.string(), "weights, or a detectors.pretrain section that makes them",
+        "none");
   }
   const PretrainSpec& pretrain = *detectors.pretrain;
   SourceDatasetOptions source;
@@ -111,8 +112,8 @@ fs::path prepare_before(const ExperimentSpec& spec, const fs::path& work) {
   return detectors.before;
 }
 
-fs::path prepare_after(const ExperimentSpec& spec, const fs::path& before, const ViewSets& views,
-                       const fs::path& work) {
+fs::path prepare_after(const ExperimentSpec& spec, const fs::path& before,
+                       const ViewSets& views, const fs::path& work) {
   const DetectorSpec& detectors = spec.detectors;
   const FinetuneSpec& finetune = *detectors.finetune;
   std::ostringstream recipe;
@@ -136,46 +137,30 @@ fs::path prepare_after(const ExperimentSpec& spec, const fs::path& before, const
   return detectors.after;
 }
 
-/// The weights with the threshold that the one rule of this project gives them: best F1 on the
-/// validation views of the scenes. Applied to 'before' and 'after' alike, so that neither profits
-/// from a better chosen threshold.
-fs::path with_common_threshold(const fs::path& weights_file, const fs::path& validation,
-                               const fs::path& output) {
-  perception::DetectorWeights weights = perception::read_weights(weights_file);
-  perception::CocoDataset dataset = perception::read_coco(validation);
-  perception::match_classes(dataset, weights.class_names, {});
-  const std::vector<perception::ImageResult> results =
-      perception::detect_all(weights_file, dataset);
-  weights.score_threshold =
-      perception::best_f1(results, static_cast<int>(weights.class_names.size())).score_threshold;
-  perception::write_weights(output, weights);
-  return output;
-}
-
-void print_precision(const char* name, const fs::path& weights, const fs::path& test) {
-  const perception::EvaluationReport report = perception::evaluate(weights, test);
-  const perception::OperatingPoint& point = report.precision.operating;
-  std::printf("%-8s AP50 %5.1f  AP %5.1f  on %d held-out views; at score >= %.3f: precision %.2f, "
-              "recall %.2f\n",
-              name, 100.0 * report.precision.ap50, 100.0 * report.precision.ap, report.images,
-              point.score_threshold, point.precision(), point.recall());
+void print_precision(const char* name, const HeldOutPrecision& p) {
+  std::printf(
+      "%-8s AP50 %5.1f  AP %5.1f  on %d held-out views; at score >= %.3f: precision %.2f, "
+      "recall %.2f\n",
+      name, 100.0 * p.ap50, 100.0 * p.ap, p.views, p.score_threshold, p.precision, p.recall);
 }
 
 }  // namespace
 
-fs::path prepare_scene(const ExperimentSpec& spec, const SceneSpec& scene, const fs::path& work) {
+fs::path prepare_scene(const ExperimentSpec& spec, const SceneSpec& scene,
+                       const fs::path& work) {
   if (!scene.source) {
     (void)core::load_bundle(scene.bundle);  // Names what is missing.
     return scene.bundle;
   }
   const SourceSpec& source = *scene.source;
   std::ostringstream recipe;
-  recipe << "bundle v1: " << describe_capture(source) << "; voxel " << source.voxel_m << " m, robot "
-         << spec.robot << ", camera " << scene.camera_height_m << " m";
+  recipe << "bundle v1: " << describe_capture(source) << "; voxel " << source.voxel_m
+         << " m, robot " << spec.robot << ", camera " << scene.camera_height_m << " m";
   const StepRecord record(scene.bundle.string() + ".step", recipe.str());
   if (fs::exists(scene.bundle / "scene.yaml") && record.is_current()) return scene.bundle;
 
-  std::printf("preparing scene %s: %s\n", scene.name.c_str(), describe_capture(source).c_str());
+  std::printf("preparing scene %s: %s\n", scene.name.c_str(),
+              describe_capture(source).c_str());
   fs::path recording = source.folder;
   if (source.type != SourceType::kRgbd) {
     recording = work / "captures" / scene.name;
@@ -183,7 +168,8 @@ fs::path prepare_scene(const ExperimentSpec& spec, const SceneSpec& scene, const
   }
   renderer::SequenceOptions sequence_options;
   sequence_options.on_bad_frame = renderer::OnBadFrame::kSkip;
-  if (source.type == SourceType::kRgbd) sequence_options.floor_height_m = source.floor_height_m;
+  if (source.type == SourceType::kRgbd)
+    sequence_options.floor_height_m = source.floor_height_m;
   const auto sequence = open_recording(recording, source.boxes, sequence_options);
 
   ReconstructOptions options;
@@ -199,8 +185,8 @@ fs::path prepare_scene(const ExperimentSpec& spec, const SceneSpec& scene, const
   return scene.bundle;
 }
 
-PreparedDetectors prepare_detectors(const ExperimentSpec& spec, std::span<const fs::path> bundles,
-                                    const fs::path& work) {
+PreparedDetectors prepare_detectors(const ExperimentSpec& spec,
+                                    std::span<const fs::path> bundles, const fs::path& work) {
   const auto needs = [&](ArmDetector wanted) {
     return std::any_of(spec.arms.begin(), spec.arms.end(),
                        [&](const ArmSpec& arm) { return arm.detector == wanted; });
@@ -209,32 +195,34 @@ PreparedDetectors prepare_detectors(const ExperimentSpec& spec, std::span<const 
   if (!needs(ArmDetector::kBefore) && !needs(ArmDetector::kAfter)) return prepared;
   if (needs(ArmDetector::kAfter) && !spec.detectors.finetune) {
     if (!fs::exists(spec.detectors.after)) {
-      throw core::InputError::expected(spec.detectors.after.string(),
-                                       "weights, or a detectors.finetune section that makes them",
-                                       "none");
+      throw core::InputError::expected(
+          spec.detectors.after.string(),
+          "weights, or a detectors.finetune section that makes them", "none");
     }
   }
-  prepared.before = prepare_before(spec, work);
+  const fs::path before = prepare_before(spec, work);
   if (!spec.detectors.finetune) {
-    prepared.after = spec.detectors.after;
+    prepared.before.file = before;
+    prepared.after.file = spec.detectors.after;
     return prepared;
   }
 
-  const std::vector<std::string> class_names =
-      perception::read_weights(prepared.before).class_names;
+  const std::vector<std::string> class_names = perception::read_weights(before).class_names;
   const int views = spec.detectors.finetune->views_per_scene;
   const int held_out = std::max(10, views / kValidationShare);
   const fs::path folder = work / "views";
-  const ViewSets sets{
-      label_scenes(spec, bundles, class_names, "train", views, folder),
-      label_scenes(spec, bundles, class_names, "validation", held_out, folder),
-      label_scenes(spec, bundles, class_names, "test", held_out, folder)};
-  const fs::path tuned = prepare_after(spec, prepared.before, sets, work);
-  prepared.before =
-      with_common_threshold(prepared.before, sets.validation, work / "arm-before.weights");
-  prepared.after = with_common_threshold(tuned, sets.validation, work / "arm-after.weights");
-  print_precision("before", prepared.before, sets.test);
-  print_precision("after", prepared.after, sets.test);
+  const ViewSets sets{label_scenes(spec, bundles, class_names, "train", views, folder),
+                      label_scenes(spec, bundles, class_names, "validation", held_out, folder),
+                      label_scenes(spec, bundles, class_names, "test", held_out, folder)};
+  const fs::path after = prepare_after(spec, before, sets, work);
+  const auto finish = [&](const char* name, const fs::path& weights) {
+    PreparedWeights arm{work / ("arm-" + std::string(name) + ".weights"), std::nullopt};
+    arm.held_out = prepare_arm_weights(weights, sets.validation, sets.test, arm.file);
+    print_precision(name, *arm.held_out);
+    return arm;
+  };
+  prepared.before = finish("before", before);
+  prepared.after = finish("after", after);
   return prepared;
 }
 

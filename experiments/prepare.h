@@ -6,8 +6,10 @@
 /// on.
 
 #include <filesystem>
+#include <optional>
 #include <span>
 
+#include "experiments/arm_weights.h"
 #include "experiments/spec.h"
 
 namespace segsim::experiments {
@@ -20,9 +22,13 @@ namespace segsim::experiments {
 std::filesystem::path prepare_scene(const ExperimentSpec& spec, const SceneSpec& scene,
                                     const std::filesystem::path& work);
 
-/// Weight files; empty for detectors that no arm needs.
+struct PreparedWeights {
+  std::filesystem::path file;                ///< Empty if no arm needs them.
+  std::optional<HeldOutPrecision> held_out;  ///< None if nothing was fine-tuned here.
+};
+
 struct PreparedDetectors {
-  std::filesystem::path before, after;
+  PreparedWeights before, after;
 };
 
 /// Makes the weights that the arms of the spec need: pre-training, then fine-tuning on views

@@ -22,14 +22,14 @@ renderer::LiftResult lift_with_progress(const renderer::RgbdSequence& sequence,
                                         const renderer::LiftOptions& options) {
   std::unique_ptr<core::Progress> progress;
   std::string current;
-  return renderer::lift(sequence, options,
-                        [&](const std::string& stage, std::int64_t done, std::int64_t total) {
-                          if (stage != current) {
-                            current = stage;
-                            progress = std::make_unique<core::Progress>("lift: " + stage, total);
-                          }
-                          progress->update(done);
-                        });
+  return renderer::lift(
+      sequence, options, [&](const std::string& stage, std::int64_t done, std::int64_t total) {
+        if (stage != current) {
+          current = stage;
+          progress = std::make_unique<core::Progress>("lift: " + stage, total);
+        }
+        progress->update(done);
+      });
 }
 
 std::vector<glm::vec3> surfel_normals(const renderer::SurfelCloud& surfels) {
@@ -44,7 +44,8 @@ std::vector<glm::vec3> surfel_normals(const renderer::SurfelCloud& surfels) {
 }  // namespace
 
 core::SceneBundle reconstruct_bundle(const renderer::RgbdSequence& sequence,
-                                     const ReconstructOptions& options, const fs::path& folder) {
+                                     const ReconstructOptions& options,
+                                     const fs::path& folder) {
   for (const std::string& warning : sequence.warnings()) {
     std::fprintf(stderr, "warning: %s\n", warning.c_str());
   }

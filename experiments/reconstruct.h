@@ -1,7 +1,8 @@
 #pragma once
 
 /// @file
-/// RGB-D recording -> scene bundle: lifting (renderer), collision mesh and navmesh (sim), manifest.
+/// RGB-D recording -> scene bundle: lifting (renderer), collision mesh and navmesh (sim),
+/// manifest.
 
 #include <filesystem>
 #include <string>
@@ -15,21 +16,22 @@
 namespace segsim::experiments {
 
 struct ReconstructOptions {
-  std::string name;               ///< Of the scene.
-  std::string source;             ///< Where the recording comes from, in words.
-  std::string source_sha256;      ///< Of the recipe that made the recording; may be empty.
+  std::string name;           ///< Of the scene.
+  std::string source;         ///< Where the recording comes from, in words.
+  std::string source_sha256;  ///< Of the recipe that made the recording; may be empty.
   renderer::LiftOptions lift;
   sim::CollisionMeshOptions collision;
   sim::RobotModel robot = sim::RobotModel::jackal_gentle();
-  double camera_height_m = 1.2;   ///< Mast height that suits the recording.
-  /// Where the world origin is put on the earth. The default is the origin that the Jackal's own
-  /// simulation uses (jackal.gazebo: 49.9 N, 8.9 E).
+  double camera_height_m = 1.2;  ///< Mast height that suits the recording.
+  /// Where the world origin is put on the earth. The default is the origin that the Jackal's
+  /// own simulation uses (jackal.gazebo: 49.9 N, 8.9 E).
   core::GeodeticOrigin origin{49.9, 8.9, 0.0, 0.0};
 };
 
-/// Makes the bundle in a temporary folder beside `folder` and renames it: a bundle is there wholly or
-/// not at all. An existing bundle is replaced.
-/// @throws core::InputError if frames cannot be read, or no floor or room for the robot is left.
+/// Makes the bundle in a temporary folder beside `folder` and renames it: a bundle is there
+/// wholly or not at all. An existing bundle is replaced.
+/// @throws core::InputError if frames cannot be read, or no floor or room for the robot is
+/// left.
 core::SceneBundle reconstruct_bundle(const renderer::RgbdSequence& sequence,
                                      const ReconstructOptions& options,
                                      const std::filesystem::path& folder);

@@ -105,9 +105,10 @@ std::vector<ArmRow> arm_rows(const ExperimentSpec& spec, const PreparedDetectors
   for (const ArmSpec& arm : spec.arms) {
     ArmRow row;
     row.name = arm.name;
-    const fs::path weights = weights_of(arm, detectors);
-    row.detector = weights.empty() ? "oracle" : weights.filename().string();
-    if (!weights.empty()) row.weights_sha256 = core::sha256_of_file(weights);
+    const PreparedWeights weights = weights_of(arm, detectors);
+    row.detector = weights.file.empty() ? "oracle" : weights.file.filename().string();
+    if (!weights.file.empty()) row.weights_sha256 = core::sha256_of_file(weights.file);
+    row.held_out = weights.held_out;
     for (const SceneSpec& scene : spec.scenes) {
       if (spec.leaks(arm, scene))
         row.tuned_on += (row.tuned_on.empty() ? "" : ", ") + scene.name;

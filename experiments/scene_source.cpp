@@ -19,7 +19,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::vector<core::CameraPose> plan_path(const sim::MeshScene& scene, const SourceSpec& source) {
+std::vector<core::CameraPose> plan_path(const sim::MeshScene& scene,
+                                        const SourceSpec& source) {
   sim::CapturePlan plan;
   plan.heights_m = {source.capture.camera_height_m, source.capture.camera_height_m - 0.4,
                     source.capture.camera_height_m + 0.2};
@@ -46,8 +47,10 @@ sim::MeshScene load_mesh_source(const SourceSpec& source) {
       options.add_ceiling = true;
       return sim::load_gazebo_world(source.world, options);
     }
-    case SourceType::kMesh: return sim::load_mesh_file(source.world);
-    case SourceType::kRgbd: break;
+    case SourceType::kMesh:
+      return sim::load_mesh_file(source.world);
+    case SourceType::kRgbd:
+      break;
   }
   SEGSIM_CHECK(false, "a recording has no mesh");
   return {};
@@ -56,9 +59,15 @@ sim::MeshScene load_mesh_source(const SourceSpec& source) {
 std::string describe_capture(const SourceSpec& source) {
   std::ostringstream text;
   switch (source.type) {
-    case SourceType::kFlat: text << "procedural flat, seed " << source.seed; break;
-    case SourceType::kGazebo: text << "Gazebo world " << source.world.filename().string(); break;
-    case SourceType::kMesh: text << "mesh " << source.world.filename().string(); break;
+    case SourceType::kFlat:
+      text << "procedural flat, seed " << source.seed;
+      break;
+    case SourceType::kGazebo:
+      text << "Gazebo world " << source.world.filename().string();
+      break;
+    case SourceType::kMesh:
+      text << "mesh " << source.world.filename().string();
+      break;
     case SourceType::kRgbd:
       text << "recording " << source.folder.filename().string() << ", every "
            << source.frame_step << ". frame";
@@ -83,9 +92,9 @@ void capture_mesh_source(const SourceSpec& source, const fs::path& folder,
   const std::vector<core::CameraPose> path =
       trajectory.empty() ? plan_path(scene, source) : sim::read_trajectory(trajectory);
   const auto renderer = sim::make_mesh_renderer(scene, {});
-  const auto intrinsics = core::CameraIntrinsics::from_fov(
-      source.capture.width_px, source.capture.height_px,
-      source.capture.hfov_deg * std::numbers::pi / 180.0);
+  const auto intrinsics =
+      core::CameraIntrinsics::from_fov(source.capture.width_px, source.capture.height_px,
+                                       source.capture.hfov_deg * std::numbers::pi / 180.0);
 
   core::Progress progress("capture", static_cast<std::int64_t>(path.size()));
   sim::CaptureOptions options;
@@ -98,9 +107,8 @@ void capture_mesh_source(const SourceSpec& source, const fs::path& folder,
                         options);
 }
 
-std::unique_ptr<renderer::RgbdSequence> open_recording(const fs::path& folder,
-                                                       const fs::path& boxes,
-                                                       const renderer::SequenceOptions& options) {
+std::unique_ptr<renderer::RgbdSequence> open_recording(
+    const fs::path& folder, const fs::path& boxes, const renderer::SequenceOptions& options) {
   auto sequence = renderer::open_sequence(folder, options);
   if (boxes.empty()) return sequence;
   return renderer::with_box_labels(std::move(sequence), boxes);

@@ -19,9 +19,9 @@ namespace segsim::experiments {
 /// All that decides the outcome of a capture, in one line; part of what a bundle records.
 [[nodiscard]] std::string describe_capture(const SourceSpec& source);
 
-/// Walks a virtual RGB-D camera through the mesh world of `source` and writes the 7-Scenes layout with
-/// exact labels into `folder`. Complete frames of an interrupted capture are kept; `trajectory` (may be
-/// empty) replaces the planned path.
+/// Walks a virtual RGB-D camera through the mesh world of `source` and writes the 7-Scenes
+/// layout with exact labels into `folder`. Complete frames of an interrupted capture are kept;
+/// `trajectory` (may be empty) replaces the planned path.
 void capture_mesh_source(const SourceSpec& source, const std::filesystem::path& folder,
                          const std::filesystem::path& trajectory = {}, bool depth_exr = false,
                          bool overwrite = false);

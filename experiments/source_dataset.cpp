@@ -20,8 +20,8 @@ namespace fs = std::filesystem;
 
 std::string describe(const SourceDatasetOptions& options) {
   std::ostringstream text;
-  text << "source dataset v1: seed " << options.seed << ", rooms " << options.rooms << ", views "
-       << options.views_per_room << ", image " << options.camera.width_px << "x"
+  text << "source dataset v1: seed " << options.seed << ", rooms " << options.rooms
+       << ", views " << options.views_per_room << ", image " << options.camera.width_px << "x"
        << options.camera.height_px << ", f " << options.camera.fx_px;
   return text.str();
 }

@@ -1,15 +1,16 @@
 #pragma once
 
 /// @file
-/// Resumable preparation: a step is done if its record says that it was made from the same recipe.
+/// Resumable preparation: a step is done if its record says that it was made from the same
+/// recipe.
 
 #include <filesystem>
 #include <string>
 
 namespace segsim::experiments {
 
-/// A small file beside a step's result that holds the recipe in words. A step whose recipe changed is
-/// done again; one that was interrupted has no record.
+/// A small file beside a step's result that holds the recipe in words. A step whose recipe
+/// changed is done again; one that was interrupted has no record.
 class StepRecord {
  public:
   StepRecord(std::filesystem::path file, std::string recipe)

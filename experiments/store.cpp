@@ -28,7 +28,8 @@ CREATE TABLE scene (
 CREATE TABLE arm (
   run_id INTEGER NOT NULL REFERENCES run, position INTEGER NOT NULL, name TEXT NOT NULL,
   detector TEXT NOT NULL, weights_sha256 TEXT NOT NULL, tuned_on TEXT NOT NULL,
-  score_threshold REAL NOT NULL, UNIQUE (run_id, name));
+  score_threshold REAL NOT NULL, held_out_views INTEGER NOT NULL, ap50 REAL NOT NULL,
+  ap REAL NOT NULL, held_out_threshold REAL NOT NULL, precision REAL NOT NULL, recall REAL NOT NULL, UNIQUE (run_id, name));
 CREATE TABLE trial (
   trial_id INTEGER PRIMARY KEY, run_id INTEGER NOT NULL REFERENCES run,
   arm TEXT NOT NULL, scene TEXT NOT NULL, episode TEXT NOT NULL, goal_class TEXT NOT NULL,
@@ -227,9 +228,14 @@ std::int64_t Store::begin_run(const RunRow& run, const std::vector<SceneRow>& sc
   }
   position = 0;
   for (const ArmRow& arm : arm_rows) {
-    Statement row(impl_->db, impl_->file, "INSERT INTO arm VALUES (?, ?, ?, ?, ?, ?, ?)");
+    Statement row(impl_->db, impl_->file,
+                  "INSERT INTO arm VALUES ("
+                  "?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
     row.bind(run_id).bind(position++).bind(arm.name).bind(arm.detector);
-    row.bind(arm.weights_sha256).bind(arm.tuned_on).bind(arm.score_threshold).step();
+    row.bind(arm.weights_sha256).bind(arm.tuned_on).bind(arm.score_threshold);
+    const HeldOutPrecision held_out = arm.held_out.value_or(HeldOutPrecision{});
+    row.bind(held_out.views).bind(held_out.ap50).bind(held_out.ap);
+    row.bind(held_out.score_threshold).bind(held_out.precision).bind(held_out.recall).step();
   }
   transaction.commit();
   return run_id;
@@ -286,7 +292,8 @@ std::vector<SceneRow> Store::scenes(std::int64_t run_id) const {
 
 std::vector<ArmRow> Store::arms(std::int64_t run_id) const {
   Statement select(impl_->db, impl_->file,
-                   "SELECT name, detector, weights_sha256, tuned_on, score_threshold FROM arm "
+                   "SELECT name, detector, weights_sha256, tuned_on, score_threshold, "
+                   "held_out_views, ap50, ap, held_out_threshold, precision, recall FROM arm "
                    "WHERE run_id = ? ORDER BY position");
   select.bind(run_id);
   std::vector<ArmRow> rows;
@@ -297,6 +304,13 @@ std::vector<ArmRow> Store::arms(std::int64_t run_id) const {
       *column = select.text();
     }
     arm.score_threshold = select.number();
+    HeldOutPrecision held_out;
+    held_out.views = select.small_integer();
+    for (double* column : {&held_out.ap50, &held_out.ap, &held_out.score_threshold,
+                           &held_out.precision, &held_out.recall}) {
+      *column = select.number();
+    }
+    if (held_out.views > 0) arm.held_out = held_out;
     rows.push_back(std::move(arm));
   }
   return rows;
@@ -319,7 +333,7 @@ void Store::add_trial(std::int64_t run_id, const TrialRow& t) {
       "invalid_pixel_fraction, state_hash, render_ms, detect_ms, policy_ms, error, picture, "
       "video, track, finished) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, "
       "?, "
-      "?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+      "?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
   const std::string hash = hex(t.state_hash), now = utc_now();
   insert.bind(run_id).bind(t.arm).bind(t.scene).bind(t.episode).bind(t.goal_class);
   insert.bind(t.repetition).bind(t.outcome).bind(t.success ? 1 : 0).bind(t.stop_reason);

@@ -13,6 +13,8 @@
 #include <string>
 #include <vector>
 
+#include "experiments/arm_weights.h"
+
 namespace segsim::experiments {
 
 /// Where the numbers come from. `libraries`, `host`: free text.
@@ -41,7 +43,8 @@ struct ArmRow {
   std::string weights_sha256;  ///< Empty for the oracle.
   std::string
       tuned_on;  ///< Names of scenes whose views it was fine-tuned on, with ", " between.
-  double score_threshold = -1;  ///< -1: the one stored with the weights.
+  double score_threshold = -1;               ///< -1: the one stored with the weights.
+  std::optional<HeldOutPrecision> held_out;  ///< None for the oracle and foreign weights.
 };
 
 /// One finished trial. Columns as in sim::TrialResult; -1 ticks and unset values are "never".
@@ -70,7 +73,7 @@ struct TrialRow {
 /// One writer at a time. Not thread-safe: the caller serialises.
 class Store {
  public:
-  static constexpr int kSchemaVersion = 1;
+  static constexpr int kSchemaVersion = 2;
 
   /// Opens the file, or makes it.
   /// @throws core::InputError if it is no such database or has another schema version.

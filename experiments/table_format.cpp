@@ -112,6 +112,21 @@ Grid arms_grid(const std::vector<GroupSummary>& groups) {
   return grid;
 }
 
+/// How good the arms' detectors are on held-out views; no rows if that was not measured.
+Grid detectors_grid(const ResultTable& table) {
+  Grid grid{"Detectors on held-out views of the scenes",
+            {"Arm", "AP50", "AP", "Precision", "Recall", "Score threshold", "Views"},
+            {}};
+  for (const ArmRow& arm : table.arm_rows) {
+    if (!arm.held_out) continue;
+    const HeldOutPrecision& p = *arm.held_out;
+    grid.rows.push_back({arm.name, print("%.1f", 100.0 * p.ap50), print("%.1f", 100.0 * p.ap),
+                         print("%.2f", p.precision), print("%.2f", p.recall),
+                         print("%.3f", p.score_threshold), std::to_string(p.views)});
+  }
+  return grid;
+}
+
 std::vector<Grid> grids_of(const ResultTable& table) {
   std::vector<GroupSummary> rows = table.scenes;
   if (table.all) rows.push_back(*table.all);
@@ -125,6 +140,8 @@ std::vector<Grid> grids_of(const ResultTable& table) {
     grids.back().title = "By goal class";
   }
   grids.push_back(arms_grid(table.scenes));
+  Grid detectors = detectors_grid(table);
+  if (!detectors.rows.empty()) grids.push_back(std::move(detectors));
   return grids;
 }
 
@@ -336,9 +353,18 @@ std::string as_json(const ResultTable& table) {
                                         {"episodes", scene.episodes}};
   }
   for (const ArmRow& arm : table.arm_rows) {
-    provenance["arms"][arm.name] = {{"detector", arm.detector},
-                                    {"weights_sha256", arm.weights_sha256},
-                                    {"tuned_on", arm.tuned_on}};
+    nlohmann::ordered_json& a = provenance["arms"][arm.name];
+    a = {{"detector", arm.detector},
+         {"weights_sha256", arm.weights_sha256},
+         {"tuned_on", arm.tuned_on}};
+    if (!arm.held_out) continue;
+    const HeldOutPrecision& p = *arm.held_out;
+    a["held_out"] = {{"views", p.views},
+                     {"ap50", p.ap50},
+                     {"ap", p.ap},
+                     {"score_threshold", p.score_threshold},
+                     {"precision", p.precision},
+                     {"recall", p.recall}};
   }
   json["notes"] = table.notes;
   return json.dump(2) + "\n";

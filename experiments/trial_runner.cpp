@@ -153,14 +153,14 @@ LoadedScene load_scene(const ExperimentSpec& spec, const SceneSpec& scene,
           std::move(plan), std::move(*episodes), core::sha256_of_file(file)};
 }
 
-fs::path weights_of(const ArmSpec& arm, const PreparedDetectors& detectors) {
+PreparedWeights weights_of(const ArmSpec& arm, const PreparedDetectors& detectors) {
   switch (arm.detector) {
     case ArmDetector::kBefore:
       return detectors.before;
     case ArmDetector::kAfter:
       return detectors.after;
     case ArmDetector::kFile:
-      return arm.weights;
+      return {arm.weights, std::nullopt};
     case ArmDetector::kOracle:
       break;
   }
@@ -203,7 +203,7 @@ TrialRunner::ArmDetectorSlot& TrialRunner::detector_for(const LoadedScene& scene
     perception::DetectorOptions options;
     if (arm.score_threshold)
       options.score_threshold = static_cast<float>(*arm.score_threshold);
-    slot.detector = perception::load_detector(weights_of(arm, detectors_), options);
+    slot.detector = perception::load_detector(weights_of(arm, detectors_).file, options);
   }
   return slot;
 }

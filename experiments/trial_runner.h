@@ -54,8 +54,8 @@ struct TrialTask {
 };
 
 /// Weights of an arm; empty for the oracle.
-[[nodiscard]] std::filesystem::path weights_of(const ArmSpec& arm,
-                                               const PreparedDetectors& detectors);
+[[nodiscard]] PreparedWeights weights_of(const ArmSpec& arm,
+                                         const PreparedDetectors& detectors);
 
 /// Runs trials one after another: one object per thread, with renderers and detectors of its
 /// own.

@@ -95,7 +95,8 @@ class ViewSampler {
   View next() {
     const glm::dvec2 p_m = cells_[random_.index(static_cast<std::uint32_t>(cells_.size()))];
     core::Pose2 pose{p_m.x, p_m.y, random_.uniform(-std::numbers::pi, std::numbers::pi)};
-    if (objects_by_class_.empty() || !random_.chance(options_.share_facing_object)) return {pose};
+    if (objects_by_class_.empty() || !random_.chance(options_.share_facing_object))
+      return {pose};
     // A class first, then one of its objects: frequent classes would dominate otherwise.
     auto entry = objects_by_class_.begin();
     std::advance(entry, random_.index(static_cast<std::uint32_t>(objects_by_class_.size())));
@@ -116,7 +117,8 @@ class ViewSampler {
 
   [[nodiscard]] bool is_near_duplicate(const core::Pose2& pose) const {
     return std::any_of(accepted_.begin(), accepted_.end(), [&](const core::Pose2& other) {
-      return std::hypot(pose.x_m - other.x_m, pose.y_m - other.y_m) < options_.near_duplicate_m &&
+      return std::hypot(pose.x_m - other.x_m, pose.y_m - other.y_m) <
+                 options_.near_duplicate_m &&
              std::abs(core::wrap_angle_rad(pose.yaw_rad - other.yaw_rad)) <
                  options_.near_duplicate_rad;
     });
@@ -157,7 +159,8 @@ std::map<std::uint16_t, int> count_pixels(const core::Image<std::uint16_t>& ids)
 
 }  // namespace
 
-perception::CocoDataset label_views(const core::SceneBundle& bundle, const sim::RobotModel& robot,
+perception::CocoDataset label_views(const core::SceneBundle& bundle,
+                                    const sim::RobotModel& robot,
                                     const ViewLabelOptions& options, const fs::path& folder) {
   SEGSIM_CHECK(options.views > 0 && !options.class_names.empty(), "views and classes");
   const sim::World world = sim::World::load(bundle, robot);
@@ -179,10 +182,12 @@ perception::CocoDataset label_views(const core::SceneBundle& bundle, const sim::
   core::Frame frame;
   std::unique_ptr<core::Progress> progress;
   if (options.show_progress) {
-    progress = std::make_unique<core::Progress>("label " + bundle.manifest.name, options.views);
+    progress =
+        std::make_unique<core::Progress>("label " + bundle.manifest.name, options.views);
   }
   const int max_tries = 60 * options.views;
-  for (int i = 0; i < max_tries && static_cast<int>(dataset.images.size()) < options.views; ++i) {
+  for (int i = 0; i < max_tries && static_cast<int>(dataset.images.size()) < options.views;
+       ++i) {
     const auto [pose, wanted_instance] = sampler.next();
     if (sampler.is_near_duplicate(pose)) continue;
     view_renderer->render(

@@ -15,7 +15,7 @@ namespace {
 constexpr double kDepthBin_m = 0.1;
 constexpr double kDepthGap_m = 0.3;   // Empty depth that separates foreground and background.
 constexpr double kNearShare = 0.25;   // The nearest layer with this share is the object.
-constexpr double kTrim = 0.02;        // Quantile cut off each side of the extent.
+constexpr double kTrim = 0.10;        // Quantile cut off each side: a box holds neighbours.
 constexpr double kNearerView = 0.6;   // A view this much nearer replaces the cloud,
 constexpr double kFartherView = 1.8;  // one this much farther adds no points.
 constexpr std::size_t kVisibilitySamples = 24;

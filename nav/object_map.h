@@ -20,7 +20,7 @@
 namespace segsim::nav {
 
 struct ObjectMapOptions {
-  double box_shrink = 0.20;          ///< Share of width and height cut off the box as a whole.
+  double box_shrink = 0.35;          ///< Share of width and height cut off the box as a whole.
   double max_range_m = 6.0;          ///< Farther pixels are not used.
   double trusted_range_m = 4.75;     ///< VLFM: 0.95 of the limit; beyond, only tentative.
   double voxel_m = 0.04;             ///< Thinning before clustering and of the stored cloud.
@@ -50,7 +50,7 @@ struct MappedObject {
   int id = 0;  ///< Counts up from 0 within the episode.
   ObjectStatus status = ObjectStatus::kTentative;
   glm::dvec3 center_m{0.0};            ///< Mean of the cloud, Odom.
-  glm::dvec3 low_m{0.0}, high_m{0.0};  ///< Extent of the cloud (2 % .. 98 % per axis).
+  glm::dvec3 low_m{0.0}, high_m{0.0};  ///< Extent of the cloud (10 % .. 90 % per axis).
   std::vector<glm::vec3> cloud_m;      ///< Thinned surface points, Odom.
   double sightings = 0.0;              ///< Weighted views with a detection.
   double score_sum = 0.0;              ///< Scores times the same weights.

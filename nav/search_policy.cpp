@@ -123,8 +123,7 @@ core::VelocityCommand SearchPolicy::act(const Now& now) {
   return command;
 }
 
-// ------------------------------------------------------------------------------------ Looking
-// around
+// ---- Looking around
 
 void SearchPolicy::begin_spin(const Now& now) {
   state_ = State::kSpin;
@@ -192,8 +191,7 @@ core::VelocityCommand SearchPolicy::sweep(const Now& now) {
   return follower_.follow(now.pose, cost_);
 }
 
-// ------------------------------------------------------------------------------------------
-// Exploring
+// ---- Exploring
 
 bool SearchPolicy::replan_due(const Now& now) const {
   return !follower_.has_path() || replanned_ns_ == 0 ||
@@ -354,8 +352,7 @@ void SearchPolicy::stop(const std::string& reason) {
   follower_.clear();
 }
 
-// -----------------------------------------------------------------------------------------
-// Recovering
+// ---- Recovering
 
 void SearchPolicy::begin_recovery(const Now& now) {
   if (static_cast<int>(recoveries_) >= options_.max_recoveries) {

@@ -1,8 +1,9 @@
 #pragma once
 
 /// @file
-/// Textured triangle meshes with exact class and instance labels: the ground truth that captures are
-/// taken from. Sources: Gazebo worlds, any file that assimp reads, the procedural flat.
+/// Textured triangle meshes with exact class and instance labels: the ground truth that
+/// captures are taken from. Sources: Gazebo worlds, any file that assimp reads, the procedural
+/// flat.
 
 #include <cstdint>
 #include <string>
@@ -17,8 +18,8 @@
 namespace segsim::sim {
 
 struct Material {
-  glm::vec3 albedo{0.7F};  ///< Linear RGB, multiplied with the texture.
-  int texture = -1;        ///< Into MeshScene::textures; -1 = none.
+  glm::vec3 albedo{0.7F};    ///< Linear RGB, multiplied with the texture.
+  int texture = -1;          ///< Into MeshScene::textures; -1 = none.
   glm::vec3 emission{0.0F};  ///< Linear RGB radiance.
 };
 
@@ -26,7 +27,8 @@ struct Material {
 struct SubMesh {
   std::vector<glm::vec3> positions_m;  ///< World frame.
   std::vector<glm::vec3> normals;      ///< Per vertex, unit.
-  std::vector<glm::vec2> uvs;          ///< Per vertex; v grows upwards (OpenGL). Repeat outside [0, 1].
+  std::vector<glm::vec2>
+      uvs;  ///< Per vertex; v grows upwards (OpenGL). Repeat outside [0, 1].
   std::vector<glm::uvec3> triangles;
   int material = 0;
   std::uint16_t class_id = 0;     ///< 0 = void.
@@ -36,8 +38,9 @@ struct SubMesh {
 /// Sphere-shaped lamp.
 struct PointLight {
   glm::vec3 position_m{0.0F};
-  glm::vec3 radiance{1.0F};  ///< Linear RGB; irradiance at distance d is radiance / (d^2 + 0.15).
-  float radius_m = 0.3F;     ///< For soft shadows.
+  glm::vec3 radiance{
+      1.0F};              ///< Linear RGB; irradiance at distance d is radiance / (d^2 + 0.15).
+  float radius_m = 0.3F;  ///< For soft shadows.
 };
 
 struct MeshScene {

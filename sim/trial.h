@@ -3,7 +3,8 @@
 /// @file
 /// The closed loop: one robot, one episode, one tick after another. Start reading here.
 ///
-///     true pose -> Renderer -> Observation -> Detector -> Policy -> command -> Robot -> true pose
+///     true pose -> Renderer -> Observation -> Detector -> Policy -> command -> Robot -> true
+///     pose
 ///
 /// Perception and policy see Observations only; the true state stays in this module.
 
@@ -24,12 +25,13 @@ namespace segsim::sim {
 
 /// One task: start here, find one object of this class.
 struct Episode {
-  std::string id;              ///< Unique in its set, for example "flat-3/couch/07".
+  std::string id;  ///< Unique in its set, for example "flat-3/couch/07".
   std::string class_name;
-  core::Pose2 start;           ///< World frame.
-  std::vector<glm::dvec2> view_points_m;  ///< Places from which a goal object is visible; success is
-                               ///< measured to the nearest one.
-  double shortest_path_m = 0;  ///< l of SPL: from start to the nearest view point, for this robot.
+  core::Pose2 start;                      ///< World frame.
+  std::vector<glm::dvec2> view_points_m;  ///< Places from which a goal object is visible;
+                                          ///< success is measured to the nearest one.
+  double shortest_path_m =
+      0;  ///< l of SPL: from start to the nearest view point, for this robot.
   std::uint64_t seed = 0;
 };
 
@@ -43,17 +45,17 @@ struct TrialOptions {
   core::CameraIntrinsics camera;
   double camera_height_m = 1.2;
   double camera_pitch_down_rad = 0.0;
-  double depth_range_m = 6.0;       ///< Farther depth is not measured (NaN).
+  double depth_range_m = 6.0;  ///< Farther depth is not measured (NaN).
   bool stop_on_contact = false;
 };
 
 enum class Outcome : std::uint8_t {
-  kSuccess,        ///< Stopped near a goal that it sees.
-  kStoppedFar,     ///< Stopped, but no goal view point is near.
-  kNotVisible,     ///< Stopped near, but no goal instance is in view.
+  kSuccess,     ///< Stopped near a goal that it sees.
+  kStoppedFar,  ///< Stopped, but no goal view point is near.
+  kNotVisible,  ///< Stopped near, but no goal instance is in view.
   kTimeout,
-  kGaveUp,         ///< The policy stopped because nothing was left to explore.
-  kCollision,      ///< Only with stop_on_contact.
+  kGaveUp,     ///< The policy stopped because nothing was left to explore.
+  kCollision,  ///< Only with stop_on_contact.
 };
 [[nodiscard]] const char* to_string(Outcome outcome);
 
@@ -75,23 +77,25 @@ struct TrialResult {
   double spl = 0, soft_spl = 0;
   double path_m = 0;
   double shortest_path_m = 0;
-  double distance_to_goal_m = 0;  ///< Geodesic, at the end; infinity if off the navigable area.
+  double distance_to_goal_m =
+      0;  ///< Geodesic, at the end; infinity if off the navigable area.
   double sim_s = 0, wall_s = 0;
   int ticks = 0;
-  int contacts = 0;               ///< Separate contacts (0.5 s debounce).
+  int contacts = 0;  ///< Separate contacts (0.5 s debounce).
   double contact_s = 0;
   int first_visible_tick = -1, first_detected_tick = -1;
   double invalid_pixel_fraction = 0;  ///< Mean share of pixels with alpha < 0.5.
-  std::uint64_t state_hash = 0;   ///< Chain over all ticks: quantised pose, command, mode.
+  std::uint64_t state_hash = 0;       ///< Chain over all ticks: quantised pose, command, mode.
   std::vector<TickRecord> track;
-  core::PolicyView final_view;    ///< In Odom, which equals World with perfect localisation.
+  core::PolicyView final_view;  ///< In Odom, which equals World with perfect localisation.
   // Mean wall times per tick [ms].
   double render_ms = 0, detect_ms = 0, policy_ms = 0;
 };
 
 /// Called after every tick with what was seen and decided; for videos and logs.
-using TickObserver = std::function<void(const TickRecord&, const core::Frame&,
-                                        const std::vector<core::Detection>&, const core::Policy&)>;
+using TickObserver =
+    std::function<void(const TickRecord&, const core::Frame&,
+                       const std::vector<core::Detection>&, const core::Policy&)>;
 
 /// Ground truth for one detector call. Only oracle arms are handed it.
 class GroundTruthSink {

@@ -19,7 +19,7 @@ struct RasterJob {
   core::Channels channels;
   int top_k;
   bool median_depth;  ///< Else the expected depth.
-  bool labelled;  ///< False: the scene has no labels, all pixels are void.
+  bool labelled;      ///< False: the scene has no labels, all pixels are void.
 };
 
 struct TileStats {

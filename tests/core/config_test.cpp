@@ -22,7 +22,8 @@ std::string message_of(Action action) {
 }
 
 TEST(ConfigNode, ReadsScalarsListsAndMaps) {
-  const ConfigNode root = ConfigNode::parse("a: 1.5\nb: [1, 2]\nc: {d: hello, e: true}\n", "t.yaml");
+  const ConfigNode root =
+      ConfigNode::parse("a: 1.5\nb: [1, 2]\nc: {d: hello, e: true}\n", "t.yaml");
   EXPECT_DOUBLE_EQ(root.number("a"), 1.5);
   EXPECT_THAT(root.numbers("b"), ElementsAre(1.0, 2.0));
   EXPECT_EQ(root.child("c").text("d"), "hello");
@@ -46,7 +47,8 @@ TEST(ConfigNode, UnknownKeyInAMapReadByAnotherPartIsFound) {
   const ConfigNode root = ConfigNode::parse("robot:\n  radius: 1\n  hieght: 2\n", "spec.yaml");
   (void)root.child("robot").number("radius");
   (void)root.child("robot").number_or("height", 0);
-  EXPECT_THAT(message_of([&] { root.child("robot").finish(); }), HasSubstr("spec.yaml:3: robot"));
+  EXPECT_THAT(message_of([&] { root.child("robot").finish(); }),
+              HasSubstr("spec.yaml:3: robot"));
 }
 
 TEST(ConfigNode, WrongTypeNamesTheKey) {

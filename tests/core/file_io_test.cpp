@@ -17,7 +17,8 @@ namespace fs = std::filesystem;
 
 class FileIo : public ::testing::Test {
  protected:
-  FileIo() : folder_(fs::temp_directory_path() / ("segsim_file_io_" + std::to_string(::getpid()))) {
+  FileIo()
+      : folder_(fs::temp_directory_path() / ("segsim_file_io_" + std::to_string(::getpid()))) {
     fs::create_directories(folder_);
   }
   ~FileIo() override { fs::remove_all(folder_); }
@@ -56,7 +57,8 @@ TEST_F(FileIo, UnwritablePlaceIsAnInputError) {
 
 TEST_F(FileIo, Sha256MatchesTheStandardsExample) {
   // FIPS 180-2, "abc".
-  EXPECT_EQ(sha256_hex("abc"), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+  EXPECT_EQ(sha256_hex("abc"),
+            "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
   write_file_atomically(folder_ / "x", [](std::ostream& out) { out << "abc"; });
   EXPECT_EQ(sha256_of_file(folder_ / "x"), sha256_hex("abc"));
 }

@@ -33,8 +33,10 @@ void expect_near(const glm::dvec3& a, const glm::dvec3& b, double tolerance) {
 TEST(Transform, CarriesTheOpticalAxisToTheRobotsForwardAxis) {
   const Transform<Robot, Camera> T_robot_camera = mast_camera(0.5, 0.0, 0.2);
   expect_near((T_robot_camera * Point<Camera>{{0.0, 0.0, 2.0}}).xyz_m, {2.2, 0.0, 0.5}, 1e-12);
-  expect_near((T_robot_camera * Point<Camera>{{1.0, 0.0, 0.0}}).xyz_m, {0.2, -1.0, 0.5}, 1e-12);
-  expect_near((T_robot_camera * Point<Camera>{{0.0, 1.0, 0.0}}).xyz_m, {0.2, 0.0, -0.5}, 1e-12);
+  expect_near((T_robot_camera * Point<Camera>{{1.0, 0.0, 0.0}}).xyz_m, {0.2, -1.0, 0.5},
+              1e-12);
+  expect_near((T_robot_camera * Point<Camera>{{0.0, 1.0, 0.0}}).xyz_m, {0.2, 0.0, -0.5},
+              1e-12);
 }
 
 TEST(Transform, PitchDownLowersTheOpticalAxis) {
@@ -56,7 +58,8 @@ TEST(LookAt, PutsTheTargetOnTheOpticalAxisWithTheImageUpright) {
   const glm::dvec3 in_camera = (T_world_camera.inverse() * Point<World>{target}).xyz_m;
   expect_near(in_camera, {0.0, 0.0, glm::length(target - eye)}, 1e-12);
   // A point above the target appears higher in the image: smaller y.
-  const glm::dvec3 above = (T_world_camera.inverse() * Point<World>{target + glm::dvec3(0, 0, 1)}).xyz_m;
+  const glm::dvec3 above =
+      (T_world_camera.inverse() * Point<World>{target + glm::dvec3(0, 0, 1)}).xyz_m;
   EXPECT_LT(above.y, 0.0);
   EXPECT_NEAR(above.x, 0.0, 1e-12);
 }

@@ -22,7 +22,8 @@ TEST(Philox, MatchesTheKnownAnswersOfItsAuthors) {
 }
 
 TEST(RandomStream, EqualNamesGiveEqualNumbersAndOthersDoNot) {
-  RandomStream a(1, "noise", 5), b(1, "noise", 5), c(1, "noise", 6), d(1, "noisf", 5), e(2, "noise", 5);
+  RandomStream a(1, "noise", 5), b(1, "noise", 5), c(1, "noise", 6), d(1, "noisf", 5),
+      e(2, "noise", 5);
   std::set<std::uint32_t> firsts;
   const std::uint32_t first = a.next_u32();
   EXPECT_EQ(first, b.next_u32());

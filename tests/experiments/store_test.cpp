@@ -50,7 +50,8 @@ RunRow a_run() {
 std::int64_t begin(Store& store) {
   return store.begin_run(
       a_run(), {{"b", "Scene B", "s1", "e1", 2}, {"a", "Scene A", "s2", "e2", 2}},
-      {{"before", "w.bin", "ff", "", -1}, {"after", "v.bin", "fe", "b", 0.5}});
+      {{"before", "w.bin", "ff", "", -1, {}},
+       {"after", "v.bin", "fe", "b", 0.5, HeldOutPrecision{60, 0.5, 0.25, 0.2, 0.75, 0.625}}});
 }
 
 TrialRow a_trial(const std::string& arm, const std::string& episode, bool success) {
@@ -86,6 +87,15 @@ TEST_F(StoreTest, WhatIsWrittenIsReadBack) {
   EXPECT_TRUE(run.ended.empty());
   EXPECT_EQ(store.scenes(id)[0].name, "b");
   EXPECT_EQ(store.arms(id)[1].tuned_on, "b");
+  EXPECT_FALSE(store.arms(id)[0].held_out.has_value());
+  ASSERT_TRUE(store.arms(id)[1].held_out.has_value());
+  const HeldOutPrecision held_out = *store.arms(id)[1].held_out;
+  EXPECT_EQ(held_out.views, 60);
+  EXPECT_EQ(held_out.ap50, 0.5);
+  EXPECT_EQ(held_out.ap, 0.25);
+  EXPECT_EQ(held_out.score_threshold, 0.2);
+  EXPECT_EQ(held_out.precision, 0.75);
+  EXPECT_EQ(held_out.recall, 0.625);
   ASSERT_EQ(store.trials(id).size(), 1U);
   const TrialRow trial = store.trials(id)[0];
   EXPECT_EQ(trial.episode, "b/chair/00");

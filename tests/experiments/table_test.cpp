@@ -30,9 +30,10 @@ RunRow a_run(int planned) {
 
 const std::vector<SceneRow> kScenes{
     {"flat", "Flat", std::string(64, 'a'), std::string(64, 'b'), 10}};
-const std::vector<ArmRow> kArms{{"before", "one.bin", std::string(64, 'c'), "", -1},
-                                {"after", "two.bin", std::string(64, 'd'), "flat", -1},
-                                {"oracle", "oracle", "", "", -1}};
+const std::vector<ArmRow> kArms{{"before", "one.bin", std::string(64, 'c'), "", -1, {}},
+                                {"after", "two.bin", std::string(64, 'd'), "flat", -1,
+                                 HeldOutPrecision{80, 0.5604, 0.3672, 0.244, 0.69, 0.57}},
+                                {"oracle", "oracle", "", "", -1, {}}};
 
 /// Ten episodes, five couches and five chairs: 2 both, 6 only after, 1 only before, 1 neither.
 std::vector<TrialRow> ten_episodes() {
@@ -104,6 +105,12 @@ Scene  Arm     SPL    SoftSPL  Time [s]  Path [m]  Contacts  Holes [%]  Outcomes
 Flat   before  0.200  0.000    20.0      4.0       0.00      0.0        timeout 6, success 4
 Flat   after   0.400  0.000    20.0      4.0       0.00      0.0        success 8, timeout 2
 Flat   oracle  0.500  0.000    20.0      4.0       0.00      0.0        success 10
+
+Detectors on held-out views of the scenes
+
+Arm    AP50  AP    Precision  Recall  Score threshold  Views
+-----  ----  ----  ---------  ------  ---------------  -----
+after  56.0  36.7  0.69       0.57    0.244            80
 )";
   EXPECT_EQ(text.substr(0, expected.size()), expected);
   for (const char* note : {"LEAKAGE", "Fewer than 5 scenes", "seed 7",

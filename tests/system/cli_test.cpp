@@ -1,4 +1,5 @@
-// The executable as a user runs it: exit codes, one-line errors, and the whole chain on a small room.
+// The executable as a user runs it: exit codes, one-line errors, and the whole chain on a
+// small room.
 
 #include <signal.h>
 #include <sys/wait.h>
@@ -42,7 +43,6 @@ Output segsim(const std::string& arguments) {
   return run;
 }
 
-
 void write(const fs::path& file, const std::string& text) {
   fs::create_directories(file.parent_path());
   std::ofstream(file, std::ios::binary) << text;
@@ -56,8 +56,8 @@ class ObjWriter {
     materials_ << "newmtl m" << count_ << "\nKd " << color << "\n";
     faces_ << "o " << name << "\nusemtl m" << count_ << "\n";
     for (int i = 0; i < 8; ++i) {
-      faces_ << "v " << ((i & 1) != 0 ? hi : lo)[0] << " " << ((i & 2) != 0 ? hi : lo)[1] << " "
-             << ((i & 4) != 0 ? hi : lo)[2] << "\n";
+      faces_ << "v " << ((i & 1) != 0 ? hi : lo)[0] << " " << ((i & 2) != 0 ? hi : lo)[1]
+             << " " << ((i & 4) != 0 ? hi : lo)[2] << "\n";
     }
     constexpr int kFaces[6][4] = {{0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4},
                                   {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}};
@@ -100,7 +100,9 @@ class Cli : public ::testing::Test {
     fs::create_directories(folder_);
   }
   ~Cli() override { fs::remove_all(folder_); }
-  [[nodiscard]] std::string at(const std::string& name) const { return (folder_ / name).string(); }
+  [[nodiscard]] std::string at(const std::string& name) const {
+    return (folder_ / name).string();
+  }
 
   /// A valid recording of three frames: a wall 2 m ahead.
   void write_recording(const std::string& name) const {
@@ -135,8 +137,8 @@ void expect_input_error(const Output& run, const std::string& place) {
 TEST_F(Cli, HelpListsTheSubcommandsAndVersionPrints) {
   const Output help = segsim("--help");
   EXPECT_EQ(help.exit_code, 0);
-  for (const char* name : {"run", "table", "capture", "reconstruct", "scene", "render", "label",
-                           "detector"}) {
+  for (const char* name :
+       {"run", "table", "capture", "reconstruct", "scene", "render", "label", "detector"}) {
     EXPECT_THAT(help.text, HasSubstr(name));
     EXPECT_EQ(segsim(std::string(name) + " --help").exit_code, 0);
   }
@@ -161,8 +163,8 @@ TEST_F(Cli, PoseWithNanIsNamed) {
 TEST_F(Cli, BadFrameIsSkippedOnRequestAndCounted) {
   write_recording("r");
   write(folder_ / "r" / "frame-000002.pose.txt", "0 0 1 nan\n-1 0 0 0\n0 -1 0 1.2\n0 0 0 1\n");
-  const Output run = segsim("reconstruct " + at("r") + " --on-bad-frame skip --floor-height 0 --out " +
-                         at("bundle"));
+  const Output run = segsim("reconstruct " + at("r") +
+                            " --on-bad-frame skip --floor-height 0 --out " + at("bundle"));
   EXPECT_THAT(run.text, HasSubstr("warning: "));
   EXPECT_THAT(run.text, HasSubstr("frame-000002"));
 }
@@ -206,7 +208,7 @@ TEST_F(Cli, MissingTextureIsACountedWarning) {
   write_room(folder_ / "room.obj");
   std::ofstream(folder_ / "room.mtl", std::ios::app) << "map_Kd nowhere.png\n";
   const Output run = segsim("capture --mesh " + at("room.obj") + " --out " + at("cap") +
-                         " --frames 2 --width 64 --height 48");
+                            " --frames 2 --width 64 --height 48");
   EXPECT_EQ(run.exit_code, 0) << run.text;
   EXPECT_THAT(run.text, HasSubstr("nowhere.png"));
   EXPECT_THAT(run.text, HasSubstr("1 warnings"));
@@ -233,11 +235,13 @@ class Chain : public Cli {
           "    allow_visible_start: true\n"
           "    source:\n"
           "      type: mesh\n"
-          "      world: " + at("room.obj") + "\n"
-          "      voxel_m: 0.04\n"
-          "      capture: {frames: 60, width: 160, height: 120}\n"
-          "arms:\n"
-          "  - {name: oracle, detector: oracle}\n");
+          "      world: " +
+              at("room.obj") +
+              "\n"
+              "      voxel_m: 0.04\n"
+              "      capture: {frames: 60, width: 160, height: 120}\n"
+              "arms:\n"
+              "  - {name: oracle, detector: oracle}\n");
   }
   [[nodiscard]] std::string run_arguments(const std::string& work) const {
     return "run " + at("spec.yaml") + " --work " + at(work);
@@ -274,8 +278,8 @@ TEST_F(Chain, RunsToATableAndRepeatsItself) {
   ASSERT_EQ(first.exit_code, 0) << first.text;
   EXPECT_THAT(first.text, HasSubstr("/6"));
 
-  const Output render = segsim("render " + at("a/scenes/room") + " --pose 1.5 0 1.2 90 5 --out " +
-                            at("view.exr"));
+  const Output render = segsim("render " + at("a/scenes/room") +
+                               " --pose 1.5 0 1.2 90 5 --out " + at("view.exr"));
   EXPECT_EQ(render.exit_code, 0) << render.text;
   const Output inspect = segsim("scene inspect " + at("a/scenes/room"));
   EXPECT_EQ(inspect.exit_code, 0) << inspect.text;
@@ -298,14 +302,16 @@ TEST_F(Chain, KilledRunGoesOnAndGivesTheSameTable) {
     const std::string work = at("killed");
     if (::freopen("/dev/null", "w", stdout) == nullptr) std::_Exit(126);
     if (::freopen("/dev/null", "w", stderr) == nullptr) std::_Exit(126);
-    ::execl(SEGSIM_BINARY, SEGSIM_BINARY, "run", spec.c_str(), "--work", work.c_str(), nullptr);
+    ::execl(SEGSIM_BINARY, SEGSIM_BINARY, "run", spec.c_str(), "--work", work.c_str(),
+            nullptr);
     std::_Exit(127);
   }
   // Kill it as soon as the store exists and holds something, or after a minute.
   for (int i = 0; i < 600; ++i) {
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
     std::error_code error;
-    if (fs::exists(at("killed/results.sqlite"), error) && fs::exists(at("killed/pictures"), error) &&
+    if (fs::exists(at("killed/results.sqlite"), error) &&
+        fs::exists(at("killed/pictures"), error) &&
         !fs::is_empty(at("killed/pictures"), error)) {
       break;
     }

@@ -1,0 +1,29 @@
+#pragma once
+
+/// @file
+/// What an arm's detector is before trials begin: weights with the threshold that the one rule
+/// of this project gives them, and how good they are on views that nothing was tuned on.
+
+#include <filesystem>
+
+namespace segsim::experiments {
+
+/// Detection on the held-out views of an experiment's scenes.
+struct HeldOutPrecision {
+  int views = 0;
+  double ap50 = 0.0, ap = 0.0;  ///< COCO, [0, 1]; see perception/average_precision.h.
+  double score_threshold = 0.0;
+  double precision = 0.0, recall = 0.0;  ///< At that threshold, IoU 0.5, all classes together.
+};
+
+/// Writes `output`: the weights with the threshold of best F1 on the `validation` views, and
+/// measures it on the `test` views. 'Before' and 'after' are treated alike, so that neither
+/// profits from a better chosen threshold. A measurement of the same files is not repeated: it
+/// lies in `output`.precision.json.
+/// @throws core::InputError if a file is missing or damaged.
+HeldOutPrecision prepare_arm_weights(const std::filesystem::path& weights,
+                                     const std::filesystem::path& validation,
+                                     const std::filesystem::path& test,
+                                     const std::filesystem::path& output);
+
+}  // namespace segsim::experiments
