@@ -326,14 +326,13 @@ void Store::add_trial(std::int64_t run_id, const TrialRow& t) {
   Statement insert(
       impl_->db, impl_->file,
       "INSERT INTO trial (run_id, arm, scene, episode, goal_class, repetition, outcome, "
-      "success, "
-      "stop_reason, spl, soft_spl, path_m, shortest_path_m, distance_to_goal_m, sim_s, "
-      "wall_s, "
-      "ticks, contacts, contact_s, first_visible_tick, first_detected_tick, "
+      "success, stop_reason, spl, soft_spl, path_m, shortest_path_m, distance_to_goal_m, "
+      "sim_s, wall_s, ticks, contacts, contact_s, first_visible_tick, first_detected_tick, "
       "invalid_pixel_fraction, state_hash, render_ms, detect_ms, policy_ms, error, picture, "
-      "video, track, finished) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, "
-      "?, "
-      "?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+      "video, track, finished) VALUES "
+      "(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, "
+      "?, ?, ?, ?, ?, ?, ?, ?, ?, ?, "
+      "?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
   const std::string hash = hex(t.state_hash), now = utc_now();
   insert.bind(run_id).bind(t.arm).bind(t.scene).bind(t.episode).bind(t.goal_class);
   insert.bind(t.repetition).bind(t.outcome).bind(t.success ? 1 : 0).bind(t.stop_reason);
