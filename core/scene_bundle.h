@@ -88,8 +88,7 @@ struct SceneBundle {
 
 /// Reads and checks a bundle.
 /// @throws InputError naming the file and the reason: no scene.yaml, another version, a
-/// missing
-///         file, a hash that differs, an unknown key, an instance of an unknown class.
+/// missing file, a hash that differs, an unknown key, an instance of an unknown class.
 [[nodiscard]] SceneBundle load_bundle(const std::filesystem::path& folder);
 
 /// Writes scene.yaml, after hashing the three files, which must already lie in `folder`.

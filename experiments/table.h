@@ -55,9 +55,8 @@ struct ResultTable {
   std::vector<std::string> notes;  ///< Printed below the table, in order.
 };
 
-/// @param before, after  Arms to compare; empty = the arms of these names, else the first two
-/// that
-///        are not the oracle.
+/// @param before, after Arms to compare; empty = the arms of these names, else the first two
+/// that are not the oracle.
 /// @throws core::InputError naming the arms if one does not exist.
 [[nodiscard]] ResultTable summarise(const RunRow& run, const std::vector<SceneRow>& scenes,
                                     const std::vector<ArmRow>& arms,

@@ -192,7 +192,7 @@ perception::CocoDataset label_views(const core::SceneBundle& bundle,
     if (sampler.is_near_duplicate(pose)) continue;
     view_renderer->render(
         core::transform_from_pose2<core::frame::World>(pose) * T_robot_camera, options.camera,
-        core::Channels::kAll, frame);
+        core::Channels::kRgbd | core::Channels::kLabels, frame);
     if (!is_useful(frame, options)) continue;
     const std::map<std::uint16_t, int> pixels = count_pixels(frame.instance);
     // A wall may stand between: such views would leave rare classes without examples.

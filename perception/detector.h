@@ -4,8 +4,7 @@
 /// The learned detector: a small anchor-free network (internal/network.h) behind
 /// core::Detector.
 ///
-///     image -> letterbox (letterbox.h) -> network -> boxes per anchor -> NMS (nms.h) -> image
-///     pixels
+///     image -> letterbox (letterbox.h) -> network -> boxes per anchor -> NMS (nms.h)
 ///
 /// Equal weights, image and thread count give equal detections.
 

@@ -37,8 +37,7 @@ struct DetectorWeights {
 };
 
 /// @throws core::InputError if a value does not fit float16 or is not finite, or the place
-/// cannot be
-///         written.
+/// cannot be written.
 void write_weights(const std::filesystem::path& file, const DetectorWeights& weights);
 
 /// @throws core::InputError if the file is truncated, altered, or of another schema.

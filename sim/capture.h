@@ -8,8 +8,8 @@
 ///     frame-000000.depth.exr     float32 channel "Z", metres, NaN = none (optional)
 ///     frame-000000.semantic.png  uint16 class id, 0 = void
 ///     frame-000000.instance.png  uint16 instance id, 0 = none
-///     frame-000000.pose.txt      4 x 4 camera-to-world, row-major; camera x right, y down, z
-///     forward intrinsics.txt             3 x 3; pixel centres at +0.5, as labels.yaml says
+///     frame-000000.pose.txt      4 x 4 camera-to-world, row-major; x right, y down, z forward
+///     intrinsics.txt             3 x 3; pixel centres at +0.5, as labels.yaml says
 ///     labels.yaml                names of the ids
 ///     capture.txt                settings, by which a second call knows what it may keep
 

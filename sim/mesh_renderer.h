@@ -36,8 +36,7 @@ struct MeshRenderOptions {
 /// and NaN where nothing is hit; geometric normals towards the camera; alpha 1 or 0;
 /// confidence 1 where something is hit.
 /// @throws ContractViolation if an option is out of range or a mesh refers to a missing
-/// material,
-///         texture or vertex.
+/// material, texture or vertex.
 [[nodiscard]] std::unique_ptr<core::Renderer> make_mesh_renderer(
     const MeshScene& scene, const MeshRenderOptions& options = {});
 

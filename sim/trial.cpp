@@ -17,6 +17,9 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
+/// What a tick needs: images for the detector and the map, labels for the judge.
+constexpr core::Channels kTickChannels = core::Channels::kRgbd | core::Channels::kLabels;
+
 double ms_since(Clock::time_point start) {
   return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
 }
@@ -179,8 +182,7 @@ class Mind {
   core::Decision decide(TickRecord& record, int tick, TrialResult& result) {
     const auto T_world_robot = core::transform_from_pose2<core::frame::World>(record.pose);
     auto start = Clock::now();
-    renderer_.render(T_world_robot * T_robot_camera_, options_.camera, core::Channels::kAll,
-                     frame_);
+    renderer_.render(T_world_robot * T_robot_camera_, options_.camera, kTickChannels, frame_);
     render_ms_ += ms_since(start);
 
     measure_depth(frame_.depth_m, options_.depth_range_m, depth_m_);

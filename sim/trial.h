@@ -3,8 +3,8 @@
 /// @file
 /// The closed loop: one robot, one episode, one tick after another. Start reading here.
 ///
-///     true pose -> Renderer -> Observation -> Detector -> Policy -> command -> Robot -> true
-///     pose
+///     true pose -> Renderer -> Observation -> Detector -> Policy -> command -> Robot
+///         ^                                                                  |
 ///
 /// Perception and policy see Observations only; the true state stays in this module.
 

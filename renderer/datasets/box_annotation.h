@@ -57,8 +57,7 @@ struct BoxOptions {
 /// Reads {"objects": [{id, class, center, size, yaw_rad, core, parts}], "planes": {"list":
 /// [...]}}.
 /// @throws InputError naming the file and the object: not JSON, a missing key, a size <= 0, a
-/// number
-///         that is not finite, an id outside [1, 65535] or used twice.
+/// number that is not finite, an id outside [1, 65535] or used twice.
 [[nodiscard]] BoxAnnotation read_box_annotation(const std::filesystem::path& file);
 
 /// Adds masks to `sequence`: a point on a floor slab is floor; else it belongs to the smallest

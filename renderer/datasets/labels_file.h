@@ -30,8 +30,7 @@ struct SequenceLabels {
 };
 
 /// @throws InputError naming file, line and key: unknown keys, another schema or version, ids
-/// outside
-///         [1, 65535] or used twice, an instance of an unknown class.
+/// outside [1, 65535] or used twice, an instance of an unknown class.
 [[nodiscard]] SequenceLabels read_sequence_labels(const std::filesystem::path& file);
 
 }  // namespace segsim::renderer

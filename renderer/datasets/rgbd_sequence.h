@@ -87,8 +87,7 @@ class RgbdSequence {
 /// within 1e-2 and right-handed; then re-orthonormalised), and every image file (complete, PNG
 /// checksums, size). Frames are in ascending order of their names.
 /// @throws InputError naming the file, what was expected and what was found; with
-/// OnBadFrame::kSkip
-///         only for faults of the whole sequence, and if no frame is left.
+/// OnBadFrame::kSkip only for faults of the whole sequence, and if no frame is left.
 [[nodiscard]] std::unique_ptr<RgbdSequence> open_sequence(const std::filesystem::path& folder,
                                                           const SequenceOptions& options = {});
 

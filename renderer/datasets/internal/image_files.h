@@ -19,8 +19,7 @@ struct ImageSize {
 
 /// Walks the whole file without decoding it.
 /// @throws InputError if it cannot be read, is neither PNG nor JPEG, ends early, or (PNG) has
-/// a
-///         chunk whose checksum is wrong.
+/// a chunk whose checksum is wrong.
 [[nodiscard]] ImageSize check_image_file(const std::filesystem::path& file);
 
 /// Any 8-bit picture, as sRGB.
