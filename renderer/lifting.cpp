@@ -4,12 +4,12 @@
 #include <chrono>
 #include <map>
 
-#include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 
 #include "core/check.h"
 #include "core/error.h"
 #include "renderer/internal/lift_frame.h"
+#include "renderer/internal/parallel.h"
 #include "renderer/internal/plane_filling.h"
 #include "renderer/internal/voxel_cleaning.h"
 #include "renderer/internal/voxel_fusion.h"
@@ -69,7 +69,7 @@ std::vector<Voxel> Lifter::fuse(LiftStatistics& statistics) {
   internal::VoxelFusion fusion(voxel_m_);
   for (std::size_t first = 0; first < frames_.size(); first += kBatch) {
     std::vector<internal::FrameSamples> batch(std::min(kBatch, frames_.size() - first));
-    tbb::parallel_for(std::size_t{0}, batch.size(), [&](std::size_t k) {
+    internal::parallel_for_each(batch.size(), 1, [&](std::size_t k) {
       batch[k] = internal::sample_frame(sequence_.load(frames_[first + k]),
                                         sequence_.intrinsics(), options_);
     });

@@ -15,6 +15,7 @@
 #include <glm/mat3x3.hpp>
 
 #include "core/check.h"
+#include "core/task_order.h"
 #include "sim/irradiance_cache.h"
 #include "sim/ray_scene.h"
 #include "sim/surface_shading.h"
@@ -105,7 +106,14 @@ class MeshRenderer final : public core::Renderer {
     if (options_.threads == 1) {
       for (int y = 0; y < intrinsics.height_px; ++y) render_row(y);
     } else {
-      arena_.execute([&] { tbb::parallel_for(0, intrinsics.height_px, render_row); });
+      core::TaskOrder order;
+      arena_.execute([&] {
+        tbb::parallel_for(0, intrinsics.height_px, [&](int y) {
+          const core::TaskOrder::Task task(order);
+          render_row(y);
+        });
+      });
+      order.wait();
     }
     frame.stats = {};
     frame.stats.evaluations = frame.alpha.size();

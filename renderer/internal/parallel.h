@@ -10,7 +10,24 @@
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 
+#include "core/task_order.h"
+
 namespace segsim::renderer::internal {
+
+/// Calls body(i) for each i < count, in any order, in the present arena; at least `grain`
+/// calls a task. The body must write to places of its own.
+template <class Body>
+void parallel_for_each(std::size_t count, std::size_t grain, const Body& body) {
+  core::TaskOrder order;
+  tbb::parallel_for(
+      tbb::blocked_range<std::size_t>(0, count, grain),
+      [&](const tbb::blocked_range<std::size_t>& range) {
+        const core::TaskOrder::Task task(order);
+        for (std::size_t i = range.begin(); i != range.end(); ++i) body(i);
+      },
+      tbb::simple_partitioner());
+  order.wait();
+}
 
 class Workers {
  public:
@@ -21,6 +38,8 @@ class Workers {
       arena_ = std::make_unique<tbb::task_arena>(threads == 0 ? kAll : threads);
   }
 
+  [[nodiscard]] int thread_count() const { return arena_ ? arena_->max_concurrency() : 1; }
+
   /// Calls body(i) for each i < count, in any order. The body must write to places of its own,
   /// so that results do not depend on the number of threads.
   template <class Body>
@@ -29,14 +48,7 @@ class Workers {
       for (std::size_t i = 0; i < count; ++i) body(i);
       return;
     }
-    arena_->execute([&] {
-      tbb::parallel_for(
-          tbb::blocked_range<std::size_t>(0, count, 1),
-          [&](const tbb::blocked_range<std::size_t>& range) {
-            for (std::size_t i = range.begin(); i != range.end(); ++i) body(i);
-          },
-          tbb::simple_partitioner());
-    });
+    arena_->execute([&] { parallel_for_each(count, 1, body); });
   }
 
  private:

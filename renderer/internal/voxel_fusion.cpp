@@ -5,10 +5,10 @@
 #include <string>
 #include <utility>
 
-#include <tbb/parallel_for.h>
 #include <glm/common.hpp>
 
 #include "core/check.h"
+#include "renderer/internal/parallel.h"
 
 namespace segsim::renderer::internal {
 namespace {
@@ -169,14 +169,14 @@ void VoxelFusion::add(std::span<const FrameSamples> frames) {
     std::uint32_t sample;
   };
   std::vector<std::array<std::vector<Entry>, kShards>> entries(frames.size());
-  tbb::parallel_for(std::size_t{0}, frames.size(), [&](std::size_t f) {
+  parallel_for_each(frames.size(), 1, [&](std::size_t f) {
     const std::vector<LiftSample>& samples = frames[f].samples;
     for (std::uint32_t i = 0; i < samples.size(); ++i) {
       const VoxelKey key = voxel_key_at(samples[i].position_m, voxel_m_);
       entries[f][mix(key) >> 60U].push_back({key, i});
     }
   });
-  tbb::parallel_for(std::size_t{0}, kShards, [&](std::size_t s) {
+  parallel_for_each(kShards, 1, [&](std::size_t s) {
     for (std::size_t f = 0; f < frames.size(); ++f) {
       for (const Entry& entry : entries[f][s]) {
         add_sample(shards_[s].at(entry.key), frames[f].samples[entry.sample], voxel_m_);

@@ -6,13 +6,13 @@
 #include <pcl/point_cloud.h>
 #include <pcl/point_types.h>
 #include <pcl/search/kdtree.h>
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
 #include <Eigen/Dense>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <glm/gtc/quaternion.hpp>
 #include <glm/mat3x3.hpp>
+
+#include "renderer/internal/parallel.h"
 
 namespace segsim::renderer::internal {
 namespace {
@@ -163,12 +163,7 @@ SurfelCloud make_surfels(const std::vector<Voxel>& voxels, const LiftOptions& op
   if (voxels.empty()) return cloud;
   const SurfelMaker maker(voxels, options);
   std::vector<Neighborhood> all(voxels.size());
-  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, voxels.size(), 4096),
-                    [&](const tbb::blocked_range<std::size_t>& range) {
-                      for (std::size_t i = range.begin(); i < range.end(); ++i) {
-                        all[i] = maker.look(i);
-                      }
-                    });
+  parallel_for_each(voxels.size(), 4096, [&](std::size_t i) { all[i] = maker.look(i); });
   const float limit_m =
       std::max(outlier_limit_m(all), 2.0F * static_cast<float>(options.voxel_m));
   double agreement = 0.0;
