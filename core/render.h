@@ -3,6 +3,7 @@
 /// @file
 /// What a renderer makes, and the seam that every renderer stands behind.
 
+#include <array>
 #include <cstdint>
 
 #include <glm/vec3.hpp>
@@ -19,7 +20,9 @@ enum class Channels : std::uint32_t {
   kRgb = 1U << 0U,
   kDepth = 1U << 1U,
   kNormal = 1U << 2U,
-  kLabels = 1U << 3U,  ///< semantic, instance and confidence
+  kLabels = 1U << 3U,       ///< semantic, instance and their confidences
+  kDepthNormal = 1U << 4U,  ///< Normal of the depth image, to compare with the surfels' own.
+  kFeatures = 1U << 5U,     ///< Blended 16-D semantic and 32-D instance features.
   kRgbd = kRgb | kDepth,
   kAll = kRgb | kDepth | kNormal | kLabels,
 };
@@ -38,8 +41,20 @@ struct RenderStats {
   std::uint64_t pairs_touched = 0;      ///< Pairs read before their tile saturated.
   std::uint64_t evaluations = 0;        ///< (pixel, surfel) intersections computed.
   std::uint64_t contributions = 0;      ///< Evaluations with alpha >= 1/255 on a live pixel.
+  std::uint64_t feature_fetches = 0;    ///< Label or feature rows read for pixels.
   double render_ms = 0.0;               ///< Wall time.
 };
+
+inline constexpr int kSemanticFeatureSize = 16;  ///< Paper, "Implementation Details".
+inline constexpr int kInstanceFeatureSize = 32;
+using SemanticFeature = std::array<float, kSemanticFeatureSize>;
+using InstanceFeature = std::array<float, kInstanceFeatureSize>;
+
+/// One number for class and instance: unique in a scene.
+[[nodiscard]] constexpr std::uint32_t panoptic_id(std::uint16_t semantic,
+                                                  std::uint16_t instance) {
+  return static_cast<std::uint32_t>(semantic) << 16U | instance;
+}
 
 /// One rendered view. Images that were not asked for are empty; alpha is always there.
 struct Frame {
@@ -52,6 +67,10 @@ struct Frame {
   Image<std::uint16_t> semantic;  ///< Class id, 0 = void; also where alpha < 0.5.
   Image<std::uint16_t> instance;  ///< Instance id, 0 = none.
   Image<float> confidence;  ///< Share of the Top-K weight that voted for `semantic`, [0, 1].
+  Image<float> instance_confidence;  ///< The same for `instance`.
+  Image<glm::vec3> depth_normal;     ///< World frame, unit, towards the camera; 0 = unknown.
+  Image<SemanticFeature> semantic_feature;  ///< Mean over the Top-K, weights renormalised.
+  Image<InstanceFeature> instance_feature;  ///< The same.
   RenderStats stats;
 };
 

@@ -1,7 +1,10 @@
+#include <charconv>
 #include <cstdio>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <numbers>
+#include <string>
 #include <vector>
 
 #include <CLI/CLI.hpp>
@@ -16,6 +19,7 @@
 #include "renderer/exr_io.h"
 #include "renderer/ply_io.h"
 #include "renderer/reference_renderer.h"
+#include "renderer/render_options.h"
 
 namespace segsim::experiments {
 namespace {
@@ -27,9 +31,54 @@ struct Flags {
   std::vector<double> pose{0.0, 0.0, 1.2, 0.0, 0.0};
   int width_px = 640, height_px = 480;
   double hfov_deg = 70.0;
-  int top_k = 4;
+  renderer::RenderOptions options;
   bool reference = false;
 };
+
+/// Turns "all" into kAllSurfels and lets 1 ... kMaxTopK pass.
+CLI::Validator top_k_validator() {
+  const std::string range = "1 ... " + std::to_string(renderer::kMaxTopK) + " or all";
+  return CLI::Validator(
+      [range](std::string& value) -> std::string {
+        if (value == "all") {
+          value = std::to_string(renderer::kAllSurfels);
+          return {};
+        }
+        int count = 0;
+        const char* end = value.data() + value.size();
+        const auto [parsed, error] = std::from_chars(value.data(), end, count);
+        const bool valid =
+            error == std::errc() && parsed == end && count >= 1 && count <= renderer::kMaxTopK;
+        return valid ? std::string() : "expected " + range + ", found " + value;
+      },
+      range);
+}
+
+template <class Enum>
+std::string choices(const std::map<std::string, Enum>& names) {
+  std::string text;
+  for (const auto& [name, value] : names) text += (text.empty() ? "" : "|") + name;
+  return text;
+}
+
+/// A flag whose values have names.
+template <class Enum>
+void add_choice(CLI::App& command, const std::string& flag, Enum& value,
+                const std::map<std::string, Enum>& names, const std::string& help) {
+  std::string default_name;
+  for (const auto& [name, named] : names) {
+    if (named == value) default_name = name;
+  }
+  const auto to_number = [names](std::string& text) -> std::string {
+    const auto found = names.find(text);
+    if (found == names.end()) return "expected " + choices(names) + ", found " + text;
+    text = std::to_string(static_cast<int>(found->second));
+    return {};
+  };
+  command.add_option(flag, value, help)
+      ->transform(CLI::Validator(to_number, ""))
+      ->option_text(choices(names) + "=" + default_name);
+}
 
 /// A bundle's folder or a bare surfel file.
 fs::path surfels_file(const fs::path& scene) {
@@ -47,10 +96,9 @@ core::CameraPose camera_pose(const std::vector<double>& pose) {
 void render(const Flags& flags) {
   auto surfels = std::make_shared<renderer::SurfelCloud>(
       renderer::read_surfels_ply(surfels_file(flags.scene)));
-  renderer::RenderOptions options;
-  options.top_k = flags.top_k;
-  const auto renderer = flags.reference ? renderer::make_reference_renderer(surfels, options)
-                                        : renderer::make_cpu_renderer(surfels, options);
+  const auto renderer = flags.reference
+                            ? renderer::make_reference_renderer(surfels, flags.options)
+                            : renderer::make_cpu_renderer(surfels, flags.options);
   const auto intrinsics = core::CameraIntrinsics::from_fov(
       flags.width_px, flags.height_px, flags.hfov_deg * std::numbers::pi / 180.0);
   const core::Frame frame =
@@ -70,6 +118,38 @@ void render(const Flags& flags) {
               static_cast<unsigned long long>(frame.stats.surfels_projected),
               static_cast<unsigned long long>(frame.stats.pairs_binned),
               frame.stats.render_ms);
+}
+
+void add_strategy_flags(CLI::App& command, renderer::RenderOptions& options) {
+  using renderer::Compat;
+  using renderer::DepthMode;
+  using renderer::TileBounds;
+  using renderer::TopKRule;
+  add_choice<Compat>(
+      command, "--compat", options.compat,
+      {{"exact", Compat::kExact}, {"inria", Compat::kInria}, {"gsplat", Compat::kGsplat}},
+      "Rules for bounds, near plane, low pass and depth: ours, or those of the program that "
+      "trained the scene (hbb1/diff-surfel-rasterization, gsplat)");
+  add_choice<TileBounds>(command, "--bounds", options.bounds,
+                         {{"aabb", TileBounds::kAabb},
+                          {"snugbox", TileBounds::kSnugBox},
+                          {"accutile", TileBounds::kAccuTile},
+                          {"paper", TileBounds::kPaper}},
+                         "Which surfels a tile looks at; with --compat=exact only");
+  command
+      .add_option("--top-k", options.top_k,
+                  "Surfels that vote for a pixel's label: 1 ... 24, or all")
+      ->transform(top_k_validator())
+      ->capture_default_str();
+  add_choice<TopKRule>(command, "--top-k-rule", options.top_k_rule,
+                       {{"heaviest", TopKRule::kHeaviest}, {"first", TopKRule::kFirst}},
+                       "Which of a pixel's surfels vote: the heaviest, or the first met");
+  add_choice<DepthMode>(command, "--depth", options.depth,
+                        {{"median", DepthMode::kMedian}, {"expected", DepthMode::kExpected}},
+                        "Depth of the surface, or the mean weighted by opacity");
+  command.add_option("--threads", options.threads, "Threads; 0 = all processors")
+      ->check(CLI::Range(0, 1024))
+      ->capture_default_str();
 }
 
 }  // namespace
@@ -101,9 +181,7 @@ void add_render_command(CLI::App& app) {
   command->add_option("--hfov-deg", flags->hfov_deg, "Horizontal field of view [degrees]")
       ->check(CLI::Range(10.0, 170.0))
       ->capture_default_str();
-  command->add_option("--top-k", flags->top_k, "Surfels that vote for a pixel's label")
-      ->check(CLI::Range(1, 24))
-      ->capture_default_str();
+  add_strategy_flags(*command, flags->options);
   command->add_flag("--reference", flags->reference,
                     "Use the slow double-precision reference instead of the fast renderer");
   command->callback([flags] { render(*flags); });

@@ -55,6 +55,9 @@ RunRow chosen_run(const Store& store, const std::filesystem::path& file, std::in
 
 void print_table(const TableFlags& flags) {
   const TableFormat format = table_format_from(flags.format);
+  if (flags.work.empty()) {
+    throw core::InputError::expected("segsim table", "a work folder, or 2", "nothing");
+  }
   const std::filesystem::path file =
       std::filesystem::is_directory(flags.work) ? flags.work / "results.sqlite" : flags.work;
   if (!std::filesystem::exists(file)) {
@@ -97,15 +100,18 @@ void add_table_command(CLI::App& app) {
   auto flags = std::make_shared<TableFlags>();
   CLI::App* command =
       app.add_subcommand("table", "Print the table of a run: text, Markdown, CSV or JSON");
-  command
-      ->add_option("work", flags->work, "Work folder of `segsim run`, or a results database")
-      ->required();
+  command->add_option("work", flags->work,
+                      "Work folder of `segsim run`, or a results database");
   command->add_option("--format", flags->format, "text | md | csv | json")
       ->capture_default_str();
   command->add_option("--run", flags->run_id, "Number of the run (default: the last)");
   command->add_option("--before", flags->before, "Arm to compare from (default: before)");
   command->add_option("--after", flags->after, "Arm to compare with (default: after)");
-  command->callback([flags] { print_table(*flags); });
+  add_ablation_table(*command);
+  command->callback([flags, command] {
+    if (!command->get_subcommands().empty()) return;  // It has printed its own table.
+    print_table(*flags);
+  });
 }
 
 }  // namespace segsim::experiments

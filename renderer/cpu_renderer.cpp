@@ -1,12 +1,19 @@
 #include "renderer/cpu_renderer.h"
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <limits>
 #include <utility>
+#include <vector>
 
 #include <glm/gtc/quaternion.hpp>
 
 #include "core/check.h"
+#include "renderer/depth_normal.h"
+#include "renderer/internal/label_resolve.h"
+#include "renderer/internal/compat_projection.h"
+#include "renderer/internal/compat_rules.h"
 #include "renderer/internal/packed_surfels.h"
 #include "renderer/internal/parallel.h"
 #include "renderer/internal/projection.h"
@@ -27,6 +34,7 @@ void resize_if(bool wanted, const core::CameraIntrinsics& intrinsics,
   image.resize(wanted ? intrinsics.width_px : 0, wanted ? intrinsics.height_px : 0);
 }
 
+/// @param channels  With depth where depth normals are wanted.
 void resize_images(const core::CameraIntrinsics& intrinsics, Channels channels,
                    core::Frame& frame) {
   resize_if(has(channels, Channels::kRgb), intrinsics, frame.rgb);
@@ -36,12 +44,19 @@ void resize_images(const core::CameraIntrinsics& intrinsics, Channels channels,
   resize_if(has(channels, Channels::kLabels), intrinsics, frame.semantic);
   resize_if(has(channels, Channels::kLabels), intrinsics, frame.instance);
   resize_if(has(channels, Channels::kLabels), intrinsics, frame.confidence);
+  resize_if(has(channels, Channels::kLabels), intrinsics, frame.instance_confidence);
+  const bool features = has(channels, Channels::kFeatures);
+  resize_if(features, intrinsics, frame.semantic_feature);
+  resize_if(features, intrinsics, frame.instance_feature);
+  resize_if(has(channels, Channels::kDepthNormal), intrinsics, frame.depth_normal);
 }
 
 class CpuRenderer final : public core::Renderer {
  public:
-  CpuRenderer(std::shared_ptr<const SurfelCloud> surfels, const RenderOptions& options)
+  CpuRenderer(std::shared_ptr<const SurfelCloud> surfels, const RenderOptions& options,
+              std::shared_ptr<const PanopticField> field)
       : surfels_(std::move(surfels)),
+        field_(std::move(field)),
         options_(options),
         packed_(*surfels_),
         workers_(options.threads) {}
@@ -53,7 +68,9 @@ class CpuRenderer final : public core::Renderer {
     internal::check_intrinsics(intrinsics);
     frame.intrinsics = intrinsics;
     frame.T_world_camera = T_world_camera;
-    resize_images(intrinsics, channels, frame);
+    const bool depth_normals = has(channels, Channels::kDepthNormal);
+    const Channels drawn = depth_normals ? channels | Channels::kDepth : channels;
+    resize_images(intrinsics, drawn, frame);
 
     const internal::ProjectionJob projection{
         *surfels_,
@@ -62,58 +79,161 @@ class CpuRenderer final : public core::Renderer {
         intrinsics.width_px,
         intrinsics.height_px,
         options_.near_m,
-        has(channels, Channels::kRgb)};
-    internal::project_surfels(projection, workers_, projected_);
-    bins_.build(projected_, intrinsics.width_px, intrinsics.height_px, workers_);
-    raster(channels, frame);
-
-    frame.stats.surfels_projected = bins_.surfel_count();
-    frame.stats.pairs_binned = bins_.pair_count();
+        has(channels, Channels::kRgb),
+        options_.bounds};
+    frame.stats = {};
+    draw(projection, drawn, frame);
+    if (depth_normals) find_depth_normals(frame);
+    if (drawn != channels) frame.depth_m.resize(0, 0);
     frame.stats.render_ms =
         std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start)
             .count();
   }
 
  private:
-  void raster(Channels channels, core::Frame& frame) {
-    const internal::RasterJob job{projected_,
-                                  bins_,
-                                  frame,
-                                  channels,
-                                  options_.top_k,
-                                  options_.depth == DepthMode::kMedian,
-                                  surfels_->has_labels()};
-    std::atomic<std::uint64_t> touched{0}, evaluations{0}, contributions{0};
-    const std::size_t tile_count =
-        static_cast<std::size_t>(bins_.tiles_x()) * static_cast<std::size_t>(bins_.tiles_y());
-    workers_.for_each(tile_count, [&](std::size_t tile) {
-      const internal::TileStats stats = internal::raster_tile(job, tile);
+  /// Nearest clusters first, a slab at a time, until every pixel is finished: what lies behind
+  /// is neither projected nor binned.
+  void draw(const internal::ProjectionJob& projection, Channels channels, core::Frame& frame) {
+    bins_.begin(projection.width_px, projection.height_px);
+    if (progress_.size() < bins_.tile_count()) progress_.resize(bins_.tile_count());
+    for (internal::TileProgress& tile : progress_) tile.started = false;
+    const bool exact = options_.compat == Compat::kExact;
+    if (exact) {
+      internal::find_visible_clusters(projection, projected_);
+    } else {
+      internal::find_clusters_compat(projection, projected_);
+    }
+    const std::size_t total = projected_.visible.size();
+    const std::size_t slab = slab_size(total);
+    std::size_t begin = 0;
+    do {
+      const std::size_t end = std::min(total, begin + slab);
+      const float bound_m = end == total ? std::numeric_limits<float>::infinity()
+                                         : projected_.visible[end].nearest_m;
+      if (exact) {
+        internal::project_clusters(projection, begin, end, workers_, projected_);
+      } else {
+        internal::project_clusters_compat(projection, options_.compat, begin, end, workers_,
+                                          projected_);
+      }
+      for (std::size_t v = begin; v < end; ++v) {
+        frame.stats.surfels_projected += projected_.count[v];
+      }
+      bins_.add_slab(projected_, begin, end, bound_m, workers_);
+      raster(channels, end == total, frame);
+      begin = end;
+    } while (begin < total && !tiles_.empty());
+    frame.stats.pairs_binned = bins_.pair_count();
+  }
+
+  void find_depth_normals(core::Frame& frame) {
+    constexpr int kRowsPerTask = 16;
+    const int height = frame.intrinsics.height_px;
+    const auto tasks = static_cast<std::size_t>((height + kRowsPerTask - 1) / kRowsPerTask);
+    workers_.for_each(tasks, [&](std::size_t task) {
+      const int y = static_cast<int>(task) * kRowsPerTask;
+      depth_normal_rows(frame.depth_m, frame.intrinsics, frame.T_world_camera, y,
+                        std::min(height, y + kRowsPerTask), frame.depth_normal);
+    });
+  }
+
+  /// Clusters of a slab; a multiple of kClustersPerTask.
+  [[nodiscard]] std::size_t slab_size(std::size_t visible) const {
+    // A log of all surfels of a pixel, and the pixels of very large images, are not kept from
+    // one slab to the next.
+    constexpr std::size_t kMaxTiles = 65536;
+    if (options_.top_k == kAllSurfels || bins_.tile_count() > kMaxTiles) return visible + 1;
+    constexpr std::size_t kLeast = 16 * internal::kClustersPerTask;
+    constexpr std::size_t kSlabs = 5;
+    const std::size_t size = std::max(kLeast, visible / kSlabs + 1);
+    return (size + internal::kClustersPerTask - 1) / internal::kClustersPerTask *
+           internal::kClustersPerTask;
+  }
+
+  /// Live tiles that have something to do, those with the longest lists first. Afterwards
+  /// tiles_ holds the tiles that are still live.
+  void raster(Channels channels, bool last, core::Frame& frame) {
+    const internal::ResolveJob resolve{surfels_.get(), field_.get(), surfels_->has_labels(),
+                                       options_.top_k, options_.top_k_rule};
+    const internal::RasterJob job{.projected = projected_,
+                                  .bins = bins_,
+                                  .frame = frame,
+                                  .channels = channels,
+                                  .top_k = options_.top_k,
+                                  .median_depth = options_.depth == DepthMode::kMedian,
+                                  .labelled = surfels_->has_labels(),
+                                  .resolve = &resolve,
+                                  .selects = internal::wants_candidates(resolve, channels),
+                                  .wants_depth = has(channels, Channels::kDepth),
+                                  .first_hits = options_.top_k_rule == TopKRule::kFirst,
+                                  .all_surfels = options_.top_k == kAllSurfels,
+                                  .labels_only = channels == Channels::kLabels,
+                                  .stop_transmittance = options_.compat == Compat::kExact
+                                                            ? kStopTransmittance
+                                                            : internal::kCompatStopInFloat};
+    find_ready_tiles(last);
+    std::atomic<std::uint64_t> touched{0}, evaluations{0}, contributions{0}, fetches{0};
+    workers_.for_each(ready_.size(), [&](std::size_t i) {
+      const std::size_t tile = ready_[i];
+      const internal::TileStats stats =
+          internal::raster_tile(job, tile, last, progress_[tile]);
+      if (stats.finished) bins_.retire(tile);
       touched.fetch_add(stats.pairs_touched, std::memory_order_relaxed);
       evaluations.fetch_add(stats.evaluations, std::memory_order_relaxed);
       contributions.fetch_add(stats.contributions, std::memory_order_relaxed);
+      fetches.fetch_add(stats.feature_fetches, std::memory_order_relaxed);
     });
-    frame.stats = {};
-    frame.stats.pairs_touched = touched;
-    frame.stats.evaluations = evaluations;
-    frame.stats.contributions = contributions;
+    frame.stats.pairs_touched += touched;
+    frame.stats.evaluations += evaluations;
+    frame.stats.contributions += contributions;
+    frame.stats.feature_fetches += fetches;
+    tiles_.clear();
+    for (std::size_t tile = 0; tile < bins_.tile_count(); ++tile) {
+      if (bins_.is_live(tile)) tiles_.push_back(static_cast<std::uint32_t>(tile));
+    }
+  }
+
+  void find_ready_tiles(bool last) {
+    // Fewer new entries rarely saturate a tile, and its pixels would have to be put aside.
+    constexpr std::size_t kWorthwhile = 160;
+    ready_.clear();
+    for (std::size_t tile = 0; tile < bins_.tile_count(); ++tile) {
+      if (!bins_.is_live(tile)) continue;
+      if (last || waiting_entries(tile) >= kWorthwhile) {
+        ready_.push_back(static_cast<std::uint32_t>(tile));
+      }
+    }
+    std::sort(ready_.begin(), ready_.end(), [&](std::uint32_t a, std::uint32_t b) {
+      const std::size_t work_a = waiting_entries(a), work_b = waiting_entries(b);
+      return work_a != work_b ? work_a > work_b : a < b;
+    });
+  }
+  [[nodiscard]] std::size_t waiting_entries(std::size_t tile) const {
+    const internal::TileProgress& progress = progress_[tile];
+    return bins_.list(tile).size() - (progress.started ? progress.done : 0);
   }
 
   std::shared_ptr<const SurfelCloud> surfels_;
+  std::shared_ptr<const PanopticField> field_;  ///< May be null.
   RenderOptions options_;
   internal::PackedSurfels packed_;
   internal::Workers workers_;
   internal::ProjectedSurfels projected_;
   internal::TileBins bins_;
+  std::vector<internal::TileProgress> progress_;
+  std::vector<std::uint32_t> ready_, tiles_;  ///< To be drawn now; still live.
 };
 
 }  // namespace
 
 std::unique_ptr<core::Renderer> make_cpu_renderer(std::shared_ptr<const SurfelCloud> surfels,
-                                                  RenderOptions options) {
+                                                  RenderOptions options,
+                                                  std::shared_ptr<const PanopticField> field) {
   SEGSIM_CHECK(surfels != nullptr, "no scene");
   check_surfels(*surfels);
   check_render_options(options);
-  return std::make_unique<CpuRenderer>(std::move(surfels), options);
+  SEGSIM_CHECK(field == nullptr || field->size() == surfels->size(), "field of another scene");
+  return std::make_unique<CpuRenderer>(std::move(surfels), options, std::move(field));
 }
 
 }  // namespace segsim::renderer

@@ -27,6 +27,28 @@ int sh_degree_of(const PlyTable& table, std::size_t rest_count) {
                              std::to_string(rest_count));
 }
 
+constexpr const char* kSemanticFeature = "sem_f_";
+constexpr const char* kInstanceFeature = "ins_f_";
+
+/// Columns prefix0 ... prefix(count - 1).
+std::vector<std::size_t> feature_columns(const PlyTable& table, const std::string& prefix,
+                                         int count) {
+  std::vector<std::size_t> columns;
+  for (int i = 0; i < count; ++i) {
+    const std::string name = prefix + std::to_string(i);
+    if (table.has(name)) columns.push_back(table.column(name));
+  }
+  const std::size_t there = table.count_with_prefix(prefix);
+  if (columns.size() != static_cast<std::size_t>(count) || there != columns.size()) {
+    throw InputError::expected(
+        table.place(),
+        "no features or all of " + prefix + "0 ... " + std::to_string(count - 1),
+        std::to_string(columns.size()) + " of them and " +
+            std::to_string(there - columns.size()) + " others");
+  }
+  return columns;
+}
+
 /// Where each value of a surfel lies in a row.
 struct Columns {
   std::array<std::size_t, 3> position{}, dc{};
@@ -34,6 +56,7 @@ struct Columns {
   std::array<std::size_t, 4> rotation{};
   std::size_t opacity = 0, semantic = 0, instance = 0;
   std::vector<std::size_t> rest;
+  std::vector<std::size_t> semantic_feature, instance_feature;  ///< Empty: the file has none.
 
   explicit Columns(const PlyTable& table)
       : position{table.column("x"), table.column("y"), table.column("z")},
@@ -44,6 +67,11 @@ struct Columns {
     rest.resize(table.count_with_prefix("f_rest_"));
     for (std::size_t i = 0; i < rest.size(); ++i) {
       rest[i] = table.column("f_rest_" + std::to_string(i));
+    }
+    if (table.count_with_prefix(kSemanticFeature) + table.count_with_prefix(kInstanceFeature) >
+        0) {
+      semantic_feature = feature_columns(table, kSemanticFeature, core::kSemanticFeatureSize);
+      instance_feature = feature_columns(table, kInstanceFeature, core::kInstanceFeatureSize);
     }
   }
 };
@@ -74,6 +102,12 @@ class RowReader {
   const PlyTable& table_;
   std::size_t row_;
 };
+
+template <std::size_t kSize>
+void read_feature(const RowReader& row, const std::vector<std::size_t>& columns,
+                  std::array<float, kSize>& feature) {
+  for (std::size_t k = 0; k < kSize; ++k) feature[k] = row(columns[k], "feature");
+}
 
 float activated_scale_m(const RowReader& row, std::size_t column) {
   const float stored = row(column, "scale");
@@ -117,6 +151,10 @@ void read_surfel(const RowReader& row, const Columns& columns, std::size_t i,
       sh[k][c] = row(columns.rest[channel * (n - 1) + k - 1], "colour");
     }
   }
+  if (surfels.has_features()) {
+    read_feature(row, columns.semantic_feature, surfels.semantic_feature[i]);
+    read_feature(row, columns.instance_feature, surfels.instance_feature[i]);
+  }
 }
 
 /// Inverse of the sigmoid; 1 would be infinite.
@@ -140,6 +178,14 @@ void write_header(std::ostream& out, const SurfelCloud& surfels) {
        {"opacity", "scale_0", "scale_1", "rot_0", "rot_1", "rot_2", "rot_3"}) {
     property(name);
   }
+  if (surfels.has_features()) {
+    for (int i = 0; i < core::kSemanticFeatureSize; ++i) {
+      property(kSemanticFeature + std::to_string(i));
+    }
+    for (int i = 0; i < core::kInstanceFeatureSize; ++i) {
+      property(kInstanceFeature + std::to_string(i));
+    }
+  }
   if (surfels.has_labels()) {
     out << "property ushort semantic_id\nproperty ushort instance_id\n";
   }
@@ -158,6 +204,12 @@ void fill_row(const SurfelCloud& surfels, std::size_t i, std::vector<float>& row
   }
   row.insert(row.end(), {logit(surfels.opacity[i]), std::log(surfels.scale_m[i].x),
                          std::log(surfels.scale_m[i].y), q.w, q.x, q.y, q.z});
+  if (surfels.has_features()) {
+    const core::SemanticFeature& semantic = surfels.semantic_feature[i];
+    const core::InstanceFeature& instance = surfels.instance_feature[i];
+    row.insert(row.end(), semantic.begin(), semantic.end());
+    row.insert(row.end(), instance.begin(), instance.end());
+  }
 }
 
 }  // namespace
@@ -181,6 +233,10 @@ SurfelCloud read_surfels_ply(const std::filesystem::path& file) {
   if (labelled) {
     surfels.semantic_id.resize(n);
     surfels.instance_id.resize(n);
+  }
+  if (!columns.semantic_feature.empty()) {
+    surfels.semantic_feature.resize(n);
+    surfels.instance_feature.resize(n);
   }
   for (std::size_t i = 0; i < n; ++i) {
     const RowReader row(table, i);

@@ -9,7 +9,8 @@
 /// Values are stored before activation: scale = exp(scale_i) [m], opacity = sigmoid(opacity),
 /// rotation = normalised (w, x, y, z). f_rest is channel-major: all red coefficients of degree
 /// >= 1, then green, then blue; 3 ((L+1)^2 - 1) of them give degree L. Labelled scenes carry
-/// two more properties of ours, `ushort semantic_id` and `ushort instance_id`.
+/// two more properties of ours, `ushort semantic_id` and `ushort instance_id`; scenes with a
+/// trained panoptic field carry `float sem_f_0..15` and `float ins_f_0..31`, all or none.
 
 #include <filesystem>
 

@@ -4,48 +4,54 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
-#include <map>
 #include <utility>
 #include <vector>
 
-#include <glm/common.hpp>
 #include <glm/geometric.hpp>
-#include <glm/gtc/quaternion.hpp>
 
 #include "core/check.h"
+#include "renderer/depth_normal.h"
 #include "renderer/internal/projection_camera.h"
-#include "renderer/surfel_geometry.h"
+#include "renderer/internal/reference_resolve.h"
+#include "renderer/internal/reference_surfels.h"
 
 namespace segsim::renderer {
 namespace {
 
 using core::Channels;
 using core::has;
-
-/// A surfel in the camera frame.
-struct CameraSurfel {
-  std::size_t index;
-  float depth_key;
-  glm::dvec3 centre_m, u_m, v_m;  ///< u, v: tangents times scales.
-  glm::dvec3 normal_world;        ///< Towards the camera.
-  glm::dvec3 colour;
-  double opacity, k2;
-  glm::dvec2 centre_px;
-  double z_min_m, z_max_m;  ///< Depth range of the visible disc.
-  bool edge_on;
-};
-
-struct Contribution {
-  double alpha, depth_m;
-};
+using internal::Meeting;
+using internal::ReferenceSurfel;
+using internal::ReferenceSurfels;
 
 struct Pixel {
   double transmittance = 1.0;
   double depth = 0.0;  ///< Sum of weight * depth [m].
   double median_depth = 0.0;
   glm::dvec3 colour{0.0}, normal{0.0};
-  std::vector<std::pair<double, std::size_t>> weights;  ///< (weight, surfel)
+  std::vector<internal::ReferenceWeight> met;  ///< In the order of blending.
 };
+
+void allocate_images(const core::CameraIntrinsics& intrinsics, Channels channels,
+                     bool has_features, core::Frame& frame) {
+  const int w = intrinsics.width_px, h = intrinsics.height_px;
+  frame.alpha = core::Image<float>(w, h);
+  if (has(channels, Channels::kRgb)) frame.rgb = core::Image<core::Rgb8>(w, h);
+  if (has(channels, Channels::kDepth) || has(channels, Channels::kDepthNormal)) {
+    frame.depth_m = core::Image<float>(w, h);
+  }
+  if (has(channels, Channels::kNormal)) frame.normal = core::Image<glm::vec3>(w, h);
+  if (has(channels, Channels::kLabels)) {
+    frame.semantic = core::Image<std::uint16_t>(w, h);
+    frame.instance = core::Image<std::uint16_t>(w, h);
+    frame.confidence = core::Image<float>(w, h);
+    frame.instance_confidence = core::Image<float>(w, h);
+  }
+  if (has(channels, Channels::kFeatures) && has_features) {
+    frame.semantic_feature = core::Image<core::SemanticFeature>(w, h);
+    frame.instance_feature = core::Image<core::InstanceFeature>(w, h);
+  }
+}
 
 class ReferenceRenderer final : public core::Renderer {
  public:
@@ -60,23 +66,18 @@ class ReferenceRenderer final : public core::Renderer {
     frame = core::Frame{};
     frame.intrinsics = intrinsics;
     frame.T_world_camera = T_world_camera;
-    const int w = intrinsics.width_px, h = intrinsics.height_px;
-    frame.alpha = core::Image<float>(w, h);
-    if (has(channels, Channels::kRgb)) frame.rgb = core::Image<core::Rgb8>(w, h);
-    if (has(channels, Channels::kDepth)) frame.depth_m = core::Image<float>(w, h);
-    if (has(channels, Channels::kNormal)) frame.normal = core::Image<glm::vec3>(w, h);
-    if (has(channels, Channels::kLabels)) {
-      frame.semantic = core::Image<std::uint16_t>(w, h);
-      frame.instance = core::Image<std::uint16_t>(w, h);
-      frame.confidence = core::Image<float>(w, h);
-    }
-    const std::vector<CameraSurfel> sorted = sorted_surfels(T_world_camera, intrinsics);
-    frame.stats.surfels_projected = sorted.size();
-    for (int y = 0; y < h; ++y) {
-      for (int x = 0; x < w; ++x) {
-        write(blend(sorted, intrinsics, {x + 0.5, y + 0.5}, frame.stats), x, y, channels,
-              frame);
+    allocate_images(intrinsics, channels, surfels_->has_features(), frame);
+    const ReferenceSurfels surfels(*surfels_, options_, T_world_camera, intrinsics);
+    frame.stats.surfels_projected = surfels.sorted().size();
+    constexpr int kTile = internal::kCompatTilePx;
+    for (int y = 0; y < intrinsics.height_px; y += kTile) {
+      for (int x = 0; x < intrinsics.width_px; x += kTile) {
+        render_tile(surfels, x, y, channels, frame);
       }
+    }
+    if (has(channels, Channels::kDepthNormal)) {
+      frame.depth_normal = depth_normals(frame.depth_m, intrinsics, T_world_camera);
+      if (!has(channels, Channels::kDepth)) frame.depth_m = {};
     }
     frame.stats.render_ms =
         std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start)
@@ -84,138 +85,50 @@ class ReferenceRenderer final : public core::Renderer {
   }
 
  private:
-  [[nodiscard]] glm::dvec3 colour_of(std::size_t i, const glm::dvec3& eye_m) const {
-    const glm::dvec3 direction = glm::normalize(glm::dvec3(surfels_->position_m[i]) - eye_m);
-    double basis[16];
-    sh_basis(surfels_->sh_degree, Vec3<double>{direction.x, direction.y, direction.z}, basis);
-    glm::dvec3 sum(0.5);
-    for (std::size_t k = 0; k < surfels_->sh_count(); ++k) {
-      sum += basis[k] * glm::dvec3(surfels_->sh[i * surfels_->sh_count() + k]);
+  /// @param x0, y0  First pixel.
+  void render_tile(const ReferenceSurfels& surfels, int x0, int y0, Channels channels,
+                   core::Frame& frame) const {
+    constexpr int kTile = internal::kCompatTilePx;
+    std::vector<const ReferenceSurfel*> list;
+    for (const ReferenceSurfel& s : surfels.sorted()) {
+      if (surfels.listed(s, x0 / kTile, y0 / kTile)) list.push_back(&s);
     }
-    return glm::max(sum, glm::dvec3(0.0));
-  }
-
-  [[nodiscard]] CameraSurfel in_camera(std::size_t i, const core::CameraPose& T_world_camera,
-                                       const core::CameraIntrinsics& intrinsics) const {
-    const core::Transform<core::frame::Camera, core::frame::World> T_camera_world =
-        T_world_camera.inverse();
-    const glm::dvec3 p_world(surfels_->position_m[i]);
-    const glm::dmat3 R = glm::mat3_cast(glm::dquat(surfels_->R_world_surfel[i]));
-    const glm::dvec2 scale(surfels_->scale_m[i]);
-    CameraSurfel s{};
-    s.index = i;
-    s.centre_m = (T_camera_world * core::Point<core::frame::World>{p_world}).xyz_m;
-    s.u_m = T_camera_world.rotation() * (R[0] * scale.x);
-    s.v_m = T_camera_world.rotation() * (R[1] * scale.y);
-    const glm::dvec3 eye_m = T_world_camera.translation_m();
-    s.normal_world = glm::normalize(R[2]);
-    if (glm::dot(s.normal_world, p_world - eye_m) > 0.0) s.normal_world = -s.normal_world;
-    s.colour = colour_of(i, eye_m);
-    s.opacity = surfels_->opacity[i];
-    s.k2 = extent_squared(s.opacity);
-    s.centre_px = intrinsics.project(s.centre_m);
-    const double reach_m = std::sqrt(s.k2 * (s.u_m.z * s.u_m.z + s.v_m.z * s.v_m.z));
-    s.z_min_m = std::max(s.centre_m.z - reach_m, static_cast<double>(options_.near_m));
-    s.z_max_m = s.centre_m.z + reach_m;
-    return s;
-  }
-
-  [[nodiscard]] std::vector<CameraSurfel> sorted_surfels(
-      const core::CameraPose& T_world_camera, const core::CameraIntrinsics& intrinsics) const {
-    const auto key_camera = internal::projection_camera<float>(T_world_camera, intrinsics);
-    const auto camera = internal::projection_camera<double>(T_world_camera, intrinsics);
-    std::vector<CameraSurfel> sorted;
-    for (std::size_t i = 0; i < surfels_->size(); ++i) {
-      const glm::vec3& p = surfels_->position_m[i];
-      const float key = depth_of_centre<float>(key_camera, {p.x, p.y, p.z});
-      if (!(key > options_.near_m) || extent_squared(surfels_->opacity[i]) <= 0.0F) continue;
-      sorted.push_back(in_camera(i, T_world_camera, intrinsics));
-      CameraSurfel& s = sorted.back();
-      s.depth_key = key;
-      const glm::dmat3 R = glm::mat3_cast(glm::dquat(surfels_->R_world_surfel[i]));
-      const glm::dvec3 u = R[0] * static_cast<double>(surfels_->scale_m[i].x);
-      const glm::dvec3 v = R[1] * static_cast<double>(surfels_->scale_m[i].y);
-      s.edge_on =
-          project_surfel<double>(camera, {p.x, p.y, p.z}, {u.x, u.y, u.z}, {v.x, v.y, v.z})
-              .edge_on;
-    }
-    std::stable_sort(sorted.begin(), sorted.end(),
-                     [](const CameraSurfel& a, const CameraSurfel& b) {
-                       return a.depth_key < b.depth_key;
-                     });
-    return sorted;
-  }
-
-  /// Alpha and depth of one surfel at an image position; alpha 0 if it is not hit.
-  [[nodiscard]] Contribution meet(const CameraSurfel& s,
-                                  const core::CameraIntrinsics& intrinsics,
-                                  const glm::dvec2& px) const {
-    const glm::dvec2 offset = px - s.centre_px;
-    const double rho_low_pass = 2.0 * glm::dot(offset, offset);
-    double rho_disc = std::numeric_limits<double>::infinity();
-    double depth_m = s.centre_m.z;
-    if (!s.edge_on) {
-      const glm::dvec3 ray = intrinsics.back_project(px, 1.0);
-      const glm::dvec3 normal = glm::cross(s.u_m, s.v_m);
-      const double along = glm::dot(normal, ray);
-      depth_m = glm::dot(normal, s.centre_m) / along;
-      if (depth_m >= options_.near_m && std::isfinite(depth_m)) {
-        const glm::dvec3 on_disc = ray * depth_m - s.centre_m;
-        const double u = glm::dot(on_disc, s.u_m) / glm::dot(s.u_m, s.u_m);
-        const double v = glm::dot(on_disc, s.v_m) / glm::dot(s.v_m, s.v_m);
-        rho_disc = u * u + v * v;
-      } else if (!(depth_m > 0.0)) {
-        depth_m = s.z_max_m;  // The plane recedes beyond the horizon.
+    if (surfels.lists_may_miss()) frame.stats.pairs_binned += list.size();
+    for (int y = y0; y < std::min(y0 + kTile, frame.intrinsics.height_px); ++y) {
+      for (int x = x0; x < std::min(x0 + kTile, frame.intrinsics.width_px); ++x) {
+        write(blend(surfels, list, {x + 0.5, y + 0.5}, frame.stats), x, y, channels, frame);
       }
     }
-    const double rho = std::min(rho_disc, rho_low_pass);
-    if (rho > s.k2) return {0.0, 0.0};
-    const double alpha =
-        std::min(static_cast<double>(kMaxAlpha), s.opacity * std::exp(-0.5 * rho));
-    return {alpha, std::clamp(depth_m, s.z_min_m, s.z_max_m)};
   }
 
-  [[nodiscard]] Pixel blend(const std::vector<CameraSurfel>& sorted,
-                            const core::CameraIntrinsics& intrinsics, const glm::dvec2& px,
-                            core::RenderStats& stats) const {
+  [[nodiscard]] bool finishes(double left) const {
+    return options_.compat == Compat::kExact
+               ? left < static_cast<double>(kStopTransmittance)
+               : internal::finishes(internal::rules_of(options_.compat), left);
+  }
+
+  [[nodiscard]] Pixel blend(const ReferenceSurfels& surfels,
+                            const std::vector<const ReferenceSurfel*>& list,
+                            const glm::dvec2& px, core::RenderStats& stats) const {
     Pixel pixel;
-    for (const CameraSurfel& s : sorted) {
-      const Contribution hit = meet(s, intrinsics, px);
+    for (const ReferenceSurfel* s : list) {
+      const Meeting hit = surfels.meet(*s, px);
       if (hit.alpha == 0.0) continue;
       ++stats.evaluations;
       ++stats.contributions;
       const double left = pixel.transmittance * (1.0 - hit.alpha);
-      if (left < static_cast<double>(kStopTransmittance)) break;
+      if (finishes(left)) break;
       const double weight = pixel.transmittance * hit.alpha;
       if (pixel.transmittance > 1.0 - static_cast<double>(kMinSurfaceAlpha)) {
         pixel.median_depth = hit.depth_m;
       }
       pixel.transmittance = left;
-      pixel.colour += weight * s.colour;
-      pixel.normal += weight * s.normal_world;
+      pixel.colour += weight * s->colour;
+      pixel.normal += weight * s->normal_world;
       pixel.depth += weight * hit.depth_m;
-      pixel.weights.emplace_back(weight, s.index);
+      pixel.met.push_back({weight, s->index});
     }
     return pixel;
-  }
-
-  void write_labels(Pixel& pixel, int x, int y, core::Frame& frame) const {
-    const auto kept = std::min(pixel.weights.size(), static_cast<std::size_t>(options_.top_k));
-    std::stable_sort(pixel.weights.begin(), pixel.weights.end(),
-                     [](const auto& a, const auto& b) { return a.first > b.first; });
-    std::map<std::uint16_t, double> semantic, instance;
-    double total = 0.0;
-    for (std::size_t k = 0; k < kept; ++k) {
-      const auto [weight, surfel] = pixel.weights[k];
-      semantic[surfels_->semantic_id[surfel]] += weight;
-      instance[surfels_->instance_id[surfel]] += weight;
-      total += weight;
-    }
-    const auto lighter = [](const auto& a, const auto& b) { return a.second < b.second; };
-    const auto best = std::max_element(semantic.begin(), semantic.end(), lighter);
-    frame.semantic(x, y) = best->first;
-    frame.confidence(x, y) = static_cast<float>(best->second / total);
-    frame.instance(x, y) = std::max_element(instance.begin(), instance.end(), lighter)->first;
   }
 
   void write(Pixel pixel, int x, int y, Channels channels, core::Frame& frame) const {
@@ -228,7 +141,7 @@ class ReferenceRenderer final : public core::Renderer {
       };
       frame.rgb(x, y) = {byte(pixel.colour.r), byte(pixel.colour.g), byte(pixel.colour.b)};
     }
-    if (has(channels, Channels::kDepth)) {
+    if (!frame.depth_m.empty()) {
       const double depth_m =
           options_.depth == DepthMode::kMedian ? pixel.median_depth : pixel.depth / alpha;
       frame.depth_m(x, y) =
@@ -239,8 +152,13 @@ class ReferenceRenderer final : public core::Renderer {
       frame.normal(x, y) =
           surface && length > 0.0 ? glm::vec3(pixel.normal / length) : glm::vec3(0.0F);
     }
-    if (has(channels, Channels::kLabels) && surfels_->has_labels() && surface) {
-      write_labels(pixel, x, y, frame);
+    if (!surface) return;
+    const auto selected = internal::select_top_k(std::move(pixel.met), options_);
+    if (has(channels, Channels::kLabels) && surfels_->has_labels()) {
+      internal::write_reference_labels(*surfels_, selected, x, y, frame);
+    }
+    if (has(channels, Channels::kFeatures) && surfels_->has_features()) {
+      internal::write_reference_features(*surfels_, selected, x, y, frame);
     }
   }
 

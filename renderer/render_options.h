@@ -12,8 +12,36 @@ enum class DepthMode : unsigned char {
   kExpected,  ///< Mean weighted by alpha * T: smooth, but floats between surfaces at edges.
 };
 
+/// Which surfels a tile looks at. All give the same image where they miss nothing; they differ
+/// in work. The paper's Table 2 compares them.
+enum class TileBounds : unsigned char {
+  kAabb,      ///< Square of 3 sigma about the outline's centre, as the 2DGS code bins.
+  kSnugBox,   ///< The exact outline's bounding box (Hanson et al. 2025).
+  kAccuTile,  ///< Exact tile rows of the outline.
+  kPaper,     ///< The paper's own approximate conic; for comparison only, it may miss pixels.
+};
+
+/// Whose rules decide about bounds, pixel centres, the near plane, the low pass and depth:
+/// checkpoints look best under the rules that they were trained with.
+enum class Compat : unsigned char {
+  kExact,   ///< This project's: surfel_geometry.h.
+  kInria,   ///< hbb1/diff-surfel-rasterization.
+  kGsplat,  ///< nerfstudio-project/gsplat, 2DGS.
+};
+
+/// Both readings of the paper's "Top-K Hard Selection".
+enum class TopKRule : unsigned char {
+  kHeaviest,  ///< The K surfels with the largest weight alpha * T.
+  kFirst,     ///< The first K that the ray meets.
+};
+
+inline constexpr int kAllSurfels = 0;
+
 struct RenderOptions {
-  int top_k = 4;         ///< Surfels that vote for a pixel's label, 1 ... 24.
+  int top_k = 4;  ///< Surfels that vote for a pixel's label, 1 ... 24, or kAllSurfels.
+  TopKRule top_k_rule = TopKRule::kHeaviest;
+  TileBounds bounds = TileBounds::kAccuTile;
+  Compat compat = Compat::kExact;
   float near_m = 0.05F;  ///< Surfels and fragments nearer than this (along +z) are not drawn.
   DepthMode depth = DepthMode::kMedian;
   int threads = 0;  ///< 0 = all processors; 1 = the calling thread only.

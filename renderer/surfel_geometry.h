@@ -284,6 +284,59 @@ SEGSIM_HD inline ColumnSpan<Real> columns_in_band(const ScreenEllipse<Real>& ell
   return span;
 }
 
+/// The paper's precise tile intersection in the one reading that has the units of an area: its
+/// Sigma' with rows relative to the projected centre, which is the affine ("EWA")
+/// approximation k^2 J J^T. It takes perspective stretch and the shift of the centre for 0 and
+/// knows no near plane, so lists made from it may miss pixels. For comparison only.
+template <class Real>
+SEGSIM_HD inline ScreenEllipse<Real> paper_outline(const SurfelProjection<Real>& s, Real k2) {
+  return {s.x0_px, s.y0_px, k2 * (s.a0 * s.a0 + s.a1 * s.a1), k2 * (s.a0 * s.b0 + s.a1 * s.b1),
+          k2 * (s.b0 * s.b0 + s.b1 * s.b1)};
+}
+
+/// The box of the image of |u| = k from its dual conic, as both 2DGS programs compute it:
+/// where the disc reaches the camera plane it is a hyperbola, and centre and extents are those
+/// of no ellipse.
+template <class Real>
+struct ConicBox {
+  Real cx_px, cy_px;
+  Real half_width_px, half_height_px;  ///< >= 0.01
+  bool valid;                          ///< False: the conic is a parabola; both drop it.
+};
+
+template <class Real>
+SEGSIM_HD inline ConicBox<Real> box_of_dual_conic(const SurfelProjection<Real>& s, Real k2) {
+  constexpr double kMinHalf2 = 1e-4;  // [px^2]
+  const Real d = Real(1) - k2 * (s.w0 * s.w0 + s.w1 * s.w1);
+  const Real g = k2 / d;
+  const Real x = -g * (s.a0 * s.w0 + s.a1 * s.w1);
+  const Real y = -g * (s.b0 * s.w0 + s.b1 * s.w1);
+  const Real half_width2 = x * x + g * (s.a0 * s.a0 + s.a1 * s.a1);
+  const Real half_height2 = y * y + g * (s.b0 * s.b0 + s.b1 * s.b1);
+  return {s.x0_px + x, s.y0_px + y, std::sqrt(larger(half_width2, Real(kMinHalf2))),
+          std::sqrt(larger(half_height2, Real(kMinHalf2))), d != Real(0)};
+}
+
+/// Half a side of the square of hbb1/diff-surfel-rasterization, from the box at k^2 = 9: the
+/// larger half extent or three sigmas of the low pass, rounded up to pixels.
+template <class Real>
+SEGSIM_HD inline Real half_of_3_sigma_square(const ConicBox<Real>& box) {
+  constexpr double kThreeLowPassSigmas = 3.0 * 0.707106;  // [px]
+  return std::ceil(
+      larger(larger(box.half_width_px, box.half_height_px), Real(kThreeLowPassSigmas)));
+}
+
+/// That square. It misses contributions beyond 3 sigma (alpha <= 0.011), and most of a disc
+/// that reaches through the camera plane. Empty (x_min > x_max) for a parabola. The tiles that
+/// the 2DGS code lists for it: tiles_of_square() in internal/compat_rules.h.
+template <class Real>
+SEGSIM_HD inline ScreenBox<Real> aabb_3_sigma(const SurfelProjection<Real>& s) {
+  const ConicBox<Real> box = box_of_dual_conic(s, Real(9));
+  if (!box.valid) return {Real(1e30), Real(-1e30), Real(1e30), Real(-1e30)};
+  const Real half = half_of_3_sigma_square(box);
+  return {box.cx_px - half, box.cx_px + half, box.cy_px - half, box.cy_px + half};
+}
+
 /// Range of e = z0 / depth over the drawn disc. Where the low pass decides, the plane's depth
 /// at the pixel can be anything, so it is brought into this range; on the disc itself that
 /// changes nothing.

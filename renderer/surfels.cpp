@@ -46,11 +46,15 @@ void check_surfels(const SurfelCloud& surfels) {
   SEGSIM_CHECK(surfels.semantic_id.empty() || surfels.semantic_id.size() == n,
                "surfel classes");
   SEGSIM_CHECK(surfels.instance_id.size() == surfels.semantic_id.size(), "surfel instances");
+  SEGSIM_CHECK(surfels.semantic_feature.empty() || surfels.semantic_feature.size() == n,
+               "surfel semantic features");
+  SEGSIM_CHECK(surfels.instance_feature.size() == surfels.semantic_feature.size(),
+               "surfel instance features");
   for (std::size_t i = 0; i < n; ++i) check_surfel(surfels, i);
 }
 
 void check_render_options(const RenderOptions& options) {
-  SEGSIM_CHECK(options.top_k >= 1 && options.top_k <= kMaxTopK,
+  SEGSIM_CHECK(options.top_k >= kAllSurfels && options.top_k <= kMaxTopK,
                "top_k = " + std::to_string(options.top_k));
   SEGSIM_CHECK(options.near_m > 0.0F && std::isfinite(options.near_m),
                "near_m = " + std::to_string(options.near_m));

@@ -12,6 +12,8 @@
 #include <glm/vec2.hpp>
 #include <glm/vec3.hpp>
 
+#include "core/render.h"
+
 namespace segsim::renderer {
 
 /// Structure of arrays, all of length size(); values are activated (metres, not logarithms).
@@ -28,12 +30,16 @@ struct SurfelCloud {
   std::vector<std::uint16_t>
       semantic_id;  ///< Class, 0 = void. Empty if the scene has no labels.
   std::vector<std::uint16_t> instance_id;  ///< 0 = none. Empty like semantic_id.
+  /// Of a trained panoptic field; empty if the scene has none.
+  std::vector<core::SemanticFeature> semantic_feature;
+  std::vector<core::InstanceFeature> instance_feature;
 
   [[nodiscard]] std::size_t size() const { return position_m.size(); }
   [[nodiscard]] std::size_t sh_count() const {
     return static_cast<std::size_t>(sh_degree + 1) * static_cast<std::size_t>(sh_degree + 1);
   }
   [[nodiscard]] bool has_labels() const { return !semantic_id.empty(); }
+  [[nodiscard]] bool has_features() const { return !semantic_feature.empty(); }
 };
 
 /// SH basis constant of degree 0: colour = 0.5 + kShC0 * coefficient.

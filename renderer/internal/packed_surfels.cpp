@@ -55,12 +55,13 @@ Cluster bounding_sphere(const SurfelCloud& cloud, const std::uint32_t* surfels,
     lo = glm::min(lo, cloud.position_m[surfels[i]]);
     hi = glm::max(hi, cloud.position_m[surfels[i]]);
   }
-  Cluster cluster{0.5F * (lo + hi), 0.0F};
+  Cluster cluster{0.5F * (lo + hi), 0.0F, 0.0F};
   for (std::size_t i = 0; i < n; ++i) {
     const std::uint32_t s = surfels[i];
     const float k = std::sqrt(std::max(0.0F, extent_squared(cloud.opacity[s])));
     const float reach_m = k * std::max(cloud.scale_m[s].x, cloud.scale_m[s].y);
     const float distance_m = glm::length(cloud.position_m[s] - cluster.centre_m);
+    cluster.centres_radius_m = std::max(cluster.centres_radius_m, distance_m * kBoundSlack);
     cluster.radius_m = std::max(cluster.radius_m, (distance_m + reach_m) * kBoundSlack);
   }
   return cluster;

@@ -18,7 +18,8 @@ inline constexpr std::size_t kClusterSize = 64;
 
 struct Cluster {
   glm::vec3 centre_m;
-  float radius_m;  ///< Covers every disc out to alpha = 1/255.
+  float radius_m;          ///< Covers every disc out to alpha = 1/255.
+  float centres_radius_m;  ///< Covers the centres.
 };
 
 /// Arrays have cluster_count() * kClusterSize entries; the last cluster is filled up with

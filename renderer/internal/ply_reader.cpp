@@ -187,8 +187,11 @@ std::size_t PlyTable::column(const std::string& property) const {
   if (index >= 0) return static_cast<std::size_t>(index);
   std::string names;
   for (const Property& p : properties_) {
-    // The higher colour coefficients would drown the rest.
-    if (p.name.starts_with("f_rest_")) continue;
+    // The higher colour coefficients and the features would drown the rest.
+    if (p.name.starts_with("f_rest_") || p.name.starts_with("sem_f_") ||
+        p.name.starts_with("ins_f_")) {
+      continue;
+    }
     names += (names.empty() ? "" : " ") + p.name;
   }
   throw InputError::expected(place_, "property " + property, "properties " + names);

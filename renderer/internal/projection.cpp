@@ -1,10 +1,13 @@
 #include "renderer/internal/projection.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstring>
 
 #include <glm/geometric.hpp>
+
+#include "renderer/internal/surfel_tiles.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "renderer/internal/projection.cpp"
@@ -18,6 +21,11 @@ namespace {
 
 /// Rounding of the projected centre and outline stays below this [px].
 constexpr float kPixelSlack = 1e-3F;
+/// Rounding of a row interval [px].
+constexpr float kSpanSlackPx = 2e-3F;
+constexpr float kHalfLog2E = 0.72134752F;
+/// A surfel thinner than about 0.2 px per sigma is not squared; see tile_chunk-inl.h.
+constexpr float kMaxInverseNorm2 = 25.0F;
 /// Columns of the block that hands lanes from the vector code to emit_surfel().
 constexpr std::size_t kMaxLanes = 16;
 
@@ -30,7 +38,7 @@ struct ProjectedLanes {
   alignas(64) float cx[kMaxLanes], cy[kMaxLanes];
   alignas(64) float sxx[kMaxLanes], sxy[kMaxLanes], syy[kMaxLanes];
   alignas(64) float x_lo[kMaxLanes], x_hi[kMaxLanes], y_lo[kMaxLanes], y_hi[kMaxLanes];
-  std::uint64_t drawn = 0, needs_care = 0, clipped = 0;  ///< One bit a lane.
+  std::uint64_t drawn = 0, thin = 0, care = 0, clipped = 0;  ///< One bit a lane.
 };
 
 glm::vec3 colour_of(const ProjectionJob& job, std::size_t i) {
@@ -84,9 +92,11 @@ ScreenBox<float> clipped_pixel_range(const ProjectionJob& job, std::size_t i) {
   return pixel_range(box, job.width_px, job.height_px);
 }
 
-/// Appends lane `lane` (packed surfel i) at `slot`; false if it covers no pixel.
+/// Writes lane `lane` (packed surfel i) to `slot`; false if it covers no pixel.
+/// @param outline  syy < 0: use the pixel range instead.
 bool emit_surfel(const ProjectionJob& job, const ProjectedLanes& lanes, std::size_t lane,
-                 std::size_t i, std::size_t slot, ProjectedSurfels& out) {
+                 std::size_t i, std::size_t slot, ProjectedSurfels& out,
+                 ScreenEllipse<float>& outline) {
   ScreenBox<float> range{lanes.x_lo[lane], lanes.x_hi[lane], lanes.y_lo[lane],
                          lanes.y_hi[lane]};
   const bool clipped = (lanes.clipped >> lane & 1U) != 0;
@@ -104,18 +114,20 @@ bool emit_surfel(const ProjectionJob& job, const ProjectedLanes& lanes, std::siz
             lanes.g0[lane],
             lanes.g1[lane],
             lanes.z0[lane],
-            job.packed.log2_opacity[i],
-            job.packed.k2[i],
+            kHalfLog2E * job.packed.k2[i],
             lanes.e_min[lane],
             lanes.e_max[lane],
             static_cast<std::uint16_t>(range.x_min_px),
             static_cast<std::uint16_t>(range.x_max_px),
             static_cast<std::uint16_t>(range.y_min_px),
             static_cast<std::uint16_t>(range.y_max_px),
-            static_cast<std::uint32_t>(lanes.needs_care >> lane & 1U)};
+            (lanes.care >> lane & 1U) != 0   ? SurfelShape::kCare
+            : (lanes.thin >> lane & 1U) != 0 ? SurfelShape::kThin
+                                             : SurfelShape::kPlain};
   out.shade[slot] = shade_of(job, i);
-  out.outline[slot] = {lanes.cx[lane], lanes.cy[lane], lanes.sxx[lane], lanes.sxy[lane],
-                       clipped ? -1.0F : lanes.syy[lane]};
+  out.depth_key[slot] = std::bit_cast<std::uint32_t>(lanes.z0[lane]);
+  outline = {lanes.cx[lane], lanes.cy[lane], lanes.sxx[lane], lanes.sxy[lane],
+             clipped ? -1.0F : lanes.syy[lane]};
   return true;
 }
 
@@ -227,6 +239,7 @@ HWY_INLINE void project_lanes(const ProjectionJob& job, std::size_t i, Projected
   const auto edge_on = hn::Or(hn::Lt(hn::Abs(det), hn::Mul(hn::Set(d, kEdgeOn), norm2)),
                               hn::Eq(det, hn::Zero(d)));
   const V inverse_det = hn::Div(one, det);
+  const V inverse_k = hn::Div(one, hn::Sqrt(hn::Max(k2, hn::Set(d, 1e-12F))));
   const V diagonal = hn::Set(d, kEdgeOnInverse);
   const V m00 = hn::IfThenElse(edge_on, diagonal, hn::Mul(b1, inverse_det));
   const V m11 = hn::IfThenElse(edge_on, diagonal, hn::Mul(a0, inverse_det));
@@ -240,14 +253,19 @@ HWY_INLINE void project_lanes(const ProjectionJob& job, std::size_t i, Projected
   const V t = hn::Mul(hn::Set(d, 0.501F), hn::Mul(kw1, kw1));
   const auto thin = hn::Or(hn::Lt(hn::Mul(det, det), hn::Mul(t, hn::Sub(norm2, t))),
                            hn::Lt(norm2, hn::Add(t, t)));
-  out.needs_care = bits_of(hn::Or(hn::Or(thin, clipped), edge_on));
+  // |M|^2 = |J|^2 / det^2 beyond this: pixel offsets lose their digits when squared.
+  const auto thread = hn::Gt(norm2, hn::Mul(hn::Mul(det, det), hn::Set(d, kMaxInverseNorm2)));
+  out.thin = bits_of(thin);
+  out.care = bits_of(hn::Or(hn::Or(thread, clipped), edge_on));
   out.clipped = bits_of(clipped);
   const V e_min = hn::Div(hn::Set(d, 1.0F / kBoundSlack), kw1);
   const V e_max = hn::Div(hn::Set(d, kBoundSlack), hn::Max(hn::Sub(one, kw), nu));
 
   hn::Store(x0, d, out.x0), hn::Store(y0, d, out.y0), hn::Store(z0, d, out.z0);
-  hn::Store(m00, d, out.m00), hn::Store(m01, d, out.m01);
-  hn::Store(m10, d, out.m10), hn::Store(m11, d, out.m11);
+  hn::Store(hn::Mul(m00, inverse_k), d, out.m00);
+  hn::Store(hn::Mul(m01, inverse_k), d, out.m01);
+  hn::Store(hn::Mul(m10, inverse_k), d, out.m10);
+  hn::Store(hn::Mul(m11, inverse_k), d, out.m11);
   hn::Store(g0, d, out.g0), hn::Store(g1, d, out.g1);
   hn::Store(e_min, d, out.e_min), hn::Store(e_max, d, out.e_max);
   hn::Store(cx, d, out.cx), hn::Store(cy, d, out.cy);
@@ -256,10 +274,106 @@ HWY_INLINE void project_lanes(const ProjectionJob& job, std::size_t i, Projected
   hn::Store(y_lo, d, out.y_lo), hn::Store(y_hi, d, out.y_hi);
 }
 
+/// Half of the outline's width along the line at `y` from its centre.
+HWY_INLINE V half_width_at(V y, V minor, V inverse_syy) {
+  const Floats d;
+  const V inside = hn::NegMulAdd(hn::Mul(y, y), inverse_syy, hn::Set(d, 1.0F));
+  return hn::Sqrt(hn::Mul(minor, hn::Max(hn::Zero(d), inside)));
+}
+
+/// The exact rows of an outline (AccuTile of Hanson et al. 2025): columns_in_band() for a
+/// vector of tile rows at a time.
+/// @param spans  Receives y_end - y_begin spans.
+HWY_INLINE void find_row_spans(const ScreenSurfel& s, const ScreenEllipse<float>& outline,
+                               int x_begin, int x_end, int y_begin, int y_end,
+                               TileSpan* spans) {
+  const Floats d;
+  const hn::RebindToSigned<Floats> di;
+  constexpr auto kTile = static_cast<float>(kTileSizePx);
+  const float slope = outline.sxy / outline.syy;
+  const V half_height = hn::Set(d, std::sqrt(outline.syy));
+  const V minor = hn::Set(d, std::max(0.0F, outline.sxx - outline.sxy * slope));
+  const V inverse_syy = hn::Set(d, 1.0F / outline.syy);
+  const float extreme = outline.sxx > 0.0F ? outline.sxy / std::sqrt(outline.sxx) : 0.0F;
+  // k^2 / 2 = ln 2 c_k2.
+  const V radius2 = hn::Set(d, 0.69314718F * s.c_k2 * kBoundSlack);
+  const V lowest = hn::Set(d, static_cast<float>(x_begin));
+  const V highest = hn::Set(d, static_cast<float>(x_end));
+  const V centre_x = hn::Set(d, outline.cx_px);
+  for (int row = y_begin; row < y_end; row += static_cast<int>(hn::Lanes(d))) {
+    const V y_lo =
+        hn::MulAdd(hn::Iota(d, static_cast<float>(row)), hn::Set(d, kTile), hn::Set(d, 0.5F));
+    const V y_hi = hn::Add(y_lo, hn::Set(d, kTile - 1.0F));
+    const V lo = hn::Max(hn::Sub(y_lo, hn::Set(d, outline.cy_px)), hn::Neg(half_height));
+    const V hi = hn::Min(hn::Sub(y_hi, hn::Set(d, outline.cy_px)), half_height);
+    const auto reached = hn::Le(lo, hi);
+    const V y_right = hn::Min(hn::Max(hn::Set(d, extreme), lo), hi);
+    const V y_left = hn::Min(hn::Max(hn::Set(d, -extreme), lo), hi);
+    const V right = hn::Add(hn::MulAdd(hn::Set(d, slope), y_right, centre_x),
+                            half_width_at(y_right, minor, inverse_syy));
+    const V left = hn::Sub(hn::MulAdd(hn::Set(d, slope), y_left, centre_x),
+                           half_width_at(y_left, minor, inverse_syy));
+    V x_max = hn::IfThenElse(reached, right, hn::Set(d, -1e30F));
+    V x_min = hn::IfThenElse(reached, left, hn::Set(d, 1e30F));
+    if (s.shape != SurfelShape::kPlain) {  // Else the low pass lies within the outline.
+      const V y0 = hn::Set(d, s.y0_px), x0 = hn::Set(d, s.x0_px);
+      const V dy = hn::Max(hn::Max(hn::Sub(y_lo, y0), hn::Sub(y0, y_hi)), hn::Zero(d));
+      const V h2 = hn::NegMulAdd(dy, dy, radius2);
+      const V h = hn::Sqrt(hn::Max(h2, hn::Zero(d)));
+      const auto meets = hn::Ge(h2, hn::Zero(d));
+      x_min = hn::IfThenElse(meets, hn::Min(x_min, hn::Sub(x0, h)), x_min);
+      x_max = hn::IfThenElse(meets, hn::Max(x_max, hn::Add(x0, h)), x_max);
+    }
+    // From the column whose last pixel centre reaches the span to that whose first one does.
+    const V slack = hn::MulAdd(hn::Max(hn::Sub(x_max, x_min), hn::Zero(d)), hn::Set(d, 1e-4F),
+                               hn::Set(d, kSpanSlackPx + kTile - 0.5F));
+    const V inverse_tile = hn::Set(d, 1.0F / kTile);
+    const V first = hn::Ceil(hn::Mul(hn::Sub(x_min, slack), inverse_tile));
+    const V last = hn::Floor(hn::Mul(hn::Add(x_max, slack), inverse_tile));
+    alignas(64) std::int32_t begins[kMaxLanes], ends[kMaxLanes];
+    hn::Store(hn::ConvertTo(di, hn::Min(hn::Max(first, lowest), highest)), di, begins);
+    hn::Store(hn::ConvertTo(di, hn::Min(hn::Max(last, lowest), highest)), di, ends);
+    const int rows = std::min(static_cast<int>(hn::Lanes(d)), y_end - row);
+    for (int r = 0; r < rows; ++r) {
+      spans[row - y_begin + r] = {static_cast<std::uint16_t>(begins[r]),
+                                  static_cast<std::uint16_t>(std::max(begins[r], ends[r]))};
+    }
+  }
+}
+
+/// Appends the surfel's tiles under the job's strategy.
+void append_tiles(const ProjectionJob& job, std::size_t i, std::size_t slot,
+                  const ScreenEllipse<float>& exact, ProjectedSurfels& out,
+                  std::vector<TileSpan>& spans) {
+  const ScreenSurfel& s = out.screen[slot];
+  ScreenEllipse<float> outline = exact;
+  const TileRange range =
+      job.bounds == TileBounds::kAccuTile || job.bounds == TileBounds::kSnugBox
+          ? exact_range(s)
+          : approximate_range(job, i, outline);
+  out.tiles[slot] = {static_cast<std::uint32_t>(spans.size()),
+                     static_cast<std::uint16_t>(range.y_begin),
+                     static_cast<std::uint16_t>(range.y_end)};
+  const auto rows = static_cast<std::size_t>(range.y_end - range.y_begin);
+  const std::size_t first = spans.size();
+  spans.resize(first + rows, TileSpan{static_cast<std::uint16_t>(range.x_begin),
+                                      static_cast<std::uint16_t>(range.x_end)});
+  const bool exact_rows =
+      job.bounds == TileBounds::kAccuTile || job.bounds == TileBounds::kPaper;
+  if (!exact_rows || rows == 0 || !(outline.syy > 0.0F)) return;
+  // One tile wide or high: the box is the answer, unless the image's edge has cut it.
+  const bool inside =
+      s.x_lo > 0 && s.y_lo > 0 && s.x_hi < job.width_px - 1 && s.y_hi < job.height_px - 1;
+  if (inside && (rows < 2 || range.x_end - range.x_begin < 2)) return;
+  find_row_spans(s, outline, range.x_begin, range.x_end, range.y_begin, range.y_end,
+                 spans.data() + first);
+}
+
 /// Projects visible cluster number v.
 void project_cluster(const ProjectionJob& job, std::size_t v, ProjectedSurfels& out) {
   const std::size_t lane_count = hn::Lanes(Floats());
-  const std::size_t first = out.visible_clusters[v] * kClusterSize;
+  const std::size_t first = out.visible[v].cluster * kClusterSize;
+  std::vector<TileSpan>& spans = out.spans[v / kClustersPerTask];
   const std::size_t first_slot = v * kClusterSize;
   std::size_t slot = first_slot;
   ProjectedLanes lanes;
@@ -267,7 +381,10 @@ void project_cluster(const ProjectionJob& job, std::size_t v, ProjectedSurfels& 
     project_lanes(job, i, lanes);
     for (std::size_t lane = 0; lane < lane_count; ++lane) {
       if ((lanes.drawn >> lane & 1U) == 0) continue;
-      if (emit_surfel(job, lanes, lane, i + lane, slot, out)) ++slot;
+      ScreenEllipse<float> outline;
+      if (!emit_surfel(job, lanes, lane, i + lane, slot, out, outline)) continue;
+      append_tiles(job, i + lane, slot, outline, out, spans);
+      ++slot;
     }
   }
   out.count[v] = static_cast<std::uint32_t>(slot - first_slot);
@@ -285,8 +402,12 @@ HWY_EXPORT(project_cluster);
 
 /// Image plane widened by the low pass: it reaches this far past a surfel's outline.
 constexpr float kFrustumMarginPx = 3.0F;
+/// Rounding of a centre's depth, relative to its distance.
+constexpr float kDepthSlack = 1e-5F;
 
-void find_visible_clusters(const ProjectionJob& job, std::vector<std::uint32_t>& visible) {
+}  // namespace
+
+void find_visible_clusters(const ProjectionJob& job, ProjectedSurfels& projected) {
   const ProjectionCamera<float>& c = job.camera;
   const float left = (-kFrustumMarginPx - c.cx_px) / c.fx_px;
   const float right =
@@ -296,7 +417,9 @@ void find_visible_clusters(const ProjectionJob& job, std::vector<std::uint32_t>&
       (static_cast<float>(job.height_px) + kFrustumMarginPx - c.cy_px) / c.fy_px;
   const float left_norm = std::hypot(1.0F, left), right_norm = std::hypot(1.0F, right);
   const float top_norm = std::hypot(1.0F, top), bottom_norm = std::hypot(1.0F, bottom);
+  std::vector<VisibleCluster>& visible = projected.visible;
   visible.clear();
+  visible.reserve(job.packed.cluster_count());
   for (std::size_t i = 0; i < job.packed.cluster_count(); ++i) {
     const Cluster& cluster = job.packed.clusters[i];
     const float r = cluster.radius_m;
@@ -309,29 +432,41 @@ void find_visible_clusters(const ProjectionJob& job, std::vector<std::uint32_t>&
     if (z + r < job.near_m) continue;
     if (x - z * left < -r * left_norm || x - z * right > r * right_norm) continue;
     if (y - z * top < -r * top_norm || y - z * bottom > r * bottom_norm) continue;
-    visible.push_back(static_cast<std::uint32_t>(i));
+    const float nearest_m = z - cluster.centres_radius_m;
+    visible.push_back({nearest_m - kDepthSlack * (1.0F + std::abs(x) + std::abs(y) + z),
+                       static_cast<std::uint32_t>(i)});
   }
+  std::sort(
+      visible.begin(), visible.end(), [](const VisibleCluster& a, const VisibleCluster& b) {
+        return a.nearest_m != b.nearest_m ? a.nearest_m < b.nearest_m : a.cluster < b.cluster;
+      });
 }
 
-}  // namespace
-
-void project_surfels(const ProjectionJob& job, Workers& workers, ProjectedSurfels& projected) {
-  // Room for the whole scene once, so that no frame allocates after the first.
-  if (projected.count.size() < job.packed.cluster_count()) {
-    const std::size_t slots = job.packed.cluster_count() * kClusterSize;
-    projected.visible_clusters.reserve(job.packed.cluster_count());
-    projected.count.resize(job.packed.cluster_count());
+void project_clusters(const ProjectionJob& job, std::size_t begin, std::size_t end,
+                      Workers& workers, ProjectedSurfels& projected) {
+  // Room for the slab; the arrays only grow, so that no frame allocates after the first ones.
+  const std::size_t slots = end * kClusterSize;
+  if (projected.screen.size() < slots) {
     projected.screen.resize(slots);
     projected.shade.resize(slots);
-    projected.outline.resize(slots);
+    projected.tiles.resize(slots);
+    projected.depth_key.resize(slots);
+    projected.count.resize(end);
+    projected.spans.resize((end + kClustersPerTask - 1) / kClustersPerTask);
   }
-  find_visible_clusters(job, projected.visible_clusters);
-  constexpr std::size_t kClustersPerTask = 32;
-  const std::size_t total = projected.visible_clusters.size();
+  // Else the pointer would ask the processor about itself at every call.
+  if (!hwy::GetChosenTarget().IsInitialized()) {
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+  }
   const auto project = HWY_DYNAMIC_DISPATCH(project_cluster);
-  workers.for_each((total + kClustersPerTask - 1) / kClustersPerTask, [&](std::size_t task) {
-    const std::size_t end = std::min(total, (task + 1) * kClustersPerTask);
-    for (std::size_t v = task * kClustersPerTask; v < end; ++v) project(job, v, projected);
+  const std::size_t first_task = begin / kClustersPerTask;
+  const std::size_t task_count = (end - begin + kClustersPerTask - 1) / kClustersPerTask;
+  workers.for_each(task_count, [&](std::size_t task) {
+    const std::size_t first = (first_task + task) * kClustersPerTask;
+    projected.spans[first_task + task].clear();
+    for (std::size_t v = first; v < std::min(end, first + kClustersPerTask); ++v) {
+      project(job, v, projected);
+    }
   });
 }
 

@@ -8,18 +8,31 @@
 
 #include "renderer/internal/packed_surfels.h"
 #include "renderer/internal/parallel.h"
+#include "renderer/internal/tile_size.h"
+#include "renderer/render_options.h"
 #include "renderer/surfel_geometry.h"
 
 namespace segsim::renderer::internal {
 
-/// What the pixel loop reads for every surfel of a tile: one cache line.
+/// Which formula a surfel's pixels need.
+enum class SurfelShape : std::uint32_t {
+  kPlain,  ///< Beyond the near plane, and nowhere thinner than the low pass.
+  kThin,   ///< The low pass matters.
+  kCare,   ///< Reaches the near plane, or is so thin that its square form has no digits left.
+  kInria,  ///< Compat::kInria: see compat_projection.h for the fields.
+  kGsplat,
+};
+
+/// What the pixel loop reads for every surfel of a tile: one cache line. M' = M / k, so that
+/// the disc ends at |q'|^2 = e^2.
 struct alignas(64) ScreenSurfel {
   float x0_px, y0_px;
   float m00, m01, m10, m11, g0, g1;
-  float z0_m, log2_opacity, k2;
-  float e_min, e_max;                    ///< See inverse_depth_range(); used where needs_care.
+  float z0_m;
+  float c_k2;                            ///< k^2 / (2 ln 2): log2 of 255 times the opacity.
+  float e_min, e_max;                    ///< See inverse_depth_range().
   std::uint16_t x_lo, x_hi, y_lo, y_hi;  ///< Pixels whose centres the surfel can reach.
-  std::uint32_t needs_care;  ///< Low pass, near plane or edge-on: not the plain formula.
+  SurfelShape shape;
 };
 static_assert(sizeof(ScreenSurfel) == 64);
 
@@ -32,17 +45,40 @@ struct alignas(32) SurfelShade {
 };
 static_assert(sizeof(SurfelShade) == 32);
 
-/// Outline for the tile rows; syy < 0: use the pixel range instead.
-using SurfelOutline = ScreenEllipse<float>;
+/// Tiles [begin, end) of one tile row.
+struct TileSpan {
+  std::uint16_t begin, end;
+};
 
-/// Surfels of the visible clusters: cluster v fills slots [v * kClusterSize, ... + count[v]).
-/// The arrays only grow.
+/// One span for every tile row of a surfel, empty ones included.
+struct SurfelTiles {
+  std::uint32_t first_span;  ///< In the spans of the surfel's task.
+  std::uint16_t y_begin, y_end;
+};
+
+/// A cluster in view. No centre of its surfels is nearer than `nearest_m`.
+struct VisibleCluster {
+  float nearest_m;
+  std::uint32_t cluster;
+};
+
+/// Clusters that one task projects; the unit of everything that is done in parallel.
+inline constexpr std::size_t kClustersPerTask = 32;
+
+/// Surfels of the visible clusters, nearest cluster first: cluster v fills slots
+/// [v * kClusterSize, ... + count[v]). The arrays only grow.
 struct ProjectedSurfels {
   std::vector<ScreenSurfel> screen;
   std::vector<SurfelShade> shade;
-  std::vector<SurfelOutline> outline;
+  std::vector<SurfelTiles> tiles;
+  std::vector<std::uint32_t> depth_key;  ///< Bits of the centre's depth, which sort like it.
   std::vector<std::uint32_t> count;
-  std::vector<std::uint32_t> visible_clusters;
+  std::vector<VisibleCluster> visible;
+  std::vector<std::vector<TileSpan>> spans;  ///< Of each task.
+
+  [[nodiscard]] const TileSpan* spans_of(std::uint32_t slot) const {
+    return spans[slot / (kClustersPerTask * kClusterSize)].data() + tiles[slot].first_span;
+  }
 };
 
 struct ProjectionJob {
@@ -52,8 +88,14 @@ struct ProjectionJob {
   int width_px, height_px;
   float near_m;
   bool colours;
+  TileBounds bounds = TileBounds::kAccuTile;
 };
 
-void project_surfels(const ProjectionJob& job, Workers& workers, ProjectedSurfels& projected);
+/// Finds the clusters in view, nearest first.
+void find_visible_clusters(const ProjectionJob& job, ProjectedSurfels& projected);
+
+/// Projects visible clusters [begin, end); `begin` must be a multiple of kClustersPerTask.
+void project_clusters(const ProjectionJob& job, std::size_t begin, std::size_t end,
+                      Workers& workers, ProjectedSurfels& projected);
 
 }  // namespace segsim::renderer::internal

@@ -4,18 +4,15 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <limits>
 
 namespace segsim::renderer::internal {
 namespace {
 
-/// Surfels per task. Fixed, so that the lists do not depend on the number of threads.
-constexpr std::size_t kChunkSurfels = 4096;
+/// Entries that one task prepares.
+constexpr std::size_t kEntriesPerTask = 4096;
 constexpr unsigned kRadixBits = 11;
 constexpr std::size_t kRadix = std::size_t{1} << kRadixBits;
-/// Rounding of a row interval [px]; relative to its distance from the image, for long
-/// ellipses.
-constexpr float kSpanSlackPx = 2e-3F;
-
 using Histogram = std::array<std::uint32_t, kRadix>;
 
 /// One stable pass of the radix sort over bits [shift, shift + kRadixBits).
@@ -42,17 +39,44 @@ bool radix_pass(unsigned shift, const std::vector<std::uint32_t>& keys,
 
 }  // namespace
 
-void TileBins::sort_by_depth(const ProjectedSurfels& projected) {
+void TileBins::begin(int width_px, int height_px) {
+  tiles_x_ = (width_px + kTileSizePx - 1) / kTileSizePx;
+  tiles_y_ = (height_px + kTileSizePx - 1) / kTileSizePx;
+  const std::size_t tile_count = static_cast<std::size_t>(tiles_x_) * tiles_y_;
+  live_.assign(tile_count, 1);
+  next_.resize(tile_count);
+  first_.assign(tile_count + 1, 0);
+  waiting_.clear();
+  pair_count_ = 0;
+}
+
+void TileBins::select(const ProjectedSurfels& projected, std::size_t begin, std::size_t end,
+                      float bound_m) {
+  // Positive floats sort like their bits; a bound at or before the camera admits nothing.
+  const std::uint32_t bound_key =
+      std::bit_cast<std::uint32_t>(bound_m > 0.0F ? bound_m : 0.0F);
   keys_.clear();
   order_.clear();
-  for (std::size_t v = 0; v < projected.visible_clusters.size(); ++v) {
-    for (std::uint32_t i = 0; i < projected.count[v]; ++i) {
-      const auto slot = static_cast<std::uint32_t>(v * kClusterSize + i);
-      // Positive floats sort like their bits.
-      keys_.push_back(std::bit_cast<std::uint32_t>(projected.screen[slot].z0_m));
+  still_waiting_.clear();
+  const auto take = [&](std::uint32_t slot) {
+    const std::uint32_t key = projected.depth_key[slot];
+    if (key < bound_key) {
+      keys_.push_back(key);
       order_.push_back(slot);
+    } else {
+      still_waiting_.push_back(slot);
+    }
+  };
+  for (const std::uint32_t slot : waiting_) take(slot);
+  for (std::size_t v = begin; v < end; ++v) {
+    for (std::uint32_t i = 0; i < projected.count[v]; ++i) {
+      take(static_cast<std::uint32_t>(v * kClusterSize + i));
     }
   }
+  waiting_.swap(still_waiting_);
+}
+
+void TileBins::sort_by_depth(const ProjectedSurfels& projected) {
   keys_scratch_.resize(keys_.size());
   order_scratch_.resize(order_.size());
   for (unsigned shift = 0; shift < 32; shift += kRadixBits) {
@@ -76,87 +100,84 @@ void TileBins::sort_by_depth(const ProjectedSurfels& projected) {
   }
 }
 
-void TileBins::add_span(const Span& span, int tiles_x, Chunk& chunk) {
-  if (span.tile_x_begin >= span.tile_x_end) return;
-  chunk.spans.push_back(span);
-  std::uint32_t* row = chunk.count.data() + static_cast<std::size_t>(span.tile_y) * tiles_x;
-  for (int x = span.tile_x_begin; x < span.tile_x_end; ++x) ++row[x];
-}
-
-void TileBins::add_surfel(const ProjectedSurfels& projected, std::uint32_t slot,
-                          Chunk& chunk) const {
-  const ScreenSurfel& s = projected.screen[slot];
-  const int x_begin = s.x_lo / kTileSizePx, x_end = s.x_hi / kTileSizePx + 1;
-  const int y_begin = s.y_lo / kTileSizePx, y_end = s.y_hi / kTileSizePx + 1;
-  const SurfelOutline& outline = projected.outline[slot];
-  // One tile wide or high: the box is the answer.
-  const bool box_only = x_end - x_begin == 1 || y_end - y_begin == 1 || outline.syy < 0.0F;
-  for (int y = y_begin; y < y_end; ++y) {
-    int begin = x_begin, end = x_end;
-    if (!box_only) {
-      const auto y_lo_px = static_cast<float>(y * kTileSizePx) + 0.5F;
-      const float radius2 = 0.5F * s.k2 * kBoundSlack;
-      const ColumnSpan<float> span =
-          columns_in_band(outline, s.x0_px, s.y0_px, radius2, y_lo_px,
-                          y_lo_px + static_cast<float>(kTileSizePx - 1));
-      const float slack = kSpanSlackPx + 1e-4F * (span.x_max_px - span.x_min_px);
-      // Columns whose last pixel centre reaches the span, up to those whose first one does.
-      const auto lowest = static_cast<float>(x_begin), highest = static_cast<float>(x_end);
-      const float first =
-          std::clamp((span.x_min_px - slack - 15.5F) * (1.0F / kTileSizePx), lowest, highest);
-      const float last =
-          std::clamp((span.x_max_px + slack + 15.5F) * (1.0F / kTileSizePx), lowest, highest);
-      begin = static_cast<int>(first);  // Rounded up; std::ceil is a call without SSE 4.1.
-      begin += static_cast<float>(begin) < first ? 1 : 0;
-      end = static_cast<int>(last);
+/// Pairs of tile rows [y_begin, y_end).
+void TileBins::count_band(int y_begin, int y_end) {
+  std::fill(next_.begin() + static_cast<std::ptrdiff_t>(y_begin) * tiles_x_,
+            next_.begin() + static_cast<std::ptrdiff_t>(y_end) * tiles_x_, 0U);
+  for (const Entry& entry : entries_) {
+    const int end = std::min<int>(entry.y_end, y_end);
+    for (int y = std::max<int>(entry.y_begin, y_begin); y < end; ++y) {
+      const TileSpan span = entry.spans[y - entry.y_begin];
+      std::uint32_t* row = next_.data() + static_cast<std::size_t>(y) * tiles_x_;
+      for (int x = span.begin; x < span.end; ++x) ++row[x];
     }
-    add_span({slot, static_cast<std::uint16_t>(y), static_cast<std::uint16_t>(begin),
-              static_cast<std::uint16_t>(end)},
-             tiles_x_, chunk);
   }
 }
 
-void TileBins::find_spans(const ProjectedSurfels& projected, std::size_t index) {
-  Chunk& chunk = chunks_[index];
-  chunk.spans.clear();
-  chunk.count.assign(static_cast<std::size_t>(tiles_x_) * tiles_y_, 0);
-  const std::size_t end = std::min(order_.size(), (index + 1) * kChunkSurfels);
-  for (std::size_t i = index * kChunkSurfels; i < end; ++i) {
-    add_surfel(projected, order_[i], chunk);
-  }
-}
-
-void TileBins::build(const ProjectedSurfels& projected, int width_px, int height_px,
-                     Workers& workers) {
-  tiles_x_ = (width_px + kTileSizePx - 1) / kTileSizePx;
-  tiles_y_ = (height_px + kTileSizePx - 1) / kTileSizePx;
-  sort_by_depth(projected);
-
-  const std::size_t chunk_count = (order_.size() + kChunkSurfels - 1) / kChunkSurfels;
-  if (chunks_.size() < chunk_count) chunks_.resize(chunk_count);
-  workers.for_each(chunk_count, [&](std::size_t c) { find_spans(projected, c); });
-
-  const std::size_t tile_count = static_cast<std::size_t>(tiles_x_) * tiles_y_;
-  first_.resize(tile_count + 1);
+/// Room for every live tile's list and the slab's pairs behind it.
+void TileBins::place_lists() {
+  first_before_.swap(first_);
+  slots_before_.swap(slots_);
+  first_.resize(first_before_.size());
   std::uint32_t sum = 0;
-  for (std::size_t tile = 0; tile < tile_count; ++tile) {
+  for (std::size_t tile = 0; tile < live_.size(); ++tile) {
+    const std::uint32_t added = next_[tile];
     first_[tile] = sum;
-    for (std::size_t c = 0; c < chunk_count; ++c) {
-      const std::uint32_t count = chunks_[c].count[tile];
-      chunks_[c].count[tile] = sum;
-      sum += count;
+    if (live_[tile] == 0) continue;
+    const std::uint32_t present = first_before_[tile + 1] - first_before_[tile];
+    next_[tile] = sum + present;
+    sum += present + added;
+    pair_count_ += added;
+  }
+  first_[live_.size()] = sum;
+  if (slots_.size() < sum) slots_.resize(sum + sum / 4);
+}
+
+void TileBins::fill_band(int y_begin, int y_end) {
+  for (std::size_t tile = static_cast<std::size_t>(y_begin) * tiles_x_;
+       tile < static_cast<std::size_t>(y_end) * tiles_x_; ++tile) {
+    if (live_[tile] == 0) continue;
+    std::copy(slots_before_.begin() + first_before_[tile],
+              slots_before_.begin() + first_before_[tile + 1], slots_.begin() + first_[tile]);
+  }
+  for (const Entry& entry : entries_) {
+    const int end = std::min<int>(entry.y_end, y_end);
+    for (int y = std::max<int>(entry.y_begin, y_begin); y < end; ++y) {
+      const TileSpan span = entry.spans[y - entry.y_begin];
+      const std::size_t row = static_cast<std::size_t>(y) * tiles_x_;
+      for (std::size_t tile = row + span.begin; tile < row + span.end; ++tile) {
+        if (live_[tile] != 0) slots_[next_[tile]++] = entry.slot;
+      }
     }
   }
-  first_[tile_count] = sum;
-  slots_.resize(std::max<std::size_t>(slots_.size(), sum));
+}
 
-  workers.for_each(chunk_count, [&](std::size_t c) {
-    for (const Span& span : chunks_[c].spans) {
-      std::uint32_t* next =
-          chunks_[c].count.data() + static_cast<std::size_t>(span.tile_y) * tiles_x_;
-      for (int x = span.tile_x_begin; x < span.tile_x_end; ++x) slots_[next[x]++] = span.slot;
+void TileBins::add_slab(const ProjectedSurfels& projected, std::size_t begin, std::size_t end,
+                        float bound_m, Workers& workers) {
+  select(projected, begin, end, bound_m);
+  sort_by_depth(projected);
+  entries_.resize(order_.size());
+  const std::size_t task_count = (order_.size() + kEntriesPerTask - 1) / kEntriesPerTask;
+  workers.for_each(task_count, [&](std::size_t task) {
+    const std::size_t last = std::min(order_.size(), (task + 1) * kEntriesPerTask);
+    for (std::size_t i = task * kEntriesPerTask; i < last; ++i) {
+      const std::uint32_t slot = order_[i];
+      const SurfelTiles& tiles = projected.tiles[slot];
+      entries_[i] = {projected.spans_of(slot), slot, tiles.y_begin, tiles.y_end};
     }
   });
+  // Every band reads all entries, so there are only a few.
+  const int bands =
+      std::min(tiles_y_, workers.thread_count() == 1 ? 1 : 2 * workers.thread_count());
+  const auto band_begin = [&](std::size_t band) {
+    return static_cast<int>(band) * tiles_y_ / bands;
+  };
+  const auto band_count = static_cast<std::size_t>(bands);
+  workers.for_each(band_count,
+                   [&](std::size_t b) { count_band(band_begin(b), band_begin(b + 1)); });
+  place_lists();
+  workers.for_each(band_count,
+                   [&](std::size_t b) { fill_band(band_begin(b), band_begin(b + 1)); });
 }
 
 }  // namespace segsim::renderer::internal

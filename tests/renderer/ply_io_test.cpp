@@ -65,6 +65,8 @@ void expect_equal(const SurfelCloud& a, const SurfelCloud& b) {
   EXPECT_EQ(a.semantic_id, b.semantic_id);
   EXPECT_EQ(a.instance_id, b.instance_id);
   EXPECT_EQ(a.sh, b.sh);
+  EXPECT_EQ(a.semantic_feature, b.semantic_feature);
+  EXPECT_EQ(a.instance_feature, b.instance_feature);
   EXPECT_EQ(a.position_m, b.position_m);
   for (std::size_t i = 0; i < a.size(); ++i) {
     EXPECT_NEAR(a.opacity[i], b.opacity[i], 1e-6F);
@@ -83,6 +85,46 @@ TEST_F(PlyIo, RoundTripOfEveryDegree) {
     write_surfels_ply(folder_ / "scene.ply", cloud);
     expect_equal(cloud, read_surfels_ply(folder_ / "scene.ply"));
   }
+}
+
+TEST_F(PlyIo, FeaturesSurviveARoundTrip) {
+  SurfelCloud cloud = cloud_of_degree(1);
+  EXPECT_FALSE(cloud.has_features());
+  testing::add_random_features(cloud, 3);
+  write_surfels_ply(folder_ / "scene.ply", cloud);
+  expect_equal(cloud, read_surfels_ply(folder_ / "scene.ply"));
+  cloud.semantic_id.clear();
+  cloud.instance_id.clear();
+  write_surfels_ply(folder_ / "scene.ply", cloud);
+  expect_equal(cloud, read_surfels_ply(folder_ / "scene.ply"));
+}
+
+TEST_F(PlyIo, FeaturesAreAllThereOrNone) {
+  SurfelCloud cloud = cloud_of_degree(0);
+  testing::add_random_features(cloud, 3);
+  write_surfels_ply(folder_ / "good.ply", cloud);
+  const std::string good = core::read_file(folder_ / "good.ply");
+  const auto with = [&](const std::string& from, const std::string& to) {
+    std::string bytes = good;
+    bytes.replace(bytes.find(from), from.size(), to);
+    return error_of(write_text(bytes));
+  };
+  EXPECT_THAT(
+      with("float sem_f_7\n", "float other_7\n"),
+      HasSubstr("expected no features or all of sem_f_0 ... 15, found 15 of them and 0"));
+  EXPECT_THAT(with("float ins_f_31\n", "float ins_f_32\n"),
+              HasSubstr("all of ins_f_0 ... 31, found 31 of them and 1 others"));
+  std::string only_semantic = good;
+  for (std::size_t at; (at = only_semantic.find("ins_f_")) != std::string::npos;) {
+    only_semantic.replace(at, 6, "other_");
+  }
+  EXPECT_THAT(error_of(write_text(only_semantic)), HasSubstr("found 0 of them and 0 others"));
+  std::string not_finite = good;
+  const float nan = std::nanf("");
+  // Feature 0 of the last of 50 vertices: 48 floats and two labels of 16 bits from the end.
+  std::memcpy(not_finite.data() + not_finite.size() - 4 - 48 * 4, &nan, 4);
+  EXPECT_THAT(error_of(write_text(not_finite)),
+              HasSubstr("vertex 49: expected a finite feature"));
 }
 
 TEST_F(PlyIo, UnlabelledSceneStaysUnlabelled) {

@@ -72,6 +72,17 @@ inline SurfelCloud random_scene(std::uint64_t seed, int count, float opacity_min
   return cloud;
 }
 
+/// Features as of an untrained field.
+inline void add_random_features(SurfelCloud& cloud, std::uint64_t seed) {
+  core::RandomStream random(seed, "features");
+  cloud.semantic_feature.resize(cloud.size());
+  cloud.instance_feature.resize(cloud.size());
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    for (float& f : cloud.semantic_feature[i]) f = static_cast<float>(random.normal());
+    for (float& f : cloud.instance_feature[i]) f = static_cast<float>(random.normal());
+  }
+}
+
 /// Covers the rectangle corner + [0, 1] edge_a + [0, 1] edge_b as a lifted depth image would:
 /// one nearly opaque surfel per cell of `spacing_m`.
 inline void add_rectangle(SurfelCloud& cloud, core::RandomStream& random,

@@ -1,0 +1,203 @@
+#include "renderer/internal/compat_projection.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstdint>
+#include <vector>
+
+#include <glm/common.hpp>
+#include <glm/geometric.hpp>
+
+#include "renderer/internal/compat_rules.h"
+#include "renderer/surfel_geometry.h"
+
+namespace segsim::renderer::internal {
+namespace {
+
+constexpr double kHalfLog2E = 0.72134752044448170;
+/// |det J| below this times |J|^2 is edge-on here. Neither program has such a threshold; this
+/// one keeps M within the range of float.
+constexpr double kCompatEdgeOn = 1e-12;
+
+Vec3<double> wide(float x, float y, float z) {
+  return {static_cast<double>(x), static_cast<double>(y), static_cast<double>(z)};
+}
+Vec3<double> wide(const Vec3<float>& v) { return wide(v.x, v.y, v.z); }
+
+ProjectionCamera<double> wide(const ProjectionCamera<float>& c) {
+  return {wide(c.right),
+          wide(c.down),
+          wide(c.forward),
+          wide(c.centre_m),
+          static_cast<double>(c.fx_px),
+          static_cast<double>(c.fy_px),
+          static_cast<double>(c.cx_px),
+          static_cast<double>(c.cy_px)};
+}
+
+glm::vec3 compat_colour(const ProjectionJob& job, std::size_t i, const glm::vec3& ray) {
+  if (!job.packed.colour.empty()) return job.packed.colour[i];
+  const glm::vec3 direction = glm::normalize(ray);
+  float basis[16];
+  sh_basis(job.cloud.sh_degree, Vec3<float>{direction.x, direction.y, direction.z}, basis);
+  const std::size_t n = job.cloud.sh_count();
+  const glm::vec3* sh = job.cloud.sh.data() + job.packed.surfel[i] * n;
+  glm::vec3 sum(0.5F);
+  for (std::size_t k = 0; k < n; ++k) sum += basis[k] * sh[k];
+  return glm::max(sum, glm::vec3(0.0F));
+}
+
+SurfelShade compat_shade(const ProjectionJob& job, std::size_t i) {
+  const PackedSurfels& p = job.packed;
+  const Vec3<float>& eye = job.camera.centre_m;
+  const glm::vec3 ray(p.x_m[i] - eye.x, p.y_m[i] - eye.y, p.z_m[i] - eye.z);
+  const glm::vec3 normal = glm::dot(p.normal[i], ray) > 0.0F ? -p.normal[i] : p.normal[i];
+  const glm::vec3 colour = job.colours ? compat_colour(job, i, ray) : glm::vec3(0.0F);
+  return {colour.r, colour.g, colour.b, normal.x, normal.y, normal.z, p.label[i], p.surfel[i]};
+}
+
+/// J^-1 and g without the threshold of project_surfel(); false if J has no inverse.
+bool invert(SurfelProjection<double>& s) {
+  const double det = s.a0 * s.b1 - s.a1 * s.b0;
+  const double norm2 = s.a0 * s.a0 + s.a1 * s.a1 + s.b0 * s.b0 + s.b1 * s.b1;
+  if (!(std::abs(det) > kCompatEdgeOn * norm2)) return false;
+  s.m00 = s.b1 / det;
+  s.m01 = -s.a1 / det;
+  s.m10 = -s.b0 / det;
+  s.m11 = s.a0 / det;
+  s.g0 = s.w0 * s.m00 + s.w1 * s.m10;
+  s.g1 = s.w0 * s.m01 + s.w1 * s.m11;
+  return true;
+}
+
+/// First pixel of a tile, or last one before a tile for offset -1.
+std::uint16_t pixel_of_tile(int tile, int offset_px, int last_px) {
+  return static_cast<std::uint16_t>(std::clamp(tile * kCompatTilePx + offset_px, 0, last_px));
+}
+
+ScreenSurfel screen_surfel(const SurfelProjection<double>& s, const ConicBox<double>& box,
+                           double k2, float z0_m, Compat compat) {
+  const double inverse_k = 1.0 / std::sqrt(k2);
+  ScreenSurfel screen{};
+  screen.x0_px = static_cast<float>(s.x0_px);
+  screen.y0_px = static_cast<float>(s.y0_px);
+  screen.m00 = static_cast<float>(s.m00 * inverse_k);
+  screen.m01 = static_cast<float>(s.m01 * inverse_k);
+  screen.m10 = static_cast<float>(s.m10 * inverse_k);
+  screen.m11 = static_cast<float>(s.m11 * inverse_k);
+  screen.g0 = static_cast<float>(s.g0);
+  screen.g1 = static_cast<float>(s.g1);
+  screen.z0_m = z0_m;
+  screen.c_k2 = static_cast<float>(kHalfLog2E * k2);
+  screen.e_min = static_cast<float>(box.cx_px - s.x0_px);
+  screen.e_max = static_cast<float>(box.cy_px - s.y0_px);
+  screen.shape = compat == Compat::kInria ? SurfelShape::kInria : SurfelShape::kGsplat;
+  return screen;
+}
+
+class CompatProjection {
+ public:
+  CompatProjection(const ProjectionJob& job, Compat compat)
+      : job_(job),
+        compat_(compat),
+        rules_(rules_of(compat)),
+        camera_(wide(job.camera)),
+        tiles_x_((job.width_px + kCompatTilePx - 1) / kCompatTilePx),
+        tiles_y_((job.height_px + kCompatTilePx - 1) / kCompatTilePx) {}
+
+  /// Projects visible cluster number v.
+  void project_cluster(std::size_t v, ProjectedSurfels& out) const {
+    const std::size_t first = out.visible[v].cluster * kClusterSize;
+    const std::size_t first_slot = v * kClusterSize;
+    std::size_t slot = first_slot;
+    for (std::size_t i = first; i < first + kClusterSize; ++i) {
+      if (project(i, slot, out, out.spans[v / kClustersPerTask])) ++slot;
+    }
+    out.count[v] = static_cast<std::uint32_t>(slot - first_slot);
+  }
+
+ private:
+  /// @return  False if the program does not draw packed surfel i.
+  bool project(std::size_t i, std::size_t slot, ProjectedSurfels& out,
+               std::vector<TileSpan>& spans) const {
+    const PackedSurfels& p = job_.packed;
+    const float z0_m = depth_of_centre<float>(job_.camera, {p.x_m[i], p.y_m[i], p.z_m[i]});
+    if (!(z0_m > rules_.near_m && z0_m < rules_.far_m) || !(p.k2[i] > 0.0F)) return false;
+    SurfelProjection<double> s = project_surfel<double>(
+        camera_, wide(p.x_m[i], p.y_m[i], p.z_m[i]), wide(p.ux_m[i], p.uy_m[i], p.uz_m[i]),
+        wide(p.vx_m[i], p.vy_m[i], p.vz_m[i]));
+    const bool invertible = invert(s);
+    if (!invertible && rules_.cull_edge_on) return false;
+    const ConicBox<double> box = box_of_dual_conic(s, rules_.box_k2);
+    const TileRectangle tiles = compat_tiles(compat_, box, tiles_x_, tiles_y_);
+    if (tiles.empty()) return false;
+    ScreenSurfel& screen = out.screen[slot];
+    screen = screen_surfel(s, box, static_cast<double>(p.k2[i]), z0_m, compat_);
+    screen.x_lo = pixel_of_tile(tiles.x_begin, 0, job_.width_px - 1);
+    screen.x_hi = pixel_of_tile(tiles.x_end, -1, job_.width_px - 1);
+    screen.y_lo = pixel_of_tile(tiles.y_begin, 0, job_.height_px - 1);
+    screen.y_hi = pixel_of_tile(tiles.y_end, -1, job_.height_px - 1);
+    out.shade[slot] = compat_shade(job_, i);
+    out.depth_key[slot] = std::bit_cast<std::uint32_t>(z0_m);
+    out.tiles[slot] = {static_cast<std::uint32_t>(spans.size()),
+                       static_cast<std::uint16_t>(tiles.y_begin),
+                       static_cast<std::uint16_t>(tiles.y_end)};
+    spans.resize(spans.size() + static_cast<std::size_t>(tiles.y_end - tiles.y_begin),
+                 TileSpan{static_cast<std::uint16_t>(tiles.x_begin),
+                          static_cast<std::uint16_t>(tiles.x_end)});
+    return true;
+  }
+
+  const ProjectionJob& job_;
+  Compat compat_;
+  CompatRules rules_;
+  ProjectionCamera<double> camera_;
+  int tiles_x_, tiles_y_;
+};
+
+}  // namespace
+
+void find_clusters_compat(const ProjectionJob& job, ProjectedSurfels& projected) {
+  /// Rounding of a centre's depth, relative to its distance.
+  constexpr float kDepthSlack = 1e-5F;
+  projected.visible.clear();
+  for (std::size_t i = 0; i < job.packed.cluster_count(); ++i) {
+    const Cluster& cluster = job.packed.clusters[i];
+    const Vec3<float>& eye = job.camera.centre_m;
+    const glm::vec3 offset = cluster.centre_m - glm::vec3(eye.x, eye.y, eye.z);
+    const float z = dot(job.camera.forward, Vec3<float>{offset.x, offset.y, offset.z});
+    const float slack = kDepthSlack * (1.0F + glm::length(offset));
+    projected.visible.push_back(
+        {z - cluster.centres_radius_m - slack, static_cast<std::uint32_t>(i)});
+  }
+  std::sort(projected.visible.begin(), projected.visible.end(),
+            [](const VisibleCluster& a, const VisibleCluster& b) {
+              return a.nearest_m != b.nearest_m ? a.nearest_m < b.nearest_m
+                                                : a.cluster < b.cluster;
+            });
+}
+
+void project_clusters_compat(const ProjectionJob& job, Compat compat, std::size_t begin,
+                             std::size_t end, Workers& workers, ProjectedSurfels& projected) {
+  if (projected.screen.size() < end * kClusterSize) {
+    projected.screen.resize(end * kClusterSize);
+    projected.shade.resize(end * kClusterSize);
+    projected.tiles.resize(end * kClusterSize);
+    projected.depth_key.resize(end * kClusterSize);
+    projected.count.resize(end);
+    projected.spans.resize((end + kClustersPerTask - 1) / kClustersPerTask);
+  }
+  const CompatProjection projection(job, compat);
+  const std::size_t first_task = begin / kClustersPerTask;
+  const std::size_t task_count = (end - begin + kClustersPerTask - 1) / kClustersPerTask;
+  workers.for_each(task_count, [&](std::size_t task) {
+    const std::size_t first = (first_task + task) * kClustersPerTask;
+    projected.spans[first_task + task].clear();
+    for (std::size_t v = first; v < std::min(end, first + kClustersPerTask); ++v) {
+      projection.project_cluster(v, projected);
+    }
+  });
+}
+
+}  // namespace segsim::renderer::internal

@@ -1,0 +1,11 @@
+#pragma once
+
+#include <string>
+
+namespace segsim::renderer {
+
+/// Name of the instruction set that the CPU renderer uses on this machine, in Highway's words:
+/// "AVX3" (AVX-512), "AVX2", "SSE4", "NEON", "EMU128" (scalar), ...
+[[nodiscard]] std::string simd_target();
+
+}  // namespace segsim::renderer
