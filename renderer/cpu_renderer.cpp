@@ -11,9 +11,9 @@
 
 #include "core/check.h"
 #include "renderer/depth_normal.h"
-#include "renderer/internal/label_resolve.h"
 #include "renderer/internal/compat_projection.h"
 #include "renderer/internal/compat_rules.h"
+#include "renderer/internal/label_resolve.h"
 #include "renderer/internal/packed_surfels.h"
 #include "renderer/internal/parallel.h"
 #include "renderer/internal/projection.h"
@@ -142,7 +142,10 @@ class CpuRenderer final : public core::Renderer {
     // A log of all surfels of a pixel, and the pixels of very large images, are not kept from
     // one slab to the next.
     constexpr std::size_t kMaxTiles = 65536;
-    if (options_.top_k == kAllSurfels || bins_.tile_count() > kMaxTiles) return visible + 1;
+    if (!options_.skip_hidden || options_.top_k == kAllSurfels ||
+        bins_.tile_count() > kMaxTiles) {
+      return visible + 1;
+    }
     constexpr std::size_t kLeast = 16 * internal::kClustersPerTask;
     constexpr std::size_t kSlabs = 5;
     const std::size_t size = std::max(kLeast, visible / kSlabs + 1);

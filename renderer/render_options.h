@@ -45,6 +45,9 @@ struct RenderOptions {
   float near_m = 0.05F;  ///< Surfels and fragments nearer than this (along +z) are not drawn.
   DepthMode depth = DepthMode::kMedian;
   int threads = 0;  ///< 0 = all processors; 1 = the calling thread only.
+  /// Surfels behind finished tiles are neither projected nor binned. The image is the same
+  /// without; the counters are then those of a renderer that bins the whole view.
+  bool skip_hidden = true;
 };
 
 inline constexpr int kMaxTopK = 24;

@@ -356,8 +356,9 @@ void append_tiles(const ProjectionJob& job, std::size_t i, std::size_t slot,
                      static_cast<std::uint16_t>(range.y_end)};
   const auto rows = static_cast<std::size_t>(range.y_end - range.y_begin);
   const std::size_t first = spans.size();
-  spans.resize(first + rows, TileSpan{static_cast<std::uint16_t>(range.x_begin),
-                                      static_cast<std::uint16_t>(range.x_end)});
+  const TileSpan box{static_cast<std::uint16_t>(range.x_begin),
+                     static_cast<std::uint16_t>(range.x_end)};
+  for (std::size_t row = 0; row < rows; ++row) spans.push_back(box);
   const bool exact_rows =
       job.bounds == TileBounds::kAccuTile || job.bounds == TileBounds::kPaper;
   if (!exact_rows || rows == 0 || !(outline.syy > 0.0F)) return;

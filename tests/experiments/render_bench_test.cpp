@@ -152,12 +152,16 @@ TEST(RenderBench, ReportsHaveFiguresAndProvenance) {
 
 TEST(Ablation, StandsBesideThePapersFigures) {
   const std::vector<AblationRow> rows = ablation_rows(small_case());
-  ASSERT_EQ(rows.size(), 6U);
+  ASSERT_EQ(rows.size(), 7U);
   EXPECT_EQ(rows[0].setup.options.bounds, renderer::TileBounds::kAabb);
   EXPECT_EQ(rows[0].setup.options.top_k, renderer::kAllSurfels);
   EXPECT_EQ(rows[3].setup.options.bounds, renderer::TileBounds::kAccuTile);
   EXPECT_EQ(rows[3].setup.options.top_k, 3);
   EXPECT_EQ(rows[5].setup.options.top_k_rule, renderer::TopKRule::kFirst);
+  for (std::size_t i = 0; i + 1 < rows.size(); ++i) {  // They differ in one thing.
+    EXPECT_FALSE(rows[i].setup.options.skip_hidden);
+  }
+  EXPECT_TRUE(rows[6].setup.options.skip_hidden);
 
   const std::vector<BenchResult> results(rows.size(), made_up_result());
   const BenchProvenance provenance = made_up_machine();
@@ -173,8 +177,8 @@ TEST(Ablation, StandsBesideThePapersFigures) {
   EXPECT_EQ(json["rows"][3]["paper"]["fps"], 45.0);
   EXPECT_FALSE(json["rows"][4].contains("paper"));
   const std::string csv = ablation_table(provenance, rows, results, TableFormat::kCsv);
-  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 7);
-  EXPECT_EQ(std::count(csv.begin(), csv.end(), ','), 7 * 15);
+  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 8);
+  EXPECT_EQ(std::count(csv.begin(), csv.end(), ','), 8 * 16);
 
   std::vector<BenchResult> unlabelled = results;
   for (BenchResult& r : unlabelled) r.agreement = std::nan("");

@@ -174,6 +174,19 @@ TEST(CpuRenderer, MatchesReferenceForEveryTopK) {
   }
 }
 
+TEST(CpuRenderer, SkippingHiddenSurfelsDoesNotChangeTheImage) {
+  const auto scene = shared(testing::room_scene(0.03F));
+  const CameraPose pose = core::look_at({3.0, 2.5, 1.2}, {5.0, 4.0, 0.6});
+  const CameraIntrinsics camera = CameraIntrinsics::from_fov(160, 120, 1.3);
+  const Frame skipped = render_with(scene, pose, camera, {.threads = 1});
+  const Frame whole = render_with(scene, pose, camera, {.threads = 1, .skip_hidden = false});
+  EXPECT_EQ(skipped.rgb.pixels(), whole.rgb.pixels());
+  EXPECT_EQ(skipped.alpha.pixels(), whole.alpha.pixels());
+  EXPECT_EQ(skipped.semantic.pixels(), whole.semantic.pixels());
+  EXPECT_EQ(skipped.instance.pixels(), whole.instance.pixels());
+  EXPECT_LT(skipped.stats.pairs_binned, whole.stats.pairs_binned);
+}
+
 TEST(CpuRenderer, SphericalHarmonicsChangeWithTheView) {
   SurfelCloud cloud = testing::random_scene(4, 600, 0.5F);
   core::RandomStream random(1, "sh");
