@@ -5,6 +5,7 @@
 #include <memory>
 #include <numbers>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <CLI/CLI.hpp>
@@ -33,6 +34,7 @@ struct Flags {
   double hfov_deg = 70.0;
   renderer::RenderOptions options;
   bool reference = false;
+  bool single_part = false;
 };
 
 /// Turns "all" into kAllSurfels and lets 1 ... kMaxTopK pass.
@@ -80,10 +82,16 @@ void add_choice(CLI::App& command, const std::string& flag, Enum& value,
       ->option_text(choices(names) + "=" + default_name);
 }
 
-/// A bundle's folder or a bare surfel file.
-fs::path surfels_file(const fs::path& scene) {
-  if (scene.extension() == ".ply") return scene;
-  return core::load_bundle(scene).surfels_file();
+/// A bundle's surfels and names, or those of a bare surfel file, which has none.
+std::pair<fs::path, renderer::FrameInfo> read_scene(const fs::path& scene) {
+  renderer::FrameInfo info;
+  if (scene.extension() == ".ply") return {scene, info};
+  const core::SceneBundle bundle = core::load_bundle(scene);
+  info.scene = bundle.manifest.name;
+  info.scene_sha256 = bundle.scene_sha256;
+  info.names =
+      std::make_shared<const renderer::SceneNames>(renderer::SceneNames::of(bundle.manifest));
+  return {bundle.surfels_file(), info};
 }
 
 core::CameraPose camera_pose(const std::vector<double>& pose) {
@@ -94,8 +102,9 @@ core::CameraPose camera_pose(const std::vector<double>& pose) {
 }
 
 void render(const Flags& flags) {
-  auto surfels = std::make_shared<renderer::SurfelCloud>(
-      renderer::read_surfels_ply(surfels_file(flags.scene)));
+  const auto [surfels_file, info] = read_scene(flags.scene);
+  auto surfels =
+      std::make_shared<renderer::SurfelCloud>(renderer::read_surfels_ply(surfels_file));
   const auto renderer = flags.reference
                             ? renderer::make_reference_renderer(surfels, flags.options)
                             : renderer::make_cpu_renderer(surfels, flags.options);
@@ -106,7 +115,9 @@ void render(const Flags& flags) {
 
   const std::string extension = flags.out.extension().string();
   if (extension == ".exr") {
-    renderer::write_frame_exr(flags.out, frame);
+    renderer::ExrOptions options;
+    if (flags.single_part) options.layout = renderer::ExrLayout::kSinglePart;
+    renderer::write_frame_exr(flags.out, frame, info, options);
   } else if (extension == ".png" || extension == ".jpg") {
     perception::write_image(flags.out, frame_picture(frame));
   } else {
@@ -164,7 +175,7 @@ void add_render_command(CLI::App& app) {
       ->required();
   command
       ->add_option("--out", flags->out,
-                   "view.exr: R, G, B, A, Z, N.x, N.y, N.z, semantic, instance; "
+                   "view.exr: R, G, B, A, Z, N.x, N.y, N.z, semantic, instance, Cryptomatte; "
                    "view.png: colour, depth, normals and panoptic image side by side")
       ->required();
   command
@@ -182,6 +193,9 @@ void add_render_command(CLI::App& app) {
       ->check(CLI::Range(10.0, 170.0))
       ->capture_default_str();
   add_strategy_flags(*command, flags->options);
+  command->add_flag(
+      "--single-part", flags->single_part,
+      "EXR: all channels in one part, for programs that read the first part only");
   command->add_flag("--reference", flags->reference,
                     "Use the slow double-precision reference instead of the fast renderer");
   command->callback([flags] { render(*flags); });

@@ -189,10 +189,13 @@ std::vector<TrialTask> all_tasks(const ExperimentSpec& spec,
     bool first = true;
     for (const sim::Episode& episode : scene.episodes.episodes) {
       for (int repetition = 0; repetition < spec.repetitions; ++repetition) {
-        const bool video = spec.videos == Videos::kAll ||
-                           (spec.videos == Videos::kFirst && first && repetition == 0);
+        const auto chosen = [&](Recorded which) {
+          return which == Recorded::kAll ||
+                 (which == Recorded::kFirst && first && repetition == 0);
+        };
         for (const ArmSpec& arm : spec.arms) {
-          tasks.push_back({&scene, &episode, &arm, repetition, video});
+          tasks.push_back({&scene, &episode, &arm, repetition, chosen(spec.videos),
+                           chosen(spec.frames.of)});
         }
       }
       first = false;

@@ -28,8 +28,8 @@ struct RunReport {
 };
 
 /// Results lie in the work folder: results.sqlite, table.{txt,md,csv,json}, trials.csv,
-/// pictures/, tracks/, videos/, episodes/. Rows do not depend on the number of workers (wall
-/// times excepted).
+/// pictures/, tracks/, videos/, frames/, episodes/. Rows do not depend on the number of
+/// workers (wall times excepted).
 /// @throws core::InputError if the spec or a prepared input changed since the run began
 /// (unless
 ///         `new_run`), or if another process works in the folder.

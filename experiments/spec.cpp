@@ -288,6 +288,20 @@ SuccessSpec read_success(const ConfigNode& root) {
   return success;
 }
 
+Recorded read_recorded(const ConfigNode& node, const std::string& key) {
+  return static_cast<Recorded>(one_of(node, key, {"none", "first", "all"}));
+}
+
+FramesSpec read_frames(const ConfigNode& root) {
+  FramesSpec frames;
+  const std::optional<ConfigNode> node = root.optional_child("frames");
+  if (!node) return frames;
+  frames.of = read_recorded(*node, "of");
+  frames.every_s = number_within(*node, "every_s", frames.every_s, 0.005, 3600.0);
+  node->finish();
+  return frames;
+}
+
 /// Refuses a second element of the same name.
 template <class Element>
 void check_new_name(const std::vector<Element>& before, const std::string& name,
@@ -383,9 +397,8 @@ ExperimentSpec parse_spec(const std::string& text, const fs::path& origin,
   spec.camera = read_camera(root);
   spec.success = read_success(root);
   spec.planned_n = count_within(root, "planned_n", 0, 0, 1000000);
-  if (root.has("videos")) {
-    spec.videos = static_cast<Videos>(one_of(root, "videos", {"none", "first", "all"}));
-  }
+  if (root.has("videos")) spec.videos = read_recorded(root, "videos");
+  spec.frames = read_frames(root);
   spec.pictures = root.boolean_or("pictures", true);
   root.finish();
   return spec;

@@ -111,8 +111,14 @@ struct CameraSpec {
   [[nodiscard]] core::CameraIntrinsics intrinsics() const;
 };
 
-/// Which trials get a video.
-enum class Videos : std::uint8_t { kNone, kFirst, kAll };
+/// Which trials are recorded: of kFirst, those of each scene's first episode.
+enum class Recorded : std::uint8_t { kNone, kFirst, kAll };
+
+/// OpenEXR sequences of what the camera saw, ${work}/frames/<scene>/<episode>.<arm>/.
+struct FramesSpec {
+  Recorded of = Recorded::kNone;
+  double every_s = 1.0;  ///< Simulated time from one frame to the next, in whole ticks.
+};
 
 struct ExperimentSpec {
   static constexpr const char* kSchema = "segsim.experiment/1";
@@ -131,7 +137,8 @@ struct ExperimentSpec {
   CameraSpec camera;
   SuccessSpec success;
   int planned_n = 0;  ///< Episodes per arm that the conclusion was planned for; 0 = all.
-  Videos videos = Videos::kNone;
+  Recorded videos = Recorded::kNone;
+  FramesSpec frames;
   bool pictures = true;  ///< A PNG per trial.
 
   std::filesystem::path file;  ///< It was read from.

@@ -8,6 +8,7 @@
 #include "core/error.h"
 #include "core/file_io.h"
 #include "core/random.h"
+#include "experiments/frame_recorder.h"
 #include "experiments/trial_picture.h"
 #include "experiments/trial_video.h"
 #include "nav/frontier_policy.h"
@@ -247,22 +248,31 @@ void TrialRunner::run_checked(const TrialTask& task, TrialRow& row) {
                               .path_from({episode.start.x_m, episode.start.y_m});
 
   std::optional<TrialVideo> video;
-  sim::TickObserver observer;
+  std::optional<FrameRecorder> frames;
   const std::string stem = file_stem(task);
   if (task.video) {
     row.video = "videos/" + stem + ".mp4";
     video.emplace(work_ / row.video, scene, slot.detector->class_names(),
                   kVideoSpeed / spec_.control_period_s);
-    observer = [&](const sim::TickRecord& tick, const core::Frame& frame,
-                   const std::vector<core::Detection>& detections,
-                   const core::Policy& of) { video->add(tick, frame, detections, of.view()); };
   }
+  if (task.frames) {
+    const double ticks = std::round(spec_.frames.every_s / spec_.control_period_s);
+    frames.emplace(work_ / "frames" / stem, task.scene->bundle,
+                   std::max(1, static_cast<int>(ticks)), renderer);
+  }
+  const sim::TickObserver observer = [&](const sim::TickRecord& tick, const core::Frame& frame,
+                                         const std::vector<core::Detection>& detections,
+                                         const core::Policy& of) {
+    if (video) video->add(tick, frame, detections, of.view());
+    if (frames) frames->add(tick, frame);
+  };
 
   const sim::TrialResult result =
       sim::run_trial(episode, options, task.scene->world, task.scene->world.robot(), renderer,
                      *slot.detector, *policy, slot.truth, observer);
   copy_result(result, row);
   if (video) video->finish(result);
+  if (frames) frames->finish();
   if (spec_.pictures) {
     row.picture = "pictures/" + stem + ".png";
     perception::write_image(work_ / row.picture, draw_trial(scene, result));

@@ -51,6 +51,7 @@ struct TrialTask {
   const ArmSpec* arm = nullptr;
   int repetition = 0;
   bool video = false;
+  bool frames = false;
 };
 
 /// Weights of an arm; empty for the oracle.
@@ -64,8 +65,8 @@ class TrialRunner {
   TrialRunner(const ExperimentSpec& spec, PreparedDetectors detectors,
               std::filesystem::path work);
 
-  /// The result depends on the task and the spec only. Writes picture, track and video. What a
-  /// trial throws becomes a row with outcome "error".
+  /// The result depends on the task and the spec only. Writes picture, track, video and
+  /// frames. What a trial throws becomes a row with outcome "error".
   [[nodiscard]] TrialRow run(const TrialTask& task);
 
  private:

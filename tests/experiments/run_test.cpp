@@ -10,6 +10,8 @@
 #include "core/error.h"
 #include "core/file_io.h"
 #include "experiments/store.h"
+#include "renderer/exr_io.h"
+#include "renderer/frame_writer.h"
 #include "tiny_scene.h"
 
 namespace segsim::experiments {
@@ -144,6 +146,52 @@ TEST_F(RunTest, TwoRunsInOneFolderAreRefused) {
   ASSERT_EQ(flock(descriptor, LOCK_EX | LOCK_NB), 0);
   EXPECT_THROW((void)run("locked", 1, 1), core::InputError);
   close(descriptor);
+}
+
+/// What is written is the robot's view: pose and time of each tick, every channel, names.
+TEST_F(RunTest, FramesAreRecordedAndChangeNothing) {
+  (void)run("unseen", 1, 4);
+  EXPECT_FALSE(fs::exists(folder_->path() / "unseen" / "frames"));
+  const std::string text = std::string(kSpec) + "frames: {of: first, every_s: 1.0}\n";
+  const fs::path frames = folder_->path() / "seen" / "frames" / "tiny";
+  fs::create_directories(frames / "couch-00.before");
+  std::ofstream(frames / "couch-00.before" / "frame-999999.exr") << "of an older trial";
+  (void)run("seen", 2, 4, text);
+  EXPECT_EQ(essence(rows("seen")), essence(rows("unseen")));
+
+  // One control period is 0.25 s, so every fourth tick; of the first episode's arms only.
+  EXPECT_EQ(std::distance(fs::directory_iterator(frames), fs::directory_iterator()), 2);
+  for (const TrialRow& row : rows("seen")) {
+    if (row.episode != "tiny/couch/00") continue;
+    const fs::path folder = frames / ("couch-00." + row.arm);
+    ASSERT_TRUE(fs::exists(folder)) << folder;
+    EXPECT_EQ(std::distance(fs::directory_iterator(folder), fs::directory_iterator()),
+              (row.ticks + 3) / 4);
+    for (int tick = 0; tick < row.ticks; tick += 4) {
+      const fs::path file = folder / renderer::sequence_file_name(tick);
+      const core::Frame frame = renderer::read_frame_exr(file);
+      EXPECT_EQ(frame.intrinsics.width_px, 96);
+      EXPECT_NEAR(frame.T_world_camera.translation_m().z, 1.0, 1e-6);
+      EXPECT_FALSE(frame.rgb.empty() || frame.depth_m.empty() || frame.normal.empty() ||
+                   frame.instance.empty());
+      const renderer::FrameInfo info = renderer::read_frame_info_exr(file);
+      EXPECT_EQ(info.time_ns, tick * std::int64_t{250'000'000});
+      EXPECT_EQ(info.scene, "tiny");
+      EXPECT_EQ(info.scene_sha256.size(), 64U);
+      EXPECT_EQ(info.names->instances.name(1), "couch_1");
+      EXPECT_EQ(info.names->classes.name(TinyScene::kWall), "wall");
+    }
+  }
+}
+
+TEST_F(RunTest, FramesThatCannotBeWrittenFailTheTrial) {
+  const fs::path work = folder_->path() / "full";
+  fs::create_directories(work);
+  std::ofstream(work / "frames") << "a file in the way";
+  (void)run("full", 1, 1, std::string(kSpec) + "frames: {of: all}\n");
+  ASSERT_EQ(rows("full").size(), 1U);
+  EXPECT_EQ(rows("full")[0].outcome, "error");
+  EXPECT_THAT(rows("full")[0].error, HasSubstr("frames"));
 }
 
 TEST_F(RunTest, PicturesAndVideosAreMadeOnRequest) {

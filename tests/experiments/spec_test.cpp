@@ -105,7 +105,23 @@ TEST(Spec, EveryFieldIsRead) {
   EXPECT_NEAR(spec.camera.intrinsics().horizontal_fov_rad(), 80.0 * 3.14159265 / 180.0, 1e-6);
   EXPECT_EQ(spec.success.visible_pixels, 25);
   EXPECT_EQ(spec.planned_n, 6);
-  EXPECT_EQ(spec.videos, Videos::kFirst);
+  EXPECT_EQ(spec.videos, Recorded::kFirst);
+}
+
+TEST(Spec, FramesAreRecordedOnRequest) {
+  EXPECT_EQ(parse(kSpec).frames.of, Recorded::kNone);
+  const std::string text(kSpec);
+  FramesSpec frames = parse(text + "frames: {of: all}\n").frames;
+  EXPECT_EQ(frames.of, Recorded::kAll);
+  EXPECT_EQ(frames.every_s, 1.0);
+  frames = parse(text + "frames: {of: first, every_s: 0.4}\n").frames;
+  EXPECT_EQ(frames.of, Recorded::kFirst);
+  EXPECT_EQ(frames.every_s, 0.4);
+  EXPECT_THAT(error_of(text + "frames: {every_s: 1}\n"), HasSubstr("of"));
+  EXPECT_THAT(error_of(text + "frames: {of: most}\n"), HasSubstr("none | first | all"));
+  EXPECT_THAT(error_of(text + "frames: {of: all, every_s: 0}\n"),
+              HasSubstr("a number in [0.005, 3600]"));
+  EXPECT_THAT(error_of(text + "frames: {of: all, every: 1}\n"), HasSubstr("every_s"));
 }
 
 TEST(Spec, LeakageFollowsTheFineTuningScenes) {
