@@ -40,7 +40,7 @@ struct RenderStats {
   std::uint64_t pairs_binned = 0;       ///< (tile, surfel) pairs in the tile lists.
   std::uint64_t pairs_touched = 0;      ///< Pairs read before their tile saturated.
   std::uint64_t evaluations = 0;        ///< (pixel, surfel) intersections computed.
-  std::uint64_t contributions = 0;      ///< Evaluations with alpha >= 1/255 on a live pixel.
+  std::uint64_t contributions = 0;      ///< Evaluations that changed their pixel.
   std::uint64_t feature_fetches = 0;    ///< Label or feature rows read for pixels.
   double render_ms = 0.0;               ///< Wall time.
 };

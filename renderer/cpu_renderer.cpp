@@ -91,10 +91,15 @@ class CpuRenderer final : public core::Renderer {
   }
 
  private:
+  struct LiveTile {
+    std::uint32_t work;  ///< Entries that wait for it.
+    std::uint32_t tile;
+  };
+
   /// Nearest clusters first, a slab at a time, until every pixel is finished: what lies behind
   /// is neither projected nor binned.
   void draw(const internal::ProjectionJob& projection, Channels channels, core::Frame& frame) {
-    bins_.begin(projection.width_px, projection.height_px);
+    bins_.begin(projection.width_px, projection.height_px, workers_.thread_count());
     if (progress_.size() < bins_.tile_count()) progress_.resize(bins_.tile_count());
     for (internal::TileProgress& tile : progress_) tile.started = false;
     const bool exact = options_.compat == Compat::kExact;
@@ -110,19 +115,20 @@ class CpuRenderer final : public core::Renderer {
       const std::size_t end = std::min(total, begin + slab);
       const float bound_m = end == total ? std::numeric_limits<float>::infinity()
                                          : projected_.visible[end].nearest_m;
+      bins_.open_slab();
       if (exact) {
-        internal::project_clusters(projection, begin, end, workers_, projected_);
+        internal::project_clusters(projection, begin, end, workers_, projected_, bins_);
       } else {
         internal::project_clusters_compat(projection, options_.compat, begin, end, workers_,
-                                          projected_);
+                                          projected_, bins_);
       }
+      bins_.close_slab();
       for (std::size_t v = begin; v < end; ++v) {
         frame.stats.surfels_projected += projected_.count[v];
       }
-      bins_.add_slab(projected_, begin, end, bound_m, workers_);
-      raster(channels, end == total, frame);
+      raster(channels, bound_m, end == total, frame);
       begin = end;
-    } while (begin < total && !tiles_.empty());
+    } while (begin < total && !live_.empty());
     frame.stats.pairs_binned = bins_.pair_count();
   }
 
@@ -153,9 +159,9 @@ class CpuRenderer final : public core::Renderer {
            internal::kClustersPerTask;
   }
 
-  /// Live tiles that have something to do, those with the longest lists first. Afterwards
-  /// tiles_ holds the tiles that are still live.
-  void raster(Channels channels, bool last, core::Frame& frame) {
+  /// Live tiles, those with the most to do first. Those with little to do only collect their
+  /// entries.
+  void raster(Channels channels, float bound_m, bool last, core::Frame& frame) {
     const internal::ResolveJob resolve{surfels_.get(), field_.get(), surfels_->has_labels(),
                                        options_.top_k, options_.top_k_rule};
     const internal::RasterJob job{.projected = projected_,
@@ -174,10 +180,15 @@ class CpuRenderer final : public core::Renderer {
                                   .stop_transmittance = options_.compat == Compat::kExact
                                                             ? kStopTransmittance
                                                             : internal::kCompatStopInFloat};
-    find_ready_tiles(last);
+    find_live_tiles();
     std::atomic<std::uint64_t> touched{0}, evaluations{0}, contributions{0}, fetches{0};
-    workers_.for_each(ready_.size(), [&](std::size_t i) {
-      const std::size_t tile = ready_[i];
+    workers_.for_each(live_.size(), [&](std::size_t i) {
+      const auto [work, tile] = live_[i];
+      bins_.collect(tile);
+      // Fewer entries rarely saturate a tile, and its pixels would have to be put aside.
+      constexpr std::uint32_t kWorthwhile = 160;
+      if (!last && work < kWorthwhile) return;
+      bins_.extend_list(tile, bound_m, projected_.shade.data());
       const internal::TileStats stats =
           internal::raster_tile(job, tile, last, progress_[tile]);
       if (stats.finished) bins_.retire(tile);
@@ -190,30 +201,19 @@ class CpuRenderer final : public core::Renderer {
     frame.stats.evaluations += evaluations;
     frame.stats.contributions += contributions;
     frame.stats.feature_fetches += fetches;
-    tiles_.clear();
-    for (std::size_t tile = 0; tile < bins_.tile_count(); ++tile) {
-      if (bins_.is_live(tile)) tiles_.push_back(static_cast<std::uint32_t>(tile));
-    }
+    std::erase_if(live_, [&](const LiveTile& tile) { return !bins_.is_live(tile.tile); });
   }
 
-  void find_ready_tiles(bool last) {
-    // Fewer new entries rarely saturate a tile, and its pixels would have to be put aside.
-    constexpr std::size_t kWorthwhile = 160;
-    ready_.clear();
+  void find_live_tiles() {
+    live_.clear();
     for (std::size_t tile = 0; tile < bins_.tile_count(); ++tile) {
       if (!bins_.is_live(tile)) continue;
-      if (last || waiting_entries(tile) >= kWorthwhile) {
-        ready_.push_back(static_cast<std::uint32_t>(tile));
-      }
+      live_.push_back(
+          {static_cast<std::uint32_t>(bins_.waiting(tile)), static_cast<std::uint32_t>(tile)});
     }
-    std::sort(ready_.begin(), ready_.end(), [&](std::uint32_t a, std::uint32_t b) {
-      const std::size_t work_a = waiting_entries(a), work_b = waiting_entries(b);
-      return work_a != work_b ? work_a > work_b : a < b;
+    std::sort(live_.begin(), live_.end(), [](const LiveTile& a, const LiveTile& b) {
+      return a.work != b.work ? a.work > b.work : a.tile < b.tile;
     });
-  }
-  [[nodiscard]] std::size_t waiting_entries(std::size_t tile) const {
-    const internal::TileProgress& progress = progress_[tile];
-    return bins_.list(tile).size() - (progress.started ? progress.done : 0);
   }
 
   std::shared_ptr<const SurfelCloud> surfels_;
@@ -224,7 +224,7 @@ class CpuRenderer final : public core::Renderer {
   internal::ProjectedSurfels projected_;
   internal::TileBins bins_;
   std::vector<internal::TileProgress> progress_;
-  std::vector<std::uint32_t> ready_, tiles_;  ///< To be drawn now; still live.
+  std::vector<LiveTile> live_;
 };
 
 }  // namespace

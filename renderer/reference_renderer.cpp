@@ -115,9 +115,9 @@ class ReferenceRenderer final : public core::Renderer {
       const Meeting hit = surfels.meet(*s, px);
       if (hit.alpha == 0.0) continue;
       ++stats.evaluations;
-      ++stats.contributions;
       const double left = pixel.transmittance * (1.0 - hit.alpha);
       if (finishes(left)) break;
+      ++stats.contributions;
       const double weight = pixel.transmittance * hit.alpha;
       if (pixel.transmittance > 1.0 - static_cast<double>(kMinSurfaceAlpha)) {
         pixel.median_depth = hit.depth_m;

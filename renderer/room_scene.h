@@ -19,8 +19,9 @@
 /// with spacing = sqrt(area / surfel_count). The construction and its constants are those of
 /// the project's Python generator; the random bits are not (numpy's generator is not
 /// reproduced): boxes and surfels come from our own Philox streams, so the two scenes agree in
-/// distribution, not surfel by surfel. Beta variates are ratios of gamma variates, X / (X + Y)
-/// (Marsaglia & Tsang 2000, "A simple method for generating gamma variables").
+/// distribution, not surfel by surfel; docs/rendering.md compares them over seeds. Beta
+/// variates are ratios of gamma variates, X / (X + Y) (Marsaglia & Tsang 2000, "A simple
+/// method for generating gamma variables").
 
 #include <cstdint>
 #include <vector>

@@ -107,12 +107,12 @@ class CompatProjection {
         tiles_y_((job.height_px + kCompatTilePx - 1) / kCompatTilePx) {}
 
   /// Projects visible cluster number v.
-  void project_cluster(std::size_t v, ProjectedSurfels& out) const {
+  void project_cluster(std::size_t v, ProjectedSurfels& out, TileWriter& writer) const {
     const std::size_t first = out.visible[v].cluster * kClusterSize;
     const std::size_t first_slot = v * kClusterSize;
     std::size_t slot = first_slot;
     for (std::size_t i = first; i < first + kClusterSize; ++i) {
-      if (project(i, slot, out, out.spans[v / kClustersPerTask])) ++slot;
+      if (project(i, slot, out, writer)) ++slot;
     }
     out.count[v] = static_cast<std::uint32_t>(slot - first_slot);
   }
@@ -120,7 +120,7 @@ class CompatProjection {
  private:
   /// @return  False if the program does not draw packed surfel i.
   bool project(std::size_t i, std::size_t slot, ProjectedSurfels& out,
-               std::vector<TileSpan>& spans) const {
+               TileWriter& writer) const {
     const PackedSurfels& p = job_.packed;
     const float z0_m = depth_of_centre<float>(job_.camera, {p.x_m[i], p.y_m[i], p.z_m[i]});
     if (!(z0_m > rules_.near_m && z0_m < rules_.far_m) || !(p.k2[i] > 0.0F)) return false;
@@ -139,13 +139,11 @@ class CompatProjection {
     screen.y_lo = pixel_of_tile(tiles.y_begin, 0, job_.height_px - 1);
     screen.y_hi = pixel_of_tile(tiles.y_end, -1, job_.height_px - 1);
     out.shade[slot] = compat_shade(job_, i);
-    out.depth_key[slot] = std::bit_cast<std::uint32_t>(z0_m);
-    out.tiles[slot] = {static_cast<std::uint32_t>(spans.size()),
-                       static_cast<std::uint16_t>(tiles.y_begin),
-                       static_cast<std::uint16_t>(tiles.y_end)};
-    spans.resize(spans.size() + static_cast<std::size_t>(tiles.y_end - tiles.y_begin),
-                 TileSpan{static_cast<std::uint16_t>(tiles.x_begin),
-                          static_cast<std::uint16_t>(tiles.x_end)});
+    const DepthSlot entry =
+        DepthSlot{std::bit_cast<std::uint32_t>(z0_m)} << 32U | static_cast<DepthSlot>(slot);
+    for (int y = tiles.y_begin; y < tiles.y_end; ++y) {
+      writer.add_row(y, tiles.x_begin, tiles.x_end, entry);
+    }
     return true;
   }
 
@@ -179,23 +177,16 @@ void find_clusters_compat(const ProjectionJob& job, ProjectedSurfels& projected)
 }
 
 void project_clusters_compat(const ProjectionJob& job, Compat compat, std::size_t begin,
-                             std::size_t end, Workers& workers, ProjectedSurfels& projected) {
-  if (projected.screen.size() < end * kClusterSize) {
-    projected.screen.resize(end * kClusterSize);
-    projected.shade.resize(end * kClusterSize);
-    projected.tiles.resize(end * kClusterSize);
-    projected.depth_key.resize(end * kClusterSize);
-    projected.count.resize(end);
-    projected.spans.resize((end + kClustersPerTask - 1) / kClustersPerTask);
-  }
+                             std::size_t end, Workers& workers, ProjectedSurfels& projected,
+                             TileBins& bins) {
+  projected.reserve(end);
   const CompatProjection projection(job, compat);
-  const std::size_t first_task = begin / kClustersPerTask;
   const std::size_t task_count = (end - begin + kClustersPerTask - 1) / kClustersPerTask;
   workers.for_each(task_count, [&](std::size_t task) {
-    const std::size_t first = (first_task + task) * kClustersPerTask;
-    projected.spans[first_task + task].clear();
+    TileWriter& writer = bins.writer(workers.thread_index());
+    const std::size_t first = begin + task * kClustersPerTask;
     for (std::size_t v = first; v < std::min(end, first + kClustersPerTask); ++v) {
-      projection.project_cluster(v, projected);
+      projection.project_cluster(v, projected, writer);
     }
   });
 }

@@ -29,6 +29,7 @@ void find_clusters_compat(const ProjectionJob& job, ProjectedSurfels& projected)
 /// As project_clusters(). ProjectionJob::near_m and bounds are not used.
 /// @param compat  Not kExact.
 void project_clusters_compat(const ProjectionJob& job, Compat compat, std::size_t begin,
-                             std::size_t end, Workers& workers, ProjectedSurfels& projected);
+                             std::size_t end, Workers& workers, ProjectedSurfels& projected,
+                             TileBins& bins);
 
 }  // namespace segsim::renderer::internal

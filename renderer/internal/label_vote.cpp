@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "renderer/internal/selection_key.h"
 #include "renderer/render_options.h"
 
 #undef HWY_TARGET_INCLUDE
@@ -16,8 +17,6 @@
 namespace segsim::renderer::internal {
 namespace {
 
-/// As in tile_state.h.
-constexpr std::uint32_t kPositionMask = 0xFFF;
 /// SurfelShade as an array of 32-bit words.
 constexpr int kShadeWords = static_cast<int>(sizeof(SurfelShade) / 4);
 constexpr std::size_t kLabelWord = offsetof(SurfelShade, label) / 4;
@@ -62,16 +61,19 @@ HWY_INLINE void gather(const KeyRow& keys, std::size_t pixel, const std::uint32_
   for (int k = 0; k < keys.key_count; ++k) {
     const auto key =
         hn::LoadU(dk, keys.first + static_cast<std::size_t>(k) * keys.rank_stride + pixel);
-    const auto there = hn::Gt(key, hn::Set(dk, kPositionMask));
+    const auto there = hn::Gt(key, hn::Set(dk, kKeyPositionMask));
     if (hn::AllFalse(dk, there)) break;
     // Lanes without a key read the first position: some lane has one, so the list has it.
-    const I position = hn::BitCast(di, hn::And(key, hn::Set(dk, kPositionMask)));
+    const I position = hn::BitCast(
+        di, hn::IfThenElseZero(there, hn::AndNot(key, hn::Set(dk, kKeyPositionMask))));
     const I slot = hn::GatherIndex(di, slot_words, position);
     const I label = hn::GatherIndex(di, label_words, hn::Mul(slot, hn::Set(di, kShadeWords)));
     const auto there_i = hn::RebindMask(di, there);
     const I id = hn::IfThenElse(there_i, label, hn::Set(di, kNoId));
-    const V weight =
-        hn::BitCast(d, hn::IfThenElseZero(there, hn::AndNot(hn::Set(dk, kPositionMask), key)));
+    const auto bits =
+        hn::Or(hn::ShiftRight<kKeyShift>(hn::And(key, hn::Set(dk, kKeyWeightMask))),
+               hn::Set(dk, kKeyExponent | kKeyHalf));
+    const V weight = hn::BitCast(d, hn::IfThenElseZero(there, bits));
     out.unanimous &= hn::AllTrue(
         di, hn::Or(hn::Not(there_i), k == 0 ? hn::Eq(id, id) : hn::Eq(id, out.label[0])));
     out.weight[k] = weight;
@@ -112,22 +114,18 @@ HWY_INLINE void heaviest(const Candidates& candidates, I& best_id, V& best_weigh
   }
 }
 
-HWY_INLINE void write(I semantic, I instance, V share, V instance_share, PixelLabel* out) {
+HWY_INLINE void write(I semantic, I instance, V share, V instance_share, std::size_t pixel,
+                      const LabelPlanes& out) {
   const Floats d;
-  const Ints di;
-  HWY_ALIGN std::int32_t s[16], i[16];
-  HWY_ALIGN float c[16], ic[16];
-  hn::Store(semantic, di, s);
-  hn::Store(instance, di, i);
-  hn::Store(share, d, c);
-  hn::Store(instance_share, d, ic);
-  for (std::size_t p = 0; p < hn::Lanes(d); ++p) {
-    out[p] = {static_cast<std::uint16_t>(s[p]), static_cast<std::uint16_t>(i[p]), c[p], ic[p]};
-  }
+  const hn::Rebind<std::uint16_t, Floats> d16;
+  hn::StoreU(hn::DemoteTo(d16, semantic), d16, out.semantic + pixel);
+  hn::StoreU(hn::DemoteTo(d16, instance), d16, out.instance + pixel);
+  hn::StoreU(share, d, out.confidence + pixel);
+  hn::StoreU(instance_share, d, out.instance_confidence + pixel);
 }
 
 std::uint64_t vote_row_simd(const KeyRow& keys, const std::uint32_t* slots,
-                            const SurfelShade* shade, PixelLabel* out) {
+                            const SurfelShade* shade, const LabelPlanes& out) {
   const Floats d;
   const Ints di;
   const std::size_t lanes = hn::Lanes(d);
@@ -138,7 +136,7 @@ std::uint64_t vote_row_simd(const KeyRow& keys, const std::uint32_t* slots,
     gather(keys, pixel, slots, shade, candidates);
     read += candidates.read;
     if (candidates.count == 0) {
-      std::fill_n(out + pixel, lanes, PixelLabel{});
+      write(hn::Zero(di), hn::Zero(di), hn::Zero(d), hn::Zero(d), pixel, out);
       continue;
     }
     const auto there = hn::Gt(candidates.total, hn::Zero(d));
@@ -156,7 +154,7 @@ std::uint64_t vote_row_simd(const KeyRow& keys, const std::uint32_t* slots,
       share = hn::Div(share, total);
       instance_share = hn::Div(instance_share, total);
     }
-    write(semantic, instance, share, instance_share, out + pixel);
+    write(semantic, instance, share, instance_share, pixel, out);
   }
   return read;
 }
@@ -244,7 +242,7 @@ PixelLabel vote(std::span<const WeightedLabel> candidates) {
 }
 
 std::uint64_t vote_row(const KeyRow& keys, const std::uint32_t* slots,
-                       const SurfelShade* shade, PixelLabel* out) {
+                       const SurfelShade* shade, const LabelPlanes& out) {
   return HWY_DYNAMIC_DISPATCH(vote_row_simd)(keys, slots, shade, out);
 }
 

@@ -36,11 +36,26 @@ struct KeyRow {
   int pixel_count;  ///< A multiple of 16.
 };
 
+/// Where the labels of pixels 0, 1, ... go: PixelLabel by fields.
+struct LabelPlanes {
+  std::uint16_t* semantic;
+  std::uint16_t* instance;
+  float* confidence;
+  float* instance_confidence;
+
+  void set(std::size_t pixel, const PixelLabel& label) const {
+    semantic[pixel] = label.semantic;
+    instance[pixel] = label.instance;
+    confidence[pixel] = label.confidence;
+    instance_confidence[pixel] = label.instance_confidence;
+  }
+};
+
 /// vote() of every pixel of a row; pixels without keys get an empty label.
 /// @param slots  Slot of a key's list position.
 /// @param out    pixel_count labels.
 /// @return  Labels read.
 std::uint64_t vote_row(const KeyRow& keys, const std::uint32_t* slots,
-                       const SurfelShade* shade, PixelLabel* out);
+                       const SurfelShade* shade, const LabelPlanes& out);
 
 }  // namespace segsim::renderer::internal

@@ -40,11 +40,16 @@ class Workers {
 
   [[nodiscard]] int thread_count() const { return arena_ ? arena_->max_concurrency() : 1; }
 
+  /// Of the calling thread, below thread_count(); in a body of for_each().
+  [[nodiscard]] int thread_index() const {
+    return arena_ ? tbb::this_task_arena::current_thread_index() : 0;
+  }
+
   /// Calls body(i) for each i < count, in any order. The body must write to places of its own,
   /// so that results do not depend on the number of threads.
   template <class Body>
   void for_each(std::size_t count, const Body& body) {
-    if (!arena_ || count < 2) {
+    if (!arena_) {
       for (std::size_t i = 0; i < count; ++i) body(i);
       return;
     }

@@ -26,6 +26,8 @@ constexpr float kSpanSlackPx = 2e-3F;
 constexpr float kHalfLog2E = 0.72134752F;
 /// A surfel thinner than about 0.2 px per sigma is not squared; see tile_chunk-inl.h.
 constexpr float kMaxInverseNorm2 = 25.0F;
+/// Tile rows that a short vector takes at once.
+constexpr int kFewRows = 4;
 /// Columns of the block that hands lanes from the vector code to emit_surfel().
 constexpr std::size_t kMaxLanes = 16;
 
@@ -125,7 +127,6 @@ bool emit_surfel(const ProjectionJob& job, const ProjectedLanes& lanes, std::siz
             : (lanes.thin >> lane & 1U) != 0 ? SurfelShape::kThin
                                              : SurfelShape::kPlain};
   out.shade[slot] = shade_of(job, i);
-  out.depth_key[slot] = std::bit_cast<std::uint32_t>(lanes.z0[lane]);
   outline = {lanes.cx[lane], lanes.cy[lane], lanes.sxx[lane], lanes.sxy[lane],
              clipped ? -1.0F : lanes.syy[lane]};
   return true;
@@ -275,106 +276,107 @@ HWY_INLINE void project_lanes(const ProjectionJob& job, std::size_t i, Projected
 }
 
 /// Half of the outline's width along the line at `y` from its centre.
-HWY_INLINE V half_width_at(V y, V minor, V inverse_syy) {
-  const Floats d;
-  const V inside = hn::NegMulAdd(hn::Mul(y, y), inverse_syy, hn::Set(d, 1.0F));
+template <class D>
+HWY_INLINE hn::Vec<D> half_width_at(D d, hn::Vec<D> y, hn::Vec<D> minor,
+                                    hn::Vec<D> inverse_syy) {
+  using Rows = hn::Vec<D>;
+  const Rows inside = hn::NegMulAdd(hn::Mul(y, y), inverse_syy, hn::Set(d, 1.0F));
   return hn::Sqrt(hn::Mul(minor, hn::Max(hn::Zero(d), inside)));
 }
 
 /// The exact rows of an outline (AccuTile of Hanson et al. 2025): columns_in_band() for a
 /// vector of tile rows at a time.
-/// @param spans  Receives y_end - y_begin spans.
-HWY_INLINE void find_row_spans(const ScreenSurfel& s, const ScreenEllipse<float>& outline,
-                               int x_begin, int x_end, int y_begin, int y_end,
-                               TileSpan* spans) {
-  const Floats d;
-  const hn::RebindToSigned<Floats> di;
+template <class D>
+HWY_INLINE void add_exact_rows(D d, const ScreenSurfel& s, const ScreenEllipse<float>& outline,
+                               const TileRange& range, DepthSlot entry, TileWriter& writer) {
+  using Rows = hn::Vec<D>;
+  const hn::RebindToSigned<D> di;
   constexpr auto kTile = static_cast<float>(kTileSizePx);
   const float slope = outline.sxy / outline.syy;
-  const V half_height = hn::Set(d, std::sqrt(outline.syy));
-  const V minor = hn::Set(d, std::max(0.0F, outline.sxx - outline.sxy * slope));
-  const V inverse_syy = hn::Set(d, 1.0F / outline.syy);
+  const Rows half_height = hn::Set(d, std::sqrt(outline.syy));
+  const Rows minor = hn::Set(d, std::max(0.0F, outline.sxx - outline.sxy * slope));
+  const Rows inverse_syy = hn::Set(d, 1.0F / outline.syy);
   const float extreme = outline.sxx > 0.0F ? outline.sxy / std::sqrt(outline.sxx) : 0.0F;
   // k^2 / 2 = ln 2 c_k2.
-  const V radius2 = hn::Set(d, 0.69314718F * s.c_k2 * kBoundSlack);
-  const V lowest = hn::Set(d, static_cast<float>(x_begin));
-  const V highest = hn::Set(d, static_cast<float>(x_end));
-  const V centre_x = hn::Set(d, outline.cx_px);
-  for (int row = y_begin; row < y_end; row += static_cast<int>(hn::Lanes(d))) {
-    const V y_lo =
+  const Rows radius2 = hn::Set(d, 0.69314718F * s.c_k2 * kBoundSlack);
+  const Rows lowest = hn::Set(d, static_cast<float>(range.x_begin));
+  const Rows highest = hn::Set(d, static_cast<float>(range.x_end));
+  const Rows centre_x = hn::Set(d, outline.cx_px);
+  for (int row = range.y_begin; row < range.y_end; row += static_cast<int>(hn::Lanes(d))) {
+    const Rows y_lo =
         hn::MulAdd(hn::Iota(d, static_cast<float>(row)), hn::Set(d, kTile), hn::Set(d, 0.5F));
-    const V y_hi = hn::Add(y_lo, hn::Set(d, kTile - 1.0F));
-    const V lo = hn::Max(hn::Sub(y_lo, hn::Set(d, outline.cy_px)), hn::Neg(half_height));
-    const V hi = hn::Min(hn::Sub(y_hi, hn::Set(d, outline.cy_px)), half_height);
+    const Rows y_hi = hn::Add(y_lo, hn::Set(d, kTile - 1.0F));
+    const Rows lo = hn::Max(hn::Sub(y_lo, hn::Set(d, outline.cy_px)), hn::Neg(half_height));
+    const Rows hi = hn::Min(hn::Sub(y_hi, hn::Set(d, outline.cy_px)), half_height);
     const auto reached = hn::Le(lo, hi);
-    const V y_right = hn::Min(hn::Max(hn::Set(d, extreme), lo), hi);
-    const V y_left = hn::Min(hn::Max(hn::Set(d, -extreme), lo), hi);
-    const V right = hn::Add(hn::MulAdd(hn::Set(d, slope), y_right, centre_x),
-                            half_width_at(y_right, minor, inverse_syy));
-    const V left = hn::Sub(hn::MulAdd(hn::Set(d, slope), y_left, centre_x),
-                           half_width_at(y_left, minor, inverse_syy));
-    V x_max = hn::IfThenElse(reached, right, hn::Set(d, -1e30F));
-    V x_min = hn::IfThenElse(reached, left, hn::Set(d, 1e30F));
+    const Rows y_right = hn::Min(hn::Max(hn::Set(d, extreme), lo), hi);
+    const Rows y_left = hn::Min(hn::Max(hn::Set(d, -extreme), lo), hi);
+    const Rows right = hn::Add(hn::MulAdd(hn::Set(d, slope), y_right, centre_x),
+                            half_width_at(d, y_right, minor, inverse_syy));
+    const Rows left = hn::Sub(hn::MulAdd(hn::Set(d, slope), y_left, centre_x),
+                           half_width_at(d, y_left, minor, inverse_syy));
+    Rows x_max = hn::IfThenElse(reached, right, hn::Set(d, -1e30F));
+    Rows x_min = hn::IfThenElse(reached, left, hn::Set(d, 1e30F));
     if (s.shape != SurfelShape::kPlain) {  // Else the low pass lies within the outline.
-      const V y0 = hn::Set(d, s.y0_px), x0 = hn::Set(d, s.x0_px);
-      const V dy = hn::Max(hn::Max(hn::Sub(y_lo, y0), hn::Sub(y0, y_hi)), hn::Zero(d));
-      const V h2 = hn::NegMulAdd(dy, dy, radius2);
-      const V h = hn::Sqrt(hn::Max(h2, hn::Zero(d)));
+      const Rows y0 = hn::Set(d, s.y0_px), x0 = hn::Set(d, s.x0_px);
+      const Rows dy = hn::Max(hn::Max(hn::Sub(y_lo, y0), hn::Sub(y0, y_hi)), hn::Zero(d));
+      const Rows h2 = hn::NegMulAdd(dy, dy, radius2);
+      const Rows h = hn::Sqrt(hn::Max(h2, hn::Zero(d)));
       const auto meets = hn::Ge(h2, hn::Zero(d));
       x_min = hn::IfThenElse(meets, hn::Min(x_min, hn::Sub(x0, h)), x_min);
       x_max = hn::IfThenElse(meets, hn::Max(x_max, hn::Add(x0, h)), x_max);
     }
     // From the column whose last pixel centre reaches the span to that whose first one does.
-    const V slack = hn::MulAdd(hn::Max(hn::Sub(x_max, x_min), hn::Zero(d)), hn::Set(d, 1e-4F),
+    const Rows slack = hn::MulAdd(hn::Max(hn::Sub(x_max, x_min), hn::Zero(d)), hn::Set(d, 1e-4F),
                                hn::Set(d, kSpanSlackPx + kTile - 0.5F));
-    const V inverse_tile = hn::Set(d, 1.0F / kTile);
-    const V first = hn::Ceil(hn::Mul(hn::Sub(x_min, slack), inverse_tile));
-    const V last = hn::Floor(hn::Mul(hn::Add(x_max, slack), inverse_tile));
+    const Rows inverse_tile = hn::Set(d, 1.0F / kTile);
+    const Rows first = hn::Ceil(hn::Mul(hn::Sub(x_min, slack), inverse_tile));
+    const Rows last = hn::Floor(hn::Mul(hn::Add(x_max, slack), inverse_tile));
     alignas(64) std::int32_t begins[kMaxLanes], ends[kMaxLanes];
     hn::Store(hn::ConvertTo(di, hn::Min(hn::Max(first, lowest), highest)), di, begins);
     hn::Store(hn::ConvertTo(di, hn::Min(hn::Max(last, lowest), highest)), di, ends);
-    const int rows = std::min(static_cast<int>(hn::Lanes(d)), y_end - row);
-    for (int r = 0; r < rows; ++r) {
-      spans[row - y_begin + r] = {static_cast<std::uint16_t>(begins[r]),
-                                  static_cast<std::uint16_t>(std::max(begins[r], ends[r]))};
-    }
+    const int rows = std::min(static_cast<int>(hn::Lanes(d)), range.y_end - row);
+    for (int r = 0; r < rows; ++r) writer.add_row(row + r, begins[r], ends[r], entry);
   }
 }
 
-/// Appends the surfel's tiles under the job's strategy.
-void append_tiles(const ProjectionJob& job, std::size_t i, std::size_t slot,
-                  const ScreenEllipse<float>& exact, ProjectedSurfels& out,
-                  std::vector<TileSpan>& spans) {
+/// Enters the surfel in its tiles under the job's strategy.
+void add_tiles(const ProjectionJob& job, std::size_t i, std::size_t slot,
+               const ScreenEllipse<float>& exact, const ProjectedSurfels& out,
+               TileWriter& writer) {
   const ScreenSurfel& s = out.screen[slot];
+  const DepthSlot entry =
+      DepthSlot{std::bit_cast<std::uint32_t>(s.z0_m)} << 32U | static_cast<DepthSlot>(slot);
   ScreenEllipse<float> outline = exact;
   const TileRange range =
       job.bounds == TileBounds::kAccuTile || job.bounds == TileBounds::kSnugBox
           ? exact_range(s)
           : approximate_range(job, i, outline);
-  out.tiles[slot] = {static_cast<std::uint32_t>(spans.size()),
-                     static_cast<std::uint16_t>(range.y_begin),
-                     static_cast<std::uint16_t>(range.y_end)};
-  const auto rows = static_cast<std::size_t>(range.y_end - range.y_begin);
-  const std::size_t first = spans.size();
-  const TileSpan box{static_cast<std::uint16_t>(range.x_begin),
-                     static_cast<std::uint16_t>(range.x_end)};
-  for (std::size_t row = 0; row < rows; ++row) spans.push_back(box);
   const bool exact_rows =
       job.bounds == TileBounds::kAccuTile || job.bounds == TileBounds::kPaper;
-  if (!exact_rows || rows == 0 || !(outline.syy > 0.0F)) return;
   // One tile wide or high: the box is the answer, unless the image's edge has cut it.
   const bool inside =
       s.x_lo > 0 && s.y_lo > 0 && s.x_hi < job.width_px - 1 && s.y_hi < job.height_px - 1;
-  if (inside && (rows < 2 || range.x_end - range.x_begin < 2)) return;
-  find_row_spans(s, outline, range.x_begin, range.x_end, range.y_begin, range.y_end,
-                 spans.data() + first);
+  const bool narrow = range.y_end - range.y_begin < 2 || range.x_end - range.x_begin < 2;
+  if (exact_rows && outline.syy > 0.0F && !(inside && narrow)) {
+    // Most surfels reach few rows, and square roots of short vectors are cheaper.
+    if (range.y_end - range.y_begin <= kFewRows) {
+      add_exact_rows(hn::CappedTag<float, kFewRows>(), s, outline, range, entry, writer);
+    } else {
+      add_exact_rows(Floats(), s, outline, range, entry, writer);
+    }
+    return;
+  }
+  for (int y = range.y_begin; y < range.y_end; ++y) {
+    writer.add_row(y, range.x_begin, range.x_end, entry);
+  }
 }
 
 /// Projects visible cluster number v.
-void project_cluster(const ProjectionJob& job, std::size_t v, ProjectedSurfels& out) {
+void project_cluster(const ProjectionJob& job, std::size_t v, ProjectedSurfels& out,
+                     TileWriter& writer) {
   const std::size_t lane_count = hn::Lanes(Floats());
   const std::size_t first = out.visible[v].cluster * kClusterSize;
-  std::vector<TileSpan>& spans = out.spans[v / kClustersPerTask];
   const std::size_t first_slot = v * kClusterSize;
   std::size_t slot = first_slot;
   ProjectedLanes lanes;
@@ -384,7 +386,7 @@ void project_cluster(const ProjectionJob& job, std::size_t v, ProjectedSurfels& 
       if ((lanes.drawn >> lane & 1U) == 0) continue;
       ScreenEllipse<float> outline;
       if (!emit_surfel(job, lanes, lane, i + lane, slot, out, outline)) continue;
-      append_tiles(job, i + lane, slot, outline, out, spans);
+      add_tiles(job, i + lane, slot, outline, out, writer);
       ++slot;
     }
   }
@@ -443,30 +445,28 @@ void find_visible_clusters(const ProjectionJob& job, ProjectedSurfels& projected
       });
 }
 
+void ProjectedSurfels::reserve(std::size_t end) {
+  // The arrays only grow, so that no frame allocates after the first ones.
+  if (count.size() >= end) return;
+  screen.resize(end * kClusterSize);
+  shade.resize(end * kClusterSize);
+  count.resize(end);
+}
+
 void project_clusters(const ProjectionJob& job, std::size_t begin, std::size_t end,
-                      Workers& workers, ProjectedSurfels& projected) {
-  // Room for the slab; the arrays only grow, so that no frame allocates after the first ones.
-  const std::size_t slots = end * kClusterSize;
-  if (projected.screen.size() < slots) {
-    projected.screen.resize(slots);
-    projected.shade.resize(slots);
-    projected.tiles.resize(slots);
-    projected.depth_key.resize(slots);
-    projected.count.resize(end);
-    projected.spans.resize((end + kClustersPerTask - 1) / kClustersPerTask);
-  }
+                      Workers& workers, ProjectedSurfels& projected, TileBins& bins) {
+  projected.reserve(end);
   // Else the pointer would ask the processor about itself at every call.
   if (!hwy::GetChosenTarget().IsInitialized()) {
     hwy::GetChosenTarget().Update(hwy::SupportedTargets());
   }
   const auto project = HWY_DYNAMIC_DISPATCH(project_cluster);
-  const std::size_t first_task = begin / kClustersPerTask;
   const std::size_t task_count = (end - begin + kClustersPerTask - 1) / kClustersPerTask;
   workers.for_each(task_count, [&](std::size_t task) {
-    const std::size_t first = (first_task + task) * kClustersPerTask;
-    projected.spans[first_task + task].clear();
+    TileWriter& writer = bins.writer(workers.thread_index());
+    const std::size_t first = begin + task * kClustersPerTask;
     for (std::size_t v = first; v < std::min(end, first + kClustersPerTask); ++v) {
-      project(job, v, projected);
+      project(job, v, projected, writer);
     }
   });
 }

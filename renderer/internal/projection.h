@@ -8,6 +8,7 @@
 
 #include "renderer/internal/packed_surfels.h"
 #include "renderer/internal/parallel.h"
+#include "renderer/internal/tile_binning.h"
 #include "renderer/internal/tile_size.h"
 #include "renderer/render_options.h"
 #include "renderer/surfel_geometry.h"
@@ -45,17 +46,6 @@ struct alignas(32) SurfelShade {
 };
 static_assert(sizeof(SurfelShade) == 32);
 
-/// Tiles [begin, end) of one tile row.
-struct TileSpan {
-  std::uint16_t begin, end;
-};
-
-/// One span for every tile row of a surfel, empty ones included.
-struct SurfelTiles {
-  std::uint32_t first_span;  ///< In the spans of the surfel's task.
-  std::uint16_t y_begin, y_end;
-};
-
 /// A cluster in view. No centre of its surfels is nearer than `nearest_m`.
 struct VisibleCluster {
   float nearest_m;
@@ -70,15 +60,11 @@ inline constexpr std::size_t kClustersPerTask = 32;
 struct ProjectedSurfels {
   std::vector<ScreenSurfel> screen;
   std::vector<SurfelShade> shade;
-  std::vector<SurfelTiles> tiles;
-  std::vector<std::uint32_t> depth_key;  ///< Bits of the centre's depth, which sort like it.
   std::vector<std::uint32_t> count;
   std::vector<VisibleCluster> visible;
-  std::vector<std::vector<TileSpan>> spans;  ///< Of each task.
 
-  [[nodiscard]] const TileSpan* spans_of(std::uint32_t slot) const {
-    return spans[slot / (kClustersPerTask * kClusterSize)].data() + tiles[slot].first_span;
-  }
+  /// Room for clusters [0, end).
+  void reserve(std::size_t end);
 };
 
 struct ProjectionJob {
@@ -94,8 +80,9 @@ struct ProjectionJob {
 /// Finds the clusters in view, nearest first.
 void find_visible_clusters(const ProjectionJob& job, ProjectedSurfels& projected);
 
-/// Projects visible clusters [begin, end); `begin` must be a multiple of kClustersPerTask.
+/// Projects visible clusters [begin, end) and enters their surfels in the open slab of `bins`;
+/// `begin` must be a multiple of kClustersPerTask.
 void project_clusters(const ProjectionJob& job, std::size_t begin, std::size_t end,
-                      Workers& workers, ProjectedSurfels& projected);
+                      Workers& workers, ProjectedSurfels& projected, TileBins& bins);
 
 }  // namespace segsim::renderer::internal

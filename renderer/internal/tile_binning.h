@@ -4,14 +4,67 @@
 /// Which surfels each tile must look at, nearest first. Lists grow slab by slab, for tiles
 /// that still want more.
 
+#include <array>
+#include <cstddef>
 #include <cstdint>
 #include <span>
 #include <vector>
 
-#include "renderer/internal/projection.h"
 #include "renderer/internal/tile_size.h"
 
 namespace segsim::renderer::internal {
+
+struct SurfelShade;
+
+/// Bits of the centre's depth, which sort like it, above the slot in ProjectedSurfels.
+using DepthSlot = std::uint64_t;
+
+/// A thread's entries, by tile: chains of blocks, so that one pass over the surfels suffices
+/// and no thread waits for another.
+class TileWriter {
+ public:
+  /// Empties it. @param live  One byte a tile: entries of tiles with 0 are dropped.
+  void begin(const std::uint8_t* live, std::size_t tile_count, int tiles_x);
+
+  /// Tiles [x_begin, x_end) of tile row y.
+  void add_row(int y, int x_begin, int x_end, DepthSlot entry) {
+    const std::size_t row = static_cast<std::size_t>(y) * tiles_x_;
+    for (std::size_t tile = row + x_begin; tile < row + x_end; ++tile) {
+      if (live_[tile] != 0) add(tile, entry);
+    }
+  }
+
+  [[nodiscard]] std::size_t count(std::size_t tile) const { return chains_[tile].count; }
+  [[nodiscard]] std::size_t total() const { return total_; }
+  void append_to(std::size_t tile, std::vector<DepthSlot>& entries) const;
+
+ private:
+  static constexpr std::uint32_t kBlockSize = 16;
+  struct alignas(64) Block {
+    std::array<DepthSlot, kBlockSize> entries;
+  };
+  struct Chain {
+    std::uint32_t block = 0, count = 0;  ///< Newest block; entries in all.
+  };
+
+  void add(std::size_t tile, DepthSlot entry) {
+    Chain& chain = chains_[tile];
+    const std::uint32_t place = chain.count % kBlockSize;
+    if (place == 0) add_block(chain);
+    blocks_[chain.block].entries[place] = entry;
+    ++chain.count;
+    ++total_;
+  }
+  void add_block(Chain& chain);
+
+  std::vector<Chain> chains_;
+  std::vector<Block> blocks_;
+  std::vector<std::uint32_t> older_;  ///< Block before a block of the same chain.
+  std::uint32_t used_ = 0;
+  std::size_t total_ = 0;
+  const std::uint8_t* live_ = nullptr;
+  std::size_t tiles_x_ = 0;
+};
 
 /// Lists of slots of ProjectedSurfels. Under TileBounds::kAccuTile a slot is in a tile's list
 /// exactly if the row interval of its outline (AccuTile of Hanson et al. 2025, on the exact
@@ -20,50 +73,48 @@ namespace segsim::renderer::internal {
 class TileBins {
  public:
   /// Empties the lists; all tiles are live.
-  void begin(int width_px, int height_px);
+  void begin(int width_px, int height_px, int thread_count);
 
-  /// Appends to the lists of the live tiles: surfels of visible clusters [begin, end), and
-  /// those left over from earlier slabs, whose depth is below `bound_m`. The others wait.
-  /// @param bound_m  No cluster that is still to come holds a nearer centre.
-  void add_slab(const ProjectedSurfels& projected, std::size_t begin, std::size_t end,
-                float bound_m, Workers& workers);
+  /// A slab begins: the writers are empty, and want entries of live tiles only.
+  void open_slab();
+  /// @param thread  Below thread_count.
+  [[nodiscard]] TileWriter& writer(int thread) { return writers_[thread]; }
+  /// The slab's surfels are written: takes note of how many there are.
+  void close_slab();
 
-  /// The tile wants no more surfels.
+  /// Moves the slab's entries to the tile. To be called once a slab for every live tile, by
+  /// any thread.
+  void collect(std::size_t tile);
+  /// Appends to the tile's list what it waits for and is nearer than `bound_m`; the rest goes
+  /// on waiting, since a later slab may hold nearer ones. After collect(), by any thread.
+  /// @param shade  Names the index in the cloud of a slot.
+  void extend_list(std::size_t tile, float bound_m, const SurfelShade* shade);
+  /// The tile wants no more.
   void retire(std::size_t tile) { live_[tile] = 0; }
-  [[nodiscard]] bool is_live(std::size_t tile) const { return live_[tile] != 0; }
 
-  [[nodiscard]] int tiles_x() const { return tiles_x_; }
-  [[nodiscard]] int tiles_y() const { return tiles_y_; }
+  [[nodiscard]] bool is_live(std::size_t tile) const { return live_[tile] != 0; }
   [[nodiscard]] std::size_t tile_count() const { return live_.size(); }
+  [[nodiscard]] int tiles_x() const { return tiles_x_; }
   [[nodiscard]] std::span<const std::uint32_t> list(std::size_t tile) const {
-    return {slots_.data() + first_[tile], first_[tile + 1] - first_[tile]};
+    return tiles_[tile].list;
   }
-  /// Pairs of all slabs of this frame.
-  [[nodiscard]] std::uint64_t pair_count() const { return pair_count_; }
+  /// Entries that are not in the list yet; between close_slab() and collect(), those that the
+  /// writers hold count too.
+  [[nodiscard]] std::size_t waiting(std::size_t tile) const;
+  /// Entries written since begin().
+  [[nodiscard]] std::size_t pair_count() const { return pair_count_; }
 
  private:
-  /// A surfel of the slab, in order of depth.
-  struct Entry {
-    const TileSpan* spans;
-    std::uint32_t slot;
-    std::uint16_t y_begin, y_end;
+  struct Tile {
+    std::vector<std::uint32_t> list;
+    std::vector<DepthSlot> waiting;
   };
 
-  void select(const ProjectedSurfels& projected, std::size_t begin, std::size_t end,
-              float bound_m);
-  void sort_by_depth(const ProjectedSurfels& projected);
-  void count_band(int y_begin, int y_end);
-  void fill_band(int y_begin, int y_end);
-  void place_lists();
-
-  int tiles_x_ = 0, tiles_y_ = 0;
-  std::uint64_t pair_count_ = 0;
+  int tiles_x_ = 0;
+  std::size_t pair_count_ = 0;
   std::vector<std::uint8_t> live_;
-  std::vector<std::uint32_t> waiting_, still_waiting_;  ///< Slots beyond the bound.
-  std::vector<std::uint32_t> keys_, keys_scratch_, order_, order_scratch_;
-  std::vector<Entry> entries_;
-  std::vector<std::uint32_t> next_;  ///< Per tile: pairs of the slab; then where to write.
-  std::vector<std::uint32_t> first_, slots_, first_before_, slots_before_;
+  std::vector<Tile> tiles_;
+  std::vector<TileWriter> writers_;
 };
 
 }  // namespace segsim::renderer::internal

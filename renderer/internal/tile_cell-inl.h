@@ -32,7 +32,8 @@ namespace HWY_NAMESPACE {
 
 /// Keys that fit in registers; with more of them they stay in memory.
 inline constexpr int kRegisterKeys = 4;
-/// Surfels between two looks at whether a shorter loop will do.
+/// Surfels between two looks at whether a shorter loop will do. 0.01^16 of the stop is still a
+/// normal number.
 inline constexpr int kBatch = 8;
 
 /// The values of four rows, repeated for every column of the vector.
@@ -74,8 +75,18 @@ struct Lanes {
   int cell_row, first;  ///< First row of the cell; first entry of the vector in the cell.
 };
 
+/// Lanes of the vector that starts at entry `first` of the cell.
+HWY_INLINE Lanes lanes_of(int cell, int first) {
+  const Floats d;
+  const int column = cell / kCellsPerRow * kCellPx, row = cell % kCellsPerRow * kCellPx;
+  return {
+      hn::Add(hn::Set(d, static_cast<float>(column) - 7.5F), hn::Load(d, kLaneColumn + first)),
+      hn::Add(hn::Set(d, static_cast<float>(row) + 0.5F), hn::Load(d, kLaneRow + first)), row,
+      first};
+}
+
 HWY_INLINE Reach reach_with_care(const ScreenSurfel& s, const TilePair& pair, const Lanes& at,
-                                 float y_px, M live) {
+                                 float y_px) {
   const Floats d;
   const V dx = hn::Add(at.x, hn::Set(d, pair.dx));
   const V dy = hn::Add(at.row, hn::Set(d, y_px - s.y0_px));
@@ -94,21 +105,20 @@ HWY_INLINE Reach reach_with_care(const ScreenSurfel& s, const TilePair& pair, co
   const V offset2 = hn::MulAdd(dx, dx, hn::Mul(dy, dy));
   const V low_pass = hn::NegMulAdd(offset2, hn::Set(d, kLog2E), c_k2);
   const V exponent = hn::IfThenElse(on_disc, hn::Max(disc, low_pass), low_pass);
-  return {exponent, hn::Set(d, 1.0F), hn::And(live, hn::Ge(exponent, hn::Zero(d)))};
+  return {exponent, hn::Set(d, 1.0F), hn::Ge(exponent, hn::Zero(d))};
 }
 
 /// The rules of compat_rules.h: no clamp of e, a low pass with a centre of its own, and either
 /// no fragment before the near plane or none dropped.
 HWY_INLINE Reach reach_in_compat(const ScreenSurfel& s, const TilePair& pair, const Lanes& at,
-                                 float y_px, M live) {
+                                 float y_px) {
   const Floats d;
   const V zero = hn::Zero(d), one = hn::Set(d, 1.0F);
   const V dx = hn::Add(at.x, hn::Set(d, pair.dx));
   const V dy = hn::Add(at.row, hn::Set(d, y_px - s.y0_px));
   const V q_u = hn::MulAdd(hn::Set(d, s.m00), dx, hn::Mul(hn::Set(d, s.m01), dy));
   const V q_v = hn::MulAdd(hn::Set(d, s.m10), dx, hn::Mul(hn::Set(d, s.m11), dy));
-  const V e =
-      hn::NegMulAdd(hn::Set(d, s.g0), dx, hn::NegMulAdd(hn::Set(d, s.g1), dy, one));
+  const V e = hn::NegMulAdd(hn::Set(d, s.g0), dx, hn::NegMulAdd(hn::Set(d, s.g1), dy, one));
   M drawn = hn::Ne(e, zero);
   const V inverse_e = hn::Div(one, hn::IfThenElse(drawn, e, one));
   if (s.shape == SurfelShape::kInria) {
@@ -119,14 +129,13 @@ HWY_INLINE Reach reach_in_compat(const ScreenSurfel& s, const TilePair& pair, co
   const V c_k2 = hn::Set(d, s.c_k2);
   const V disc = hn::Mul(c_k2, hn::NegMulAdd(u, u, hn::NegMulAdd(v, v, one)));
   const V x = hn::Sub(dx, hn::Set(d, s.e_min)), y = hn::Sub(dy, hn::Set(d, s.e_max));
-  const V low_pass =
-      hn::NegMulAdd(hn::MulAdd(x, x, hn::Mul(y, y)), hn::Set(d, kLog2E), c_k2);
+  const V low_pass = hn::NegMulAdd(hn::MulAdd(x, x, hn::Mul(y, y)), hn::Set(d, kLog2E), c_k2);
   const V exponent = hn::IfThenElse(hn::Gt(disc, low_pass), disc, low_pass);
-  return {exponent, one, hn::And(hn::And(live, drawn), hn::Ge(exponent, zero))};
+  return {exponent, one, hn::And(drawn, hn::Ge(exponent, zero))};
 }
 
-HWY_INLINE Reach reach_of(const TileChunk& chunk, std::uint32_t i, const Lanes& at, float y_px,
-                          M live) {
+HWY_INLINE Reach reach_of(const TileChunk& chunk, std::uint32_t i, const Lanes& at,
+                          float y_px) {
   const Floats d;
   const TilePair& pair = chunk.pair[i];
   const V x = at.x;
@@ -138,12 +147,12 @@ HWY_INLINE Reach reach_of(const TileChunk& chunk, std::uint32_t i, const Lanes& 
     const V p = hn::MulAdd(hn::MulAdd(rows_of(pair.p2 + at.cell_row, at.first), x,
                                       rows_of(pair.p1 + at.cell_row, at.first)),
                            x, p0);
-    return {f, p, hn::And(live, hn::Ge(f, hn::Zero(d)))};
+    return {f, p, hn::Ge(f, hn::Zero(d))};
   }
   if (pair.kind == PairKind::kCare) {
     const ScreenSurfel& s = *chunk.screen[i];
-    return s.shape > SurfelShape::kCare ? reach_in_compat(s, pair, at, y_px, live)
-                                        : reach_with_care(s, pair, at, y_px, live);
+    return s.shape > SurfelShape::kCare ? reach_in_compat(s, pair, at, y_px)
+                                        : reach_with_care(s, pair, at, y_px);
   }
   V p;
   if (pair.kind == PairKind::kThinParabola) {
@@ -154,14 +163,14 @@ HWY_INLINE Reach reach_of(const TileChunk& chunk, std::uint32_t i, const Lanes& 
     const V inverse_e = inverse_of(hn::NegMulAdd(hn::Set(d, pair.g0), x, p0));
     p = hn::Mul(hn::Mul(inverse_e, inverse_e), hn::Set(d, pair.c_k2));
   }
-  if (pair.kind == PairKind::kExact) return {f, p, hn::And(live, hn::Ge(f, hn::Zero(d)))};
+  if (pair.kind == PairKind::kExact) return {f, p, hn::Ge(f, hn::Zero(d))};
   // Off the disc p may be anything.
   const V low_pass =
       hn::MulAdd(hn::MulAdd(hn::Set(d, -kLog2E), x, hn::Set(d, pair.low_pass_b)), x,
                  rows_of(pair.low_pass_c + at.cell_row, at.first));
   const M on_disc = hn::Ge(f, hn::Zero(d));
   const V exponent = hn::IfThenElse(on_disc, hn::Max(hn::Mul(f, p), low_pass), low_pass);
-  return {exponent, hn::Set(d, 1.0F), hn::And(live, hn::Ge(exponent, hn::Zero(d)))};
+  return {exponent, hn::Set(d, 1.0F), hn::Ge(exponent, hn::Zero(d))};
 }
 
 /// Depth of the surfel's plane at the pixels, within the disc's range.
@@ -178,19 +187,40 @@ HWY_INLINE V depth_at(const ScreenSurfel& s, const TilePair& pair, const Lanes& 
   return hn::Div(hn::Set(d, s.z0_m), bounded);
 }
 
+/// make_key() with the lower bits as they are, as a float.
+HWY_INLINE V key_of(V weight, hn::Vec<Keys> low_bits) {
+  const Keys dk;
+  const auto shifted = hn::ShiftLeft<kKeyShift>(hn::BitCast(dk, weight));
+  return hn::BitCast(Floats(), hn::OrAnd(low_bits, shifted, hn::Set(dk, kKeyWeightMask)));
+}
+
 /// A vector of pixels in registers. Keys are compared as floats, whose order for positive
 /// numbers is that of their bits: float minima run on more ports.
+///
+/// `running` is the product of all 1 - alpha, those past the stop included. It only falls, so
+/// that a pixel is finished exactly where it is below the stop, and the loop needs no branch
+/// that data decide: hits and ends come too irregularly to be foreseen. `transmittance` is
+/// what counts: the last value that was not below the stop.
 template <bool kRgb, bool kNormal, int kKeys>
 struct Pixels {
-  V transmittance, depth, r, g, b, nx, ny, nz;
-  M live;
+  V running, transmittance, depth, r, g, b, nx, ny, nz;
+  hn::Vec<Keys> front;       ///< TileState::front.
+  hn::Vec<Keys> hits;        ///< Contributions so far.
   V key0, key1, key2, key3;  ///< Not an array: they would stay in memory.
 
-  HWY_INLINE void load(const TileState& state, std::size_t p) {
+  HWY_INLINE void load(const RasterJob& job, const TileState& state, std::size_t p) {
     const Floats d;
+    const Keys dk;
+    running = hn::Load(d, &state.running[p]);
     transmittance = hn::Load(d, &state.transmittance[p]);
-    depth = hn::Load(d, &state.depth[p]);
-    live = hn::Gt(hn::Load(d, &state.live[p]), hn::Zero(d));
+    hits = hn::Zero(dk);
+    front = hn::Zero(dk);
+    depth = hn::Zero(d);
+    if (job.median_depth) {
+      front = hn::Load(dk, &state.front[p]);
+    } else {
+      depth = hn::Load(d, &state.depth[p]);
+    }
     if constexpr (kRgb) {
       r = hn::Load(d, &state.r[p]);
       g = hn::Load(d, &state.g[p]);
@@ -202,18 +232,23 @@ struct Pixels {
       nz = hn::Load(d, &state.nz[p]);
     }
     if constexpr (kKeys == kRegisterKeys) {
-      key0 = hn::BitCast(d, hn::Load(Keys(), &state.keys[0][p]));
-      key1 = hn::BitCast(d, hn::Load(Keys(), &state.keys[1][p]));
-      key2 = hn::BitCast(d, hn::Load(Keys(), &state.keys[2][p]));
-      key3 = hn::BitCast(d, hn::Load(Keys(), &state.keys[3][p]));
+      key0 = hn::BitCast(d, hn::Load(dk, &state.keys[0][p]));
+      key1 = hn::BitCast(d, hn::Load(dk, &state.keys[1][p]));
+      key2 = hn::BitCast(d, hn::Load(dk, &state.keys[2][p]));
+      key3 = hn::BitCast(d, hn::Load(dk, &state.keys[3][p]));
     }
   }
 
-  HWY_INLINE void store(TileState& state, std::size_t p) const {
+  HWY_INLINE void store(const RasterJob& job, TileState& state, std::size_t p) const {
     const Floats d;
+    const Keys dk;
+    hn::Store(running, d, &state.running[p]);
     hn::Store(transmittance, d, &state.transmittance[p]);
-    hn::Store(depth, d, &state.depth[p]);
-    hn::Store(hn::IfThenElseZero(live, hn::Set(d, 1.0F)), d, &state.live[p]);
+    if (job.median_depth) {
+      hn::Store(front, dk, &state.front[p]);
+    } else {
+      hn::Store(depth, d, &state.depth[p]);
+    }
     if constexpr (kRgb) {
       hn::Store(r, d, &state.r[p]);
       hn::Store(g, d, &state.g[p]);
@@ -225,20 +260,28 @@ struct Pixels {
       hn::Store(nz, d, &state.nz[p]);
     }
     if constexpr (kKeys == kRegisterKeys) {
-      hn::Store(hn::BitCast(Keys(), key0), Keys(), &state.keys[0][p]);
-      hn::Store(hn::BitCast(Keys(), key1), Keys(), &state.keys[1][p]);
-      hn::Store(hn::BitCast(Keys(), key2), Keys(), &state.keys[2][p]);
-      hn::Store(hn::BitCast(Keys(), key3), Keys(), &state.keys[3][p]);
+      hn::Store(hn::BitCast(dk, key0), dk, &state.keys[0][p]);
+      hn::Store(hn::BitCast(dk, key1), dk, &state.keys[1][p]);
+      hn::Store(hn::BitCast(dk, key2), dk, &state.keys[2][p]);
+      hn::Store(hn::BitCast(dk, key3), dk, &state.keys[3][p]);
     }
   }
 
+  /// False if all pixels are finished. To be called before products of a batch underflow.
+  [[nodiscard]] HWY_INLINE bool clear_finished(const RasterJob& job) {
+    const Floats d;
+    const M live = hn::Ge(running, hn::Set(d, job.stop_transmittance));
+    running = hn::IfThenElseZero(live, running);
+    return !hn::AllFalse(d, live);
+  }
+  HWY_INLINE void finish_all() { running = hn::Zero(Floats()); }
+
   [[nodiscard]] HWY_INLINE bool half_open() const {
     const Floats d;
-    const V half = hn::Set(d, 1.0F - kMinSurfaceAlpha);
-    return !hn::AllFalse(d, hn::And(live, hn::Gt(transmittance, half)));
+    return !hn::AllFalse(d, hn::Gt(running, hn::Set(d, 1.0F - kMinSurfaceAlpha)));
   }
 
-  /// May a later surfel still enter the Top-K of some pixel?
+  /// May a later surfel still enter the Top-K of some pixel? After clear_finished().
   [[nodiscard]] HWY_INLINE bool keys_open(const RasterJob& job, const TileState& state,
                                           std::size_t p) const {
     const Floats d;
@@ -249,38 +292,40 @@ struct Pixels {
       if (job.all_surfels) return true;
       lightest = hn::BitCast(d, hn::Load(Keys(), &state.keys[job.top_k - 1][p]));
       if (job.first_hits) {
+        const M live = hn::Gt(running, hn::Zero(d));
         return !hn::AllFalse(d, hn::And(live, hn::Eq(lightest, hn::Zero(d))));
       }
     }
-    const V best_later = hn::Mul(transmittance, hn::Set(d, kMaxAlpha));
-    return !hn::AllFalse(d, hn::And(live, hn::Gt(best_later, lightest)));
+    const V best_later = hn::Mul(running, hn::Set(d, kMaxAlpha));
+    return !hn::AllFalse(d, hn::Gt(key_of(best_later, hn::Zero(Keys())), lightest));
   }
 
   /// All surfels count: remembers the pixels that were hit.
-  HWY_INLINE static void log_pixels(V weight, M hit, std::uint32_t slot, TileState& state,
+  HWY_INLINE static void log_pixels(V weight, std::uint32_t slot, TileState& state,
                                     std::size_t p) {
+    const Floats d;
     alignas(64) float weights[kCellPixels];
-    hn::Store(weight, Floats(), weights);
-    for (std::uint64_t bits = bits_of(hit); bits != 0; bits &= bits - 1) {
+    hn::Store(weight, d, weights);
+    for (std::uint64_t bits = bits_of(hn::Gt(weight, hn::Zero(d))); bits != 0;
+         bits &= bits - 1) {
       const int lane = std::countr_zero(bits);
       accumulate_all(state, row_major(p + static_cast<std::size_t>(lane)), weights[lane],
                      slot);
     }
   }
 
-  HWY_INLINE void insert_key(V weight, M hit, const TileChunk& chunk, std::uint32_t i,
+  HWY_INLINE void insert_key(V weight, const TileChunk& chunk, std::uint32_t i,
                              const RasterJob& job, TileState& state, std::size_t p) {
     const Floats d;
     const Keys dk;
     if constexpr (kKeys != kRegisterKeys) {
       if (job.all_surfels) {
-        log_pixels(weight, hit, chunk.slot[i], state, p);
+        log_pixels(weight, chunk.slot[i], state, p);
         return;
       }
     }
-    const std::uint32_t position = chunk.window_position + i;
-    const auto bits = hn::And(hn::BitCast(dk, weight), hn::Set(dk, ~kKeyPositionMask));
-    V key = hn::IfThenElseZero(hit, hn::BitCast(d, hn::Or(bits, hn::Set(dk, position))));
+    // Without weight this is no key, but smaller than all that are.
+    V key = key_of(weight, hn::Set(dk, chunk.pair[i].key_position));
     if constexpr (kKeys == kRegisterKeys) {
       const V after0 = hn::Min(key0, key);
       key0 = hn::Max(key0, key);
@@ -291,7 +336,7 @@ struct Pixels {
       key3 = hn::Max(key3, after2);
     } else {
       const V lightest = hn::BitCast(d, hn::Load(dk, &state.keys[job.top_k - 1][p]));
-      M enters = hn::And(hit, hn::Gt(key, lightest));
+      M enters = hn::And(hn::Gt(weight, hn::Zero(d)), hn::Gt(key, lightest));
       if (job.first_hits) enters = hn::And(enters, hn::Eq(lightest, hn::Zero(d)));
       if (hn::AllFalse(d, enters)) return;
       key = hn::IfThenElseZero(enters, key);
@@ -304,69 +349,56 @@ struct Pixels {
   }
 
   /// Blends one surfel into the pixels that it hits; finishes those that it would saturate.
-  /// @return  Pixels hit.
   template <bool kDepthOpen, bool kKeysOpen>
-  HWY_INLINE int blend(const RasterJob& job, const TileChunk& chunk, std::uint32_t i,
-                       const Lanes& at, float y_px, TileState& state, std::size_t p) {
+  HWY_INLINE void blend(const RasterJob& job, const TileChunk& chunk, std::uint32_t i,
+                        const Lanes& at, float y_px, TileState& state, std::size_t p) {
     const Floats d;
+    const Keys dk;
     const TilePair& pair = chunk.pair[i];
-    Reach reach = reach_of(chunk, i, at, y_px, live);
-    const std::uint64_t hit_bits = bits_of(reach.hit);
-    if (hit_bits == 0) return 0;
-    const V alpha = hn::Min(alpha_of(reach.f, reach.p), hn::Set(d, kMaxAlpha));
-    V weight = hn::IfThenElseZero(reach.hit, hn::Mul(alpha, transmittance));
-    V left = hn::Sub(transmittance, weight);
-    const M finished = hn::And(reach.hit, hn::Lt(left, hn::Set(d, job.stop_transmittance)));
-    if (HWY_UNLIKELY(!hn::AllFalse(d, finished))) {
-      live = hn::AndNot(finished, live);
-      reach.hit = hn::AndNot(finished, reach.hit);
-      weight = hn::IfThenZeroElse(finished, weight);
-      left = hn::IfThenElse(finished, transmittance, left);
-    }
+    const Reach reach = reach_of(chunk, i, at, y_px);
+    const V alpha = hn::IfThenElseZero(
+        reach.hit, hn::Min(alpha_of(reach.f, reach.p), hn::Set(d, kMaxAlpha)));
+    const V before = running;
+    running = hn::NegMulAdd(alpha, before, before);
+    const M counts = hn::And(reach.hit, hn::Ge(running, hn::Set(d, job.stop_transmittance)));
+    const V weight = hn::IfThenElseZero(counts, hn::Mul(alpha, before));
+    transmittance = hn::IfThenElse(counts, running, transmittance);
+    hits = hn::IfThenElse(hn::RebindMask(dk, counts), hn::Add(hits, hn::Set(dk, 1)), hits);
     if constexpr (kDepthOpen) {
       if (job.median_depth) {
-        const V half = hn::Set(d, 1.0F - kMinSurfaceAlpha);
-        const M crossing = hn::And(hn::Gt(transmittance, half), hn::Le(left, half));
-        if (!hn::AllFalse(d, crossing)) {
-          depth = hn::IfThenElse(crossing, depth_at(*chunk.screen[i], pair, at, y_px), depth);
-        }
+        // The last surfel that finds more than half left is the one that takes it.
+        const M open = hn::Gt(before, hn::Set(d, 1.0F - kMinSurfaceAlpha));
+        front =
+            hn::IfThenElse(hn::RebindMask(dk, open), hn::Set(dk, pair.list_position), front);
       } else {
-        const V here =
-            hn::IfThenElseZero(reach.hit, depth_at(*chunk.screen[i], pair, at, y_px));
+        const V here = hn::IfThenElseZero(counts, depth_at(*chunk.screen[i], pair, at, y_px));
         depth = hn::MulAdd(weight, here, depth);
       }
     }
-    transmittance = left;
     if constexpr (kRgb) {
-      r = hn::MulAdd(weight, hn::Set(d, pair.r), r);
-      g = hn::MulAdd(weight, hn::Set(d, pair.g), g);
-      b = hn::MulAdd(weight, hn::Set(d, pair.b_colour), b);
+      r = hn::MulAdd(weight, hn::Set(d, pair.shade.r), r);
+      g = hn::MulAdd(weight, hn::Set(d, pair.shade.g), g);
+      b = hn::MulAdd(weight, hn::Set(d, pair.shade.b), b);
     }
     if constexpr (kNormal) {
-      nx = hn::MulAdd(weight, hn::Set(d, pair.nx), nx);
-      ny = hn::MulAdd(weight, hn::Set(d, pair.ny), ny);
-      nz = hn::MulAdd(weight, hn::Set(d, pair.nz), nz);
+      nx = hn::MulAdd(weight, hn::Set(d, pair.shade.nx), nx);
+      ny = hn::MulAdd(weight, hn::Set(d, pair.shade.ny), ny);
+      nz = hn::MulAdd(weight, hn::Set(d, pair.shade.nz), nz);
     }
-    if constexpr (kKeysOpen) {
-      insert_key(weight, reach.hit, chunk, i, job, state, p);
-    }
-    return static_cast<int>(std::popcount(hit_bits));
+    if constexpr (kKeysOpen) insert_key(weight, chunk, i, job, state, p);
   }
 };
 
-/// Up to kBatch surfels of `todo`. @return  Pixels hit.
+/// Up to kBatch surfels of `todo`.
 template <bool kDepthOpen, bool kKeysOpen, class PixelVector>
-HWY_INLINE std::uint64_t blend_batch(const RasterJob& job, const TileChunk& chunk,
-                                     std::uint64_t& todo, const Lanes& at, float y_px,
-                                     PixelVector& pixels, TileState& state, std::size_t p) {
-  std::uint64_t contributions = 0;
+HWY_INLINE void blend_batch(const RasterJob& job, const TileChunk& chunk, std::uint64_t& todo,
+                            const Lanes& at, float y_px, PixelVector& pixels, TileState& state,
+                            std::size_t p) {
   for (int n = 0; n < kBatch && todo != 0; ++n) {
     const auto i = static_cast<std::uint32_t>(std::countr_zero(todo));
     todo &= todo - 1;
-    contributions += static_cast<std::uint64_t>(
-        pixels.template blend<kDepthOpen, kKeysOpen>(job, chunk, i, at, y_px, state, p));
+    pixels.template blend<kDepthOpen, kKeysOpen>(job, chunk, i, at, y_px, state, p);
   }
-  return contributions;
 }
 
 /// Blends the surfels in `todo` (bits of the chunk) into vector `vector` of a cell.
@@ -377,40 +409,34 @@ bool blend_cell(const RasterJob& job, const TileChunk& chunk, std::uint64_t todo
   const Floats d;
   const std::size_t p = static_cast<std::size_t>(cell) * kCellPixels + first;
   Pixels<kRgb, kNormal, kKeys> pixels;
-  pixels.load(state, p);
-  const Lanes at{hn::Add(hn::Set(d, static_cast<float>(cell / kCellsPerRow * kCellPx) - 7.5F),
-                         hn::Load(d, kLaneColumn + first)),
-                 hn::Add(hn::Set(d, static_cast<float>(cell % kCellsPerRow * kCellPx) + 0.5F),
-                         hn::Load(d, kLaneRow + first)),
-                 cell % kCellsPerRow * kCellPx, first};
+  pixels.load(job, state, p);
+  const Lanes at = lanes_of(cell, first);
   bool depth_open = job.wants_depth;
   bool keys_open = kKeys > 0;
   bool any_live = true;
-  std::uint64_t contributions = 0;
   stats.evaluations += static_cast<std::uint64_t>(std::popcount(todo)) * hn::Lanes(d);
   while (todo != 0) {
+    any_live = pixels.clear_finished(job);
     const bool half_open = pixels.half_open();
     if (job.median_depth) depth_open = depth_open && half_open;
     if constexpr (kKeys > 0) keys_open = keys_open && pixels.keys_open(job, state, p);
     if (job.labels_only && !keys_open && !half_open) {
-      pixels.live = hn::Lt(hn::Zero(d), hn::Zero(d));  // None.
+      pixels.finish_all();
+      any_live = false;
     }
-    any_live = !hn::AllFalse(d, pixels.live);
     if (!any_live) break;
     if (depth_open) {
-      contributions +=
-          blend_batch<true, (kKeys > 0)>(job, chunk, todo, at, y_px, pixels, state, p);
+      blend_batch<true, (kKeys > 0)>(job, chunk, todo, at, y_px, pixels, state, p);
     } else if (keys_open) {
-      contributions +=
-          blend_batch<false, (kKeys > 0)>(job, chunk, todo, at, y_px, pixels, state, p);
+      blend_batch<false, (kKeys > 0)>(job, chunk, todo, at, y_px, pixels, state, p);
     } else {
-      contributions += blend_batch<false, false>(job, chunk, todo, at, y_px, pixels, state, p);
+      blend_batch<false, false>(job, chunk, todo, at, y_px, pixels, state, p);
     }
   }
-  any_live = !hn::AllFalse(d, pixels.live);
   stats.evaluations -= static_cast<std::uint64_t>(std::popcount(todo)) * hn::Lanes(d);
-  stats.contributions += contributions;
-  pixels.store(state, p);
+  stats.contributions += hn::GetLane(hn::SumOfLanes(Keys(), pixels.hits));
+  if (any_live) any_live = pixels.clear_finished(job);
+  pixels.store(job, state, p);
   return any_live;
 }
 

@@ -38,6 +38,12 @@ alignas(64) inline constexpr float kLaneRow[kCellPixels] = {0, 1, 2, 3, 0, 1, 2,
   return y * kTileSizePx + x;
 }
 
+/// Entry of the planes in cell order of pixel (x, y) of the tile.
+[[nodiscard]] constexpr std::size_t cell_index(int x, int y) {
+  const int cell = x / kCellPx * kCellsPerRow + y / kCellPx;
+  return static_cast<std::size_t>(cell * kCellPixels + x % kCellPx * kCellPx + y % kCellPx);
+}
+
 enum class PairKind : std::uint32_t {
   kPlain,         ///< P is a parabola.
   kExact,         ///< P from e; p0 holds e in the middle column.
@@ -49,8 +55,9 @@ enum class PairKind : std::uint32_t {
 /// A surfel in a tile; see tile_chunk-inl.h for the symbols.
 struct alignas(64) TilePair {
   float a, g0, c_k2, dx, low_pass_b;
-  float r, g, b_colour, nx, ny, nz;
   PairKind kind;
+  std::uint32_t list_position, key_position;  ///< The latter as keys hold it.
+  SurfelShade shade;
   alignas(64) float b[kTileSizePx], c[kTileSizePx];
   float p0[kTileSizePx], p1[kTileSizePx], p2[kTileSizePx];
   float low_pass_c[kTileSizePx];
@@ -61,7 +68,7 @@ struct TileChunk {
   alignas(64) std::uint16_t cells[kChunk];  ///< Bit 4 x + y: the surfel reaches that cell.
   const ScreenSurfel* screen[kChunk];
   std::uint32_t slot[kChunk];
-  std::uint32_t count = 0, window_position = 0;
+  std::uint32_t count = 0;
 };
 
 /// @param rows  Bit 16 g + y: row y reaches column group g.
@@ -69,10 +76,10 @@ struct TileChunk {
   rows |= rows >> 1U;
   rows |= rows >> 2U;
   rows &= 0x1111111111111111U;
-  rows = (rows | rows >> 3U) & 0x0303030303030303U;
-  rows = (rows | rows >> 6U) & 0x000F000F000F000FU;
-  rows = (rows | rows >> 12U) & 0x000000FF000000FFU;
-  return static_cast<std::uint16_t>(rows | rows >> 24U);
+  // Bits 0, 4, 8, 12 of every 16 to bits 9 ... 12, then the four nibbles to bits 48 ... 63; no
+  // two terms of the products meet.
+  rows = rows * 0x249U >> 9U & 0x000F000F000F000FU;
+  return static_cast<std::uint16_t>(rows * 0x0001001001001000U >> 48U);
 }
 
 /// Cells that the surfel's pixel rectangle meets.

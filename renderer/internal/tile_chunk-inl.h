@@ -135,8 +135,7 @@ HWY_INLINE void prepare_pair(const ScreenSurfel& s, const SurfelShade& shade, in
   pair.c_k2 = s.c_k2;
   pair.dx = dx;
   pair.low_pass_b = -2.0F * kLog2E * dx;
-  pair.r = shade.r, pair.g = shade.g, pair.b_colour = shade.b;
-  pair.nx = shade.nx, pair.ny = shade.ny, pair.nz = shade.nz;
+  pair.shade = shade;
   if (s.shape >= SurfelShape::kCare || !(pair.a < 0.0F)) {
     pair.kind = PairKind::kCare;
     chunk.cells[i] = cells_of_rectangle(s, tile_x, tile_y);
@@ -157,9 +156,8 @@ HWY_INLINE void prepare_pair(const ScreenSurfel& s, const SurfelShade& shade, in
 HWY_INLINE void load_chunk(const ProjectedSurfels& projected,
                            std::span<const std::uint32_t> list, std::uint32_t begin,
                            int tile_x, int tile_y, TileChunk& chunk) {
-  constexpr std::uint32_t kAhead = 6;
+  constexpr std::uint32_t kAhead = 8;
   chunk.count = std::min(kChunk, static_cast<std::uint32_t>(list.size()) - begin);
-  chunk.window_position = begin % kWindow;  // Windows start at its multiples.
   for (std::uint32_t i = 0; i < chunk.count; ++i) {
     if (begin + i + kAhead < list.size()) {
       hwy::Prefetch(&projected.screen[list[begin + i + kAhead]]);
@@ -167,6 +165,9 @@ HWY_INLINE void load_chunk(const ProjectedSurfels& projected,
     }
     const std::uint32_t slot = list[begin + i];
     chunk.slot[i] = slot;
+    chunk.pair[i].list_position = begin + i;
+    // Windows start at multiples of their size.
+    chunk.pair[i].key_position = (begin + i) % kWindow ^ kKeyPositionMask;
     prepare_pair(projected.screen[slot], projected.shade[slot], tile_x, tile_y, i, chunk);
   }
   std::fill(chunk.cells + chunk.count, chunk.cells + kChunk, std::uint16_t{0});

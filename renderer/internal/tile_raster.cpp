@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <bit>
+#include <cstddef>
 #include <cstring>
 #include <span>
 
 #include "renderer/internal/tile_state.h"
+#include "renderer/internal/tile_write.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "renderer/internal/tile_raster.cpp"
@@ -49,16 +51,66 @@ void cells_to_rows(std::array<T, kTilePixels>& plane) {
   }
 }
 
-/// And back: only where a window of a long list is closed, or to begin.
-template <class T>
-void rows_to_cells(std::array<T, kTilePixels>& plane) {
-  const std::array<T, kTilePixels> rows = plane;
-  for (std::size_t p = 0; p < kTilePixels; ++p) plane[p] = rows[row_major(p)];
+/// Field of the records of a vector of slots.
+HWY_INLINE V gather_field(const ScreenSurfel* records, hn::Vec<Ints> slots,
+                          std::size_t offset_bytes) {
+  constexpr int kWords = sizeof(ScreenSurfel) / sizeof(float);
+  static_assert(kWords == 16);
+  const auto* field = reinterpret_cast<const float*>(records) + offset_bytes / sizeof(float);
+  return hn::GatherIndex(Floats(), field, hn::ShiftLeft<4>(slots));
 }
 
-/// Gives all planes in use their final order.
+/// Depth of a vector of pixels, each of its own surfel, within the disc's range.
+/// @param x_px, y_px  Pixel centres.
+HWY_INLINE V depth_of(const ScreenSurfel* records, hn::Vec<Ints> slots, V x_px, V y_px) {
+  const Floats d;
+  const Ints di;
+  const auto field = [&](std::size_t offset) { return gather_field(records, slots, offset); };
+  const V dx = hn::Sub(x_px, field(offsetof(ScreenSurfel, x0_px)));
+  const V dy = hn::Sub(y_px, field(offsetof(ScreenSurfel, y0_px)));
+  const V e =
+      hn::NegMulAdd(field(offsetof(ScreenSurfel, g0)), dx,
+                    hn::NegMulAdd(field(offsetof(ScreenSurfel, g1)), dy, hn::Set(d, 1.0F)));
+  V bounded = hn::Min(hn::Max(e, field(offsetof(ScreenSurfel, e_min))),
+                      field(offsetof(ScreenSurfel, e_max)));
+  const auto shape = hn::BitCast(di, field(offsetof(ScreenSurfel, shape)));
+  const auto is = [&](SurfelShape which) {
+    return hn::RebindMask(d, hn::Eq(shape, hn::Set(di, static_cast<std::int32_t>(which))));
+  };
+  bounded = hn::IfThenElse(is(SurfelShape::kInria), e, bounded);
+  bounded = hn::IfThenElse(is(SurfelShape::kGsplat), hn::Set(d, 1.0F), bounded);
+  return hn::Div(field(offsetof(ScreenSurfel, z0_m)), bounded);
+}
+
+/// Median depth of all pixels that have one: looked up once, since what a pixel's surfel is
+/// was all that the blend loop had to know.
+void find_median_depths(const RasterJob& job, std::span<const std::uint32_t> list, int tile_x,
+                        int tile_y, TileState& state) {
+  const Floats d;
+  const Ints di;
+  if (list.empty()) return;
+  const V half_tile = hn::Set(d, 0.5F * kTileSizePx);
+  for (std::size_t p = 0; p < kTilePixels; p += hn::Lanes(d)) {
+    const Lanes at =
+        lanes_of(static_cast<int>(p / kCellPixels), static_cast<int>(p % kCellPixels));
+    const auto position = hn::BitCast(di, hn::Load(Keys(), &state.front[p]));
+    const auto slots =
+        hn::GatherIndex(di, reinterpret_cast<const std::int32_t*>(list.data()), position);
+    const V x_px = hn::Add(hn::Add(at.x, half_tile),
+                           hn::Set(d, static_cast<float>(tile_x * kTileSizePx)));
+    const V y_px = hn::Add(at.row, hn::Set(d, static_cast<float>(tile_y * kTileSizePx)));
+    hn::Store(depth_of(job.projected.screen.data(), slots, x_px, y_px), d, &state.depth[p]);
+  }
+}
+
+/// Gives all planes in use their final values and order.
 template <bool kRgb, bool kNormal>
-void finish_planes(const RasterJob& job, int key_count, TileState& state) {
+void finish_planes(const RasterJob& job, std::size_t tile, int key_count, TileState& state) {
+  if (job.wants_depth && job.median_depth) {
+    const auto index = static_cast<int>(tile);
+    find_median_depths(job, job.bins.list(tile), index % job.bins.tiles_x(),
+                       index / job.bins.tiles_x(), state);
+  }
   cells_to_rows(state.transmittance);
   if (job.wants_depth) cells_to_rows(state.depth);
   if constexpr (kRgb) {
@@ -99,8 +151,9 @@ void copy_state(const RasterJob& job, int key_count, const TileState& from, Tile
   to.window_closed = false;
   to.log = from.log;
   to.transmittance = from.transmittance;
-  to.live = from.live;
-  if (job.wants_depth) to.depth = from.depth;
+  to.running = from.running;
+  if (job.wants_depth && job.median_depth) to.front = from.front;
+  if (job.wants_depth && !job.median_depth) to.depth = from.depth;
   if constexpr (kRgb) to.r = from.r, to.g = from.g, to.b = from.b;
   if constexpr (kNormal) to.nx = from.nx, to.ny = from.ny, to.nz = from.nz;
   for (int k = 0; k < key_count; ++k) to.keys[k] = from.keys[k];
@@ -139,12 +192,11 @@ TileStats raster_tile_with(const RasterJob& job, std::size_t tile, bool last,
   const int key_count = kKeys == 0 || job.all_surfels ? 0
                         : kKeys == kRegisterKeys      ? kRegisterKeys
                                                       : job.top_k;
-  TileState state;  // Not initialised: clear_tile() fills what this job uses.
-  if (progress.started) {
-    copy_state<kRgb, kNormal>(job, key_count, *progress.state, state);
-  } else {
+  TileState fresh;  // Not initialised: clear_tile() fills what this job uses.
+  TileState& state = progress.started ? *progress.state : fresh;
+  const bool stays = progress.started;
+  if (!progress.started) {
     clear_tile(job, tile, key_count, state);
-    rows_to_cells(state.live);
     progress.done = progress.window = 0;
     progress.live_cells = (1U << kTileCells) - 1U;
     progress.started = true;
@@ -153,9 +205,9 @@ TileStats raster_tile_with(const RasterJob& job, std::size_t tile, bool last,
   blend_list<kRgb, kNormal, kKeys>(job, tile, key_count, progress, state, stats);
   stats.finished = last || progress.live_cells == 0;
   if (stats.finished) {
-    finish_planes<kRgb, kNormal>(job, key_count, state);
+    finish_planes<kRgb, kNormal>(job, tile, key_count, state);
     stats.feature_fetches = write_tile(job, tile, job.bins.list(tile), progress.window, state);
-  } else {
+  } else if (!stays) {
     if (!progress.state) progress.state.reset(new TileState);  // Not initialised.
     copy_state<kRgb, kNormal>(job, key_count, state, *progress.state);
   }

@@ -89,13 +89,13 @@ void BlockResolver::resolve_pixel(const ResolveJob& job, const SurfelShade* shad
   }
   if (out.labels != nullptr) {
     if (job.field != nullptr) {
-      out.labels[pixel] = resolve_panoptic(*job.field, surfels_, scratch_);
+      out.labels->set(pixel, resolve_panoptic(*job.field, surfels_, scratch_));
     } else {
       labels_.clear();
       for (const WeightedSlot& s : selected) {
         labels_.push_back({s.weight, shade[s.slot].label});
       }
-      out.labels[pixel] = vote(labels_);
+      out.labels->set(pixel, vote(labels_));
     }
   }
   if (out.semantic_feature != nullptr) {

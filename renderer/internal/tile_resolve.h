@@ -42,7 +42,7 @@ class SelectedSurfels {
 
 /// Where the results go, by pixel; null = not wanted.
 struct ResolvedPixels {
-  PixelLabel* labels = nullptr;
+  const LabelPlanes* labels = nullptr;
   core::SemanticFeature* semantic_feature = nullptr;
   core::InstanceFeature* instance_feature = nullptr;
 };

@@ -24,6 +24,7 @@
 #include <vector>
 
 #include "renderer/internal/label_resolve.h"
+#include "renderer/internal/selection_key.h"
 #include "renderer/internal/tile_raster.h"
 #include "renderer/internal/tile_resolve.h"
 
@@ -31,13 +32,6 @@ namespace segsim::renderer::internal {
 
 inline constexpr std::size_t kTilePixels =
     static_cast<std::size_t>(kTileSizePx) * static_cast<std::size_t>(kTileSizePx);
-
-/// A key holds a weight in its upper 20 bits (a float without the last 12 bits of its
-/// fraction, so 5e-4 relative) and a list position in the lower 12; larger keys are heavier.
-/// A key without weight is no key, whatever its position.
-inline constexpr std::uint32_t kKeyPositionMask = 0xFFF;
-/// List positions that one set of keys can tell apart. Longer lists are taken in windows.
-inline constexpr std::uint32_t kWindow = kKeyPositionMask + 1;
 
 /// All surfels of all pixels of a tile, in the order in which they were blended.
 using CandidateLog = std::vector<SelectedSurfels::Entry>;
@@ -47,13 +41,24 @@ using CandidateLog = std::vector<SelectedSurfels::Entry>;
   return static_cast<std::size_t>(y * kTileSizePx + x);
 }
 
+/// Whether a pixel is opaque enough to have depth, normal and labels. @param t  Not negative.
+[[nodiscard]] constexpr bool is_surface(float t) { return 1.0F - t >= kMinSurfaceAlpha; }
+
+struct PixelRectangle {
+  int x, y;           ///< First pixel in the image.
+  int width, height;  ///< Pixels of the tile inside the image.
+};
+[[nodiscard]] PixelRectangle rectangle_of(const RasterJob& job, std::size_t tile);
+
 struct TileState {
   using Plane = std::array<float, kTilePixels>;
 
   alignas(64) Plane transmittance;
-  alignas(64) Plane live;  ///< 1 until the pixel is finished; 0 outside the image.
+  alignas(64) Plane running;  ///< The same until the pixel is finished; 0 outside the image.
   alignas(64) Plane r, g, b;
-  alignas(64) Plane depth;  ///< Sum of weight * depth, or the median depth so far [m].
+  alignas(64) Plane depth;  ///< Sum of weight * depth [m]; when finished, what is wanted.
+  /// List position of the surfel at the median depth.
+  alignas(64) std::array<std::uint32_t, kTilePixels> front;
   alignas(64) Plane nx, ny, nz;
   /// Selected surfels of the present window; see the table above.
   alignas(64) std::array<std::array<std::uint32_t, kTilePixels>, kMaxTopK> keys;
@@ -88,12 +93,11 @@ void clear_tile(const RasterJob& job, std::size_t tile, int key_count, TileState
 void close_window(const RasterJob& job, std::span<const std::uint32_t> list,
                   std::uint32_t window, TileState& state);
 
-/// Finishes the pixels and writes them to the images of the job's channels. Labels and
-/// features come from job.resolve, which these three need.
-/// @return  RenderStats::feature_fetches of the tile: a label for every selected surfel of a
-///     pixel; rows of scores and features once for every block of neighbouring pixels.
-std::uint64_t write_tile(const RasterJob& job, std::size_t tile,
-                         std::span<const std::uint32_t> list, std::uint32_t window,
-                         const TileState& state);
+/// Collects the surfels of all surface pixels, heaviest first. Planes are rows of pixels.
+void select_surfels(const ResolveJob& resolve, std::span<const std::uint32_t> list,
+                    std::uint32_t window, const TileState& state, SelectedSurfels& selected);
+
+/// Gives back the log that clear_tile() took.
+void return_log(TileState& state);
 
 }  // namespace segsim::renderer::internal

@@ -6,7 +6,6 @@
 
 #include <array>
 #include <bit>
-#include <limits>
 #include <memory>
 #include <utility>
 #include <vector>
@@ -14,10 +13,9 @@
 #include "core/frames.h"
 #include "renderer/cpu_renderer.h"
 #include "renderer/internal/label_vote.h"
-#include "renderer/internal/projection_camera.h"
-#include "renderer/internal/tile_raster.h"
 #include "renderer/internal/tile_state.h"
 #include "tests/renderer/scenes.h"
+#include "tests/renderer/view_stages.h"
 
 namespace segsim::renderer {
 namespace {
@@ -71,89 +69,61 @@ void render_room(benchmark::State& state, int width_px, int height_px, Channels 
   state.counters["contributions_px"] = mean(contributions / pixels);
 }
 
-/// A view's data between the stages.
-struct Stages {
-  core::CameraIntrinsics camera = core::CameraIntrinsics::from_fov(640, 480, 1.2);
-  core::CameraPose pose = turning_camera(3);
-  internal::PackedSurfels packed{*room()};
-  internal::Workers workers{1};
-  internal::ProjectedSurfels projected;
-  internal::TileBins bins;
-  core::Frame frame;
+/// A view of 640 x 480 px.
+testing::ViewStages standard_view() {
+  return {room(), turning_camera(3), core::CameraIntrinsics::from_fov(640, 480, 1.2)};
+}
 
-  void project() {
-    const internal::ProjectionJob job{*room(),
-                                      packed,
-                                      internal::projection_camera<float>(pose, camera),
-                                      camera.width_px,
-                                      camera.height_px,
-                                      0.05F,
-                                      true};
-    internal::find_visible_clusters(job, projected);
-    internal::project_clusters(job, 0, projected.visible.size(), workers, projected);
-  }
-  void bin() {
-    bins.begin(camera.width_px, camera.height_px);
-    bins.add_slab(projected, 0, projected.visible.size(),
-                  std::numeric_limits<float>::infinity(), workers);
-  }
-};
+benchmark::Counter per_second(double count) {
+  return {count, benchmark::Counter::kIsIterationInvariantRate};
+}
 
+/// Culling, projection and the rows of tiles; nothing is entered in a list.
 void project_view(benchmark::State& state) {
-  Stages stages;
-  for (auto _ : state) stages.project();
-  std::size_t drawn = 0;
-  for (std::size_t v = 0; v < stages.projected.visible.size(); ++v) {
-    drawn += stages.projected.count[v];
-  }
-  state.counters["surfels_per_s"] = benchmark::Counter(
-      static_cast<double>(drawn), benchmark::Counter::kIsIterationInvariantRate);
+  testing::ViewStages stages = standard_view();
+  for (auto _ : state) stages.project_only();
+  state.counters["surfels_per_s"] = per_second(static_cast<double>(stages.surfel_count()));
 }
 BENCHMARK(project_view)->Name("stage/project")->Unit(benchmark::kMillisecond);
 
+/// The same with the tiles' entries: the difference is what they cost.
+void project_and_bin_view(benchmark::State& state) {
+  testing::ViewStages stages = standard_view();
+  for (auto _ : state) stages.project();
+  state.counters["pairs_per_s"] = per_second(static_cast<double>(stages.bins.pair_count()));
+}
+BENCHMARK(project_and_bin_view)->Name("stage/project_and_bin")->Unit(benchmark::kMillisecond);
+
+/// From the tiles' entries to lists in order of depth.
 void bin_view(benchmark::State& state) {
-  Stages stages;
-  stages.project();
-  for (auto _ : state) stages.bin();
-  state.counters["pairs_per_s"] =
-      benchmark::Counter(static_cast<double>(stages.bins.pair_count()),
-                         benchmark::Counter::kIsIterationInvariantRate);
+  testing::ViewStages stages = standard_view();
+  for (auto _ : state) {
+    state.PauseTiming();
+    stages.project();
+    state.ResumeTiming();
+    stages.list();
+  }
+  state.counters["pairs_per_s"] = per_second(static_cast<double>(stages.bins.pair_count()));
 }
 BENCHMARK(bin_view)->Name("stage/bin")->Unit(benchmark::kMillisecond);
 
-/// All tiles of a view, with the writing of their pixels.
-void raster_view(benchmark::State& state) {
-  Stages stages;
+/// All tiles of a view, with the writing of their pixels; @param channels  What is written.
+void raster_view(benchmark::State& state, Channels channels) {
+  testing::ViewStages stages = standard_view();
   stages.project();
-  stages.bin();
-  stages.frame.intrinsics = stages.camera;
-  const int w = stages.camera.width_px, h = stages.camera.height_px;
-  stages.frame.alpha.resize(w, h);
-  stages.frame.rgb.resize(w, h);
-  stages.frame.depth_m.resize(w, h);
-  stages.frame.normal.resize(w, h);
-  const internal::ResolveJob resolve;
-  const internal::RasterJob job{.projected = stages.projected,
-                                .bins = stages.bins,
-                                .frame = stages.frame,
-                                .channels = Channels::kRgbd | Channels::kNormal,
-                                .top_k = 4,
-                                .median_depth = true,
-                                .labelled = false,
-                                .resolve = &resolve};
-  std::vector<internal::TileProgress> progress(stages.bins.tile_count());
-  std::uint64_t evaluations = 0;
-  for (auto _ : state) {
-    evaluations = 0;
-    for (std::size_t tile = 0; tile < progress.size(); ++tile) {
-      progress[tile].started = false;
-      evaluations += internal::raster_tile(job, tile, true, progress[tile]).evaluations;
-    }
-  }
-  state.counters["evaluations_per_s"] = benchmark::Counter(
-      static_cast<double>(evaluations), benchmark::Counter::kIsIterationInvariantRate);
+  stages.list();
+  internal::TileStats stats;
+  for (auto _ : state) stats = stages.raster(channels);
+  state.counters["evaluations_per_s"] = per_second(static_cast<double>(stats.evaluations));
+  state.counters["rows_per_s"] = per_second(static_cast<double>(stats.feature_fetches));
 }
-BENCHMARK(raster_view)->Name("stage/raster")->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(raster_view, rgbd_normal, Channels::kRgbd | Channels::kNormal)
+    ->Name("stage/raster")
+    ->Unit(benchmark::kMillisecond);
+/// The Top-K and its labels too: the difference is what they cost.
+BENCHMARK_CAPTURE(raster_view, all, Channels::kAll)
+    ->Name("stage/raster_and_resolve")
+    ->Unit(benchmark::kMillisecond);
 
 /// Votes of rows of 16 pixels, four candidates of at most three labels each.
 void resolve_rows(benchmark::State& state) {
@@ -170,15 +140,16 @@ void resolve_rows(benchmark::State& state) {
     for (std::size_t i = 0; i < kRow; ++i) {
       const float weight = 0.5F / static_cast<float>(k + 1);
       keys[k * kRow + i] =
-          (std::bit_cast<std::uint32_t>(weight) & ~internal::kKeyPositionMask) |
-          static_cast<std::uint32_t>(random.index(kSlots));
+          internal::make_key(weight, static_cast<std::uint32_t>(random.index(kSlots)));
     }
   }
-  std::array<internal::PixelLabel, kRow> labels;
+  std::array<std::uint16_t, kRow> semantic{}, instance{};
+  std::array<float, kRow> confidence{}, instance_confidence{};
+  const internal::LabelPlanes labels{semantic.data(), instance.data(), confidence.data(),
+                                     instance_confidence.data()};
   const internal::KeyRow row{keys.data(), kRow, kRanks, kRow};
   for (auto _ : state) {
-    benchmark::DoNotOptimize(
-        internal::vote_row(row, slots.data(), shade.data(), labels.data()));
+    benchmark::DoNotOptimize(internal::vote_row(row, slots.data(), shade.data(), labels));
     benchmark::ClobberMemory();
   }
   state.counters["pixels_per_s"] = benchmark::Counter(

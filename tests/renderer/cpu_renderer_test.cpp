@@ -7,11 +7,8 @@
 #include <cstdlib>
 #include <memory>
 
-#include <hwy/targets.h>
-
 #include <glm/geometric.hpp>
 
-#include "core/check.h"
 #include "core/frames.h"
 #include "renderer/reference_renderer.h"
 #include "tests/renderer/scenes.h"
@@ -359,37 +356,6 @@ void expect_identical(const Frame& a, const Frame& b) {
   EXPECT_EQ(a.stats.contributions, b.stats.contributions);
 }
 
-TEST(CpuRenderer, SamePictureForAnyNumberOfThreads) {
-  const auto room = shared(testing::room_scene(0.12F));
-  const CameraPose pose = core::look_at({3.0, 2.5, 1.2}, {5.0, 4.0, 0.6});
-  const CameraIntrinsics camera = CameraIntrinsics::from_fov(160, 120, 1.3);
-  const Frame one = render_with(room, pose, camera, {.threads = 1});
-  for (const int threads : {0, 2, 5}) {
-    SCOPED_TRACE(threads);
-    expect_identical(one, render_with(room, pose, camera, {.threads = threads}));
-  }
-}
-
-TEST(CpuRenderer, EveryInstructionSetMatchesTheReference) {
-  const auto scene = shared(testing::random_scene(21, 1500));
-  const CameraPose pose = core::look_at({0.1, 0.2, -0.1}, {1.0, 0.3, 0.2});
-  const Frame reference =
-      make_reference_renderer(scene, {})->render(pose, kOddCamera, Channels::kAll);
-  const auto available = hwy::SupportedTargets();
-  int tested = 0;
-  for (const auto target : {HWY_AVX3, HWY_AVX2, HWY_SSE4, HWY_SSSE3, HWY_EMU128, HWY_SCALAR}) {
-    if ((available & target) == 0) continue;
-    SCOPED_TRACE(hwy::TargetName(target));
-    hwy::SetSupportedTargetsForTest(target);
-    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-    expect_agreement(render_with(scene, pose, kOddCamera), reference);
-    ++tested;
-  }
-  hwy::SetSupportedTargetsForTest(0);
-  hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-  EXPECT_GE(tested, 2);
-}
-
 TEST(CpuRenderer, OnlyTheChannelsAskedFor) {
   const auto scene = shared(testing::random_scene(2, 800));
   const CameraPose pose = core::look_at({-4.0, 0.4, 1.0}, {0.0, 0.0, 0.0});
@@ -422,49 +388,6 @@ TEST(CpuRenderer, FramesAreReused) {
   EXPECT_EQ(frame.rgb.data(), rgb);
   EXPECT_EQ(frame.depth_m.data(), depth);
   expect_identical(frame, first);
-}
-
-TEST(CpuRenderer, EmptyAndUnlabelledScenes) {
-  const Frame empty = render_with(shared(SurfelCloud{}), CameraPose(), kOddCamera);
-  EXPECT_EQ(empty.alpha(5, 5), 0.0F);
-  EXPECT_TRUE(std::isnan(empty.depth_m(5, 5)));
-  SurfelCloud cloud = testing::random_scene(2, 800);
-  cloud.semantic_id.clear();
-  cloud.instance_id.clear();
-  const Frame frame = render_with(
-      shared(std::move(cloud)), core::look_at({-4.0, 0.4, 1.0}, {0.0, 0.0, 0.0}), kOddCamera);
-  EXPECT_EQ(frame.semantic(38, 30), 0);
-  EXPECT_EQ(frame.confidence(38, 30), 0.0F);
-  EXPECT_GT(frame.stats.contributions, 0U);
-}
-
-TEST(CpuRenderer, BadArgumentsAreRefused) {
-  const auto scene = shared(testing::random_scene(2, 10));
-  EXPECT_THROW(make_cpu_renderer(nullptr), core::ContractViolation);
-  EXPECT_THROW(make_cpu_renderer(scene, {.top_k = -1}), core::ContractViolation);
-  EXPECT_THROW(make_cpu_renderer(scene, {.top_k = 25}), core::ContractViolation);
-  EXPECT_THROW(make_cpu_renderer(scene, {.near_m = 0.0F}), core::ContractViolation);
-  SurfelCloud broken = *scene;
-  broken.scale_m[4].x = -1.0F;
-  EXPECT_THROW(make_cpu_renderer(shared(broken)), core::ContractViolation);
-  for (const float bad : {std::nanf(""), INFINITY}) {
-    broken = *scene;
-    broken.position_m[3].y = bad;
-    EXPECT_THROW(make_cpu_renderer(shared(broken)), core::ContractViolation);
-    broken = *scene;
-    broken.scale_m[3].x = bad;
-    EXPECT_THROW(make_cpu_renderer(shared(broken)), core::ContractViolation);
-    broken = *scene;
-    broken.opacity[3] = bad;
-    EXPECT_THROW(make_cpu_renderer(shared(broken)), core::ContractViolation);
-    broken = *scene;
-    broken.R_world_surfel[3].w = bad;
-    EXPECT_THROW(make_cpu_renderer(shared(broken)), core::ContractViolation);
-  }
-  const auto renderer = make_cpu_renderer(scene);
-  EXPECT_THROW(
-      static_cast<void>(renderer->render(CameraPose(), CameraIntrinsics{}, Channels::kAll)),
-      core::ContractViolation);
 }
 
 }  // namespace

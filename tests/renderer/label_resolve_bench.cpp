@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "core/random.h"
-#include "renderer/internal/tile_state.h"
+#include "renderer/internal/tile_write.h"
 #include "tests/renderer/panoptic_scenes.h"
 
 namespace segsim::renderer::internal {
@@ -97,8 +97,7 @@ class Tile {
         for (int k = 0; k < top_k; ++k) {
           const auto first = static_cast<std::uint32_t>(3 * (x / 4 + y / 4));
           const auto weight = static_cast<float>(random.uniform(0.01, 0.3));
-          keys.push_back((std::bit_cast<std::uint32_t>(weight) & ~kKeyPositionMask) |
-                         (first + static_cast<std::uint32_t>(k)));
+          keys.push_back(make_key(weight, first + static_cast<std::uint32_t>(k)));
         }
         std::sort(keys.rbegin(), keys.rend());
         const std::size_t pixel = plane_index(x, y);

@@ -99,8 +99,8 @@ struct RandomKeys {
       const std::size_t real = random_index(random, keys.size() + 1);
       for (std::size_t k = 0; k < keys.size(); ++k) {
         const auto position = random_index(random, slots.size());
-        const auto bits = std::bit_cast<std::uint32_t>(random_weight(random));
-        keys[k] = k < real ? (bits & ~kKeyPositionMask) | position : position;
+        const float weight = random_weight(random);
+        keys[k] = make_key(k < real ? weight : 0.0F, position);
       }
       std::sort(keys.rbegin(), keys.rend());
       for (std::size_t k = 0; k < keys.size(); ++k) planes[k * kPixels + pixel] = keys[k];
@@ -111,9 +111,8 @@ struct RandomKeys {
     std::vector<WeightedLabel> found;
     for (std::size_t k = 0; k < static_cast<std::size_t>(key_count); ++k) {
       const std::uint32_t key = planes[k * kPixels + pixel];
-      if (key <= kKeyPositionMask) break;
-      found.push_back({std::bit_cast<float>(key & ~kKeyPositionMask),
-                       shade[slots[key & kKeyPositionMask]].label});
+      if (!is_key(key)) break;
+      found.push_back({key_weight(key), shade[slots[key_position(key)]].label});
     }
     return found;
   }
@@ -124,19 +123,21 @@ void expect_rows_equal_votes() {
   for (const int key_count : {1, 2, 3, 4, 5, 8, 16, 24}) {
     for (const std::uint32_t labels : {1U, 2U, 5U}) {
       const RandomKeys keys(++seed, key_count, labels);
-      std::array<PixelLabel, RandomKeys::kPixels> found{};
-      const std::uint64_t read =
-          vote_row({keys.planes.data(), RandomKeys::kPixels, key_count, RandomKeys::kPixels},
-                   keys.slots.data(), keys.shade.data(), found.data());
+      std::array<std::uint16_t, RandomKeys::kPixels> semantic{}, instance{};
+      std::array<float, RandomKeys::kPixels> confidence{}, instance_confidence{};
+      const std::uint64_t read = vote_row(
+          {keys.planes.data(), RandomKeys::kPixels, key_count, RandomKeys::kPixels},
+          keys.slots.data(), keys.shade.data(),
+          {semantic.data(), instance.data(), confidence.data(), instance_confidence.data()});
       std::uint64_t expected_read = 0;
-      for (std::size_t pixel = 0; pixel < found.size(); ++pixel) {
+      for (std::size_t pixel = 0; pixel < semantic.size(); ++pixel) {
         const std::vector<WeightedLabel> candidates = keys.candidates(pixel, key_count);
         const PixelLabel expected = vote(candidates);
         expected_read += candidates.size();
-        EXPECT_EQ(found[pixel].semantic, expected.semantic);
-        EXPECT_EQ(found[pixel].instance, expected.instance);
-        EXPECT_NEAR(found[pixel].confidence, expected.confidence, 1e-6F);
-        EXPECT_NEAR(found[pixel].instance_confidence, expected.instance_confidence, 1e-6F);
+        EXPECT_EQ(semantic[pixel], expected.semantic);
+        EXPECT_EQ(instance[pixel], expected.instance);
+        EXPECT_NEAR(confidence[pixel], expected.confidence, 1e-6F);
+        EXPECT_NEAR(instance_confidence[pixel], expected.instance_confidence, 1e-6F);
       }
       EXPECT_EQ(read, expected_read);
     }

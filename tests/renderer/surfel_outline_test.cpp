@@ -13,16 +13,17 @@
 
 #include "core/random.h"
 #include "renderer/surfel_geometry.h"
+#include "tests/renderer/awkward_surfels.h"
 
 namespace segsim::renderer {
 namespace {
 
 using core::RandomStream;
+/// Surfels whose centre lies behind the camera have no outline.
+constexpr int kKinds = testing::kBehind;
 
 constexpr double kNearM = 0.05;
 constexpr int kCases = 100000;
-
-enum Kind { kOrdinary, kTiny, kHuge, kEdgeOn, kAroundTheCamera, kFaint, kSlender, kKinds };
 
 /// A camera at the origin that looks along +z.
 template <class Real>
@@ -49,44 +50,10 @@ SurfelProjection<Real> project(const Disc& d) {
                               cast<Real>(d.v_m));
 }
 
-glm::dvec3 random_direction(RandomStream& random) {
-  const double x = random.normal(), y = random.normal(), z = random.normal();
-  return glm::normalize(glm::dvec3(x, y, z));
-}
-
-Disc random_disc(RandomStream& random, Kind kind) {
-  glm::dvec3 centre(random.uniform(-0.7, 0.7), random.uniform(-0.6, 0.6), 1.0);
-  centre *= random.uniform(0.06, 6.0);
-  double su = std::exp(random.uniform(-6.0, -1.5)), sv = su * std::exp(random.normal());
-  glm::dvec3 normal = random_direction(random);
-  double opacity = random.uniform(0.02, 1.0);
-  switch (kind) {
-    case kTiny:
-      su *= 1e-4, sv *= 1e-4;
-      break;
-    case kHuge:
-      su *= 30.0, sv *= 30.0;
-      break;
-    case kSlender:
-      sv = 1e-3 * su;
-      break;
-    case kFaint:
-      opacity = (1.0 + random.uniform(-1e-4, 1e-4)) / 255.0;
-      break;
-    case kEdgeOn:  // The eye lies in the disc's plane, or next to it.
-      normal = glm::normalize(glm::cross(centre, random_direction(random)));
-      normal += random.uniform(-1e-5, 1e-5) * glm::normalize(centre);
-      break;
-    case kAroundTheCamera:  // The camera is inside the ball of the disc's radius.
-      su = random.uniform(0.4, 2.0) * glm::length(centre), sv = su;
-      break;
-    default:
-      break;
-  }
-  normal = glm::normalize(normal);
-  const glm::dvec3 u = glm::normalize(glm::cross(normal, random_direction(random)));
-  const glm::dvec3 v = glm::cross(normal, u);
-  return {vec(centre), vec(su * u), vec(sv * v), static_cast<float>(opacity)};
+Disc random_disc(RandomStream& random, testing::AwkwardKind kind) {
+  const testing::AwkwardDisc d = testing::random_awkward_disc(random, kind);
+  return {vec(d.centre_m), vec(d.scale_u_m * d.u), vec(d.scale_v_m * d.v),
+          static_cast<float>(d.opacity)};
 }
 
 /// The part of a disc's rim that lies beyond the near plane; angles in radians. Along the rim
@@ -163,7 +130,7 @@ TEST(SurfelOutline, HundredThousandSurfelsHaveTheBoxOfTheirRim) {
   int invisible = 0, floats = 0;
   double worst_whole = 0.0, worst_clipped = 0.0, worst_float_px = 0.0;
   for (int i = 0; i < kCases; ++i) {
-    const auto kind = static_cast<Kind>(i % kKinds);
+    const auto kind = static_cast<testing::AwkwardKind>(i % kKinds);
     const Disc disc = random_disc(random, kind);
     const double k2 = extent_squared(static_cast<double>(disc.opacity));
     if (k2 <= 0.0 || disc.centre_m.z <= kNearM) {
@@ -195,7 +162,7 @@ TEST(SurfelOutline, HundredThousandSurfelsHaveTheBoxOfTheirRim) {
   for (int kind = 0; kind < kKinds; ++kind) {
     EXPECT_GT(whole[kind] + clipped[kind], 2000) << "kind " << kind;
   }
-  EXPECT_GT(clipped[kAroundTheCamera] + clipped[kHuge], 10000);
+  EXPECT_GT(clipped[testing::kAroundTheCamera] + clipped[testing::kHuge], 10000);
   EXPECT_GT(invisible, 3000);
   EXPECT_GT(floats, 30000);
   EXPECT_LT(worst_float_px, 1e-3);

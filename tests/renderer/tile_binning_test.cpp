@@ -1,22 +1,18 @@
 /// @file
-/// Tile lists against brute force, the strategies, slabs, and the limits of image size.
-
-#include "renderer/internal/tile_binning.h"
+/// The strategies of TileBounds, Top-K and slabs on whole pictures.
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <memory>
-#include <set>
 #include <utility>
 
 #include "core/frames.h"
 #include "renderer/cpu_renderer.h"
-#include "renderer/internal/projection_camera.h"
 #include "renderer/reference_renderer.h"
 #include "tests/renderer/scenes.h"
+#include "tests/renderer/view_stages.h"
 
 namespace segsim::renderer {
 namespace {
@@ -35,113 +31,13 @@ Frame render_with(const std::shared_ptr<const SurfelCloud>& scene, const CameraP
   return make_cpu_renderer(scene, options)->render(pose, camera, Channels::kAll);
 }
 
-/// (surfel, tile) pairs of a view.
-using Pairs = std::set<std::pair<std::uint32_t, std::size_t>>;
-
-Pairs binned_pairs(const SurfelCloud& cloud, const CameraPose& pose,
-                   const CameraIntrinsics& camera, const RenderOptions& options) {
-  const internal::PackedSurfels packed(cloud);
-  internal::Workers workers(1);
-  internal::ProjectedSurfels projected;
-  const internal::ProjectionJob job{
-      cloud,           packed,           internal::projection_camera<float>(pose, camera),
-      camera.width_px, camera.height_px, options.near_m,
-      false,           options.bounds};
-  internal::find_visible_clusters(job, projected);
-  const std::size_t clusters = projected.visible.size();
-  internal::project_clusters(job, 0, clusters, workers, projected);
-  internal::TileBins bins;
-  bins.begin(camera.width_px, camera.height_px);
-  bins.add_slab(projected, 0, clusters, std::numeric_limits<float>::infinity(), workers);
-  Pairs pairs;
-  for (std::size_t tile = 0; tile < bins.tile_count(); ++tile) {
-    for (const std::uint32_t slot : bins.list(tile)) {
-      pairs.emplace(projected.shade[slot].surfel, tile);
-    }
-  }
-  return pairs;
-}
-
-/// rho of a surfel at image positions, in double.
-class Exact {
- public:
-  Exact(const SurfelCloud& cloud, std::size_t i, const CameraPose& pose,
-        const CameraIntrinsics& camera, double near_m)
-      : near_m_(near_m), k2(extent_squared(static_cast<double>(cloud.opacity[i]))) {
-    const glm::dmat3 R = glm::mat3_cast(glm::dquat(cloud.R_world_surfel[i]));
-    const glm::dvec3 p(cloud.position_m[i]);
-    const glm::dvec3 u = R[0] * static_cast<double>(cloud.scale_m[i].x);
-    const glm::dvec3 v = R[1] * static_cast<double>(cloud.scale_m[i].y);
-    s_ = project_surfel<double>(internal::projection_camera<double>(pose, camera),
-                                {p.x, p.y, p.z}, {u.x, u.y, u.z}, {v.x, v.y, v.z});
-  }
-  [[nodiscard]] bool drawn() const { return s_.z0_m > near_m_ && k2 > 0.0; }
-  [[nodiscard]] bool crosses_near() const { return crosses_near_plane(s_, k2, near_m_); }
-  [[nodiscard]] double rho(double x_px, double y_px) const {
-    const double dx = x_px - s_.x0_px, dy = y_px - s_.y0_px;
-    const double low_pass = 2.0 * (dx * dx + dy * dy);
-    const double e = 1.0 - s_.g0 * dx - s_.g1 * dy;
-    if (e <= 0.0 || s_.z0_m / e < near_m_) return low_pass;
-    const double q_u = s_.m00 * dx + s_.m01 * dy, q_v = s_.m10 * dx + s_.m11 * dy;
-    return std::min(low_pass, (q_u * q_u + q_v * q_v) / (e * e));
-  }
-
- private:
-  double near_m_;
-  SurfelProjection<double> s_;
-
- public:
-  double k2;
-};
-
-/// Least rho over the rectangle of pixel centres of a tile, on a grid of 1 / `per_px` px.
-double least_rho(const Exact& surfel, int tile_x, int tile_y, int per_px) {
-  double least = std::numeric_limits<double>::infinity();
-  const int steps = (internal::kTileSizePx - 1) * per_px;
-  for (int y = 0; y <= steps; ++y) {
-    for (int x = 0; x <= steps; ++x) {
-      const double step_px = 1.0 / per_px;
-      least = std::min(least, surfel.rho(tile_x * internal::kTileSizePx + 0.5 + x * step_px,
-                                         tile_y * internal::kTileSizePx + 0.5 + y * step_px));
-    }
-  }
-  return least;
-}
-
-TEST(TileBins, AccuTileMissesNoPixelAndBinsAlmostNothingElse) {
-  std::size_t binned = 0, unreached = 0;
-  const CameraIntrinsics camera{160, 128, 150.0, 140.0, 78.3, 66.1};
-  for (std::uint64_t seed = 0; seed < 4; ++seed) {
-    const SurfelCloud cloud = testing::random_scene(seed + 40, 1000);
-    const CameraPose pose = seed % 2 == 0 ? core::look_at({-4.5, 0.4, 1.0}, {0.0, 0.0, 0.0})
-                                          : core::look_at({0.1, 0.2, -0.1}, {1.0, 0.3, 0.2});
-    const RenderOptions options;
-    const Pairs pairs = binned_pairs(cloud, pose, camera, options);
-    const int tiles_x = 160 / 16, tiles_y = 128 / 16;
-    for (std::size_t i = 0; i < cloud.size(); ++i) {
-      const Exact surfel(cloud, i, pose, camera, options.near_m);
-      if (!surfel.drawn()) continue;
-      for (int tile = 0; tile < tiles_x * tiles_y; ++tile) {
-        const bool listed = pairs.contains({static_cast<std::uint32_t>(i), tile});
-        const int x = tile % tiles_x, y = tile / tiles_x;
-        if (!listed) {
-          // Pixel centres only: here no pair may be missing.
-          EXPECT_GT(least_rho(surfel, x, y, 1), surfel.k2 * 0.9999) << i << " tile " << tile;
-          continue;
-        }
-        if (surfel.crosses_near()) continue;  // Rare; these have the exact box only.
-        ++binned;
-        if (least_rho(surfel, x, y, 1) <= surfel.k2) continue;
-        // sqrt(rho) grows by at most sqrt(2) a pixel, and the grid's points are at most
-        // 0.0442 px from any other.
-        const double reach = std::sqrt(surfel.k2) + 1.4143 * 0.0442;
-        unreached += least_rho(surfel, x, y, 16) > reach * reach ? 1 : 0;
-      }
-    }
-  }
-  EXPECT_GT(binned, 3000U);
-  EXPECT_LE(static_cast<double>(unreached), 0.005 * static_cast<double>(binned))
-      << unreached << " of " << binned;
+testing::Pairs binned_pairs(const std::shared_ptr<const SurfelCloud>& cloud,
+                            const CameraPose& pose, const CameraIntrinsics& camera,
+                            const RenderOptions& options) {
+  testing::ViewStages stages(cloud, pose, camera, options);
+  stages.project();
+  stages.list();
+  return stages.pairs();
 }
 
 TEST(TileBins, StrategiesNestAndExactOnesDrawTheSamePicture) {
@@ -156,8 +52,9 @@ TEST(TileBins, StrategiesNestAndExactOnesDrawTheSamePicture) {
   EXPECT_EQ(rows.semantic.pixels(), box.semantic.pixels());
   EXPECT_EQ(rows.stats.contributions, box.stats.contributions);
   EXPECT_LT(rows.stats.pairs_binned, box.stats.pairs_binned);
-  const Pairs exact = binned_pairs(*room, pose, camera, {});
-  const Pairs boxes = binned_pairs(*room, pose, camera, {.bounds = TileBounds::kSnugBox});
+  const testing::Pairs exact = binned_pairs(room, pose, camera, {});
+  const testing::Pairs boxes =
+      binned_pairs(room, pose, camera, {.bounds = TileBounds::kSnugBox});
   EXPECT_TRUE(std::includes(boxes.begin(), boxes.end(), exact.begin(), exact.end()));
   const Frame square = render(TileBounds::kAabb), paper = render(TileBounds::kPaper);
   EXPECT_GT(square.stats.pairs_binned, box.stats.pairs_binned);
@@ -279,34 +176,8 @@ TEST(CpuRendererSlabs, WhatLiesBehindAWallIsNeitherProjectedNorBinned) {
   EXPECT_EQ(one.rgb.pixels(), all.rgb.pixels());
   EXPECT_EQ(one.alpha.pixels(), all.alpha.pixels());
   EXPECT_GT(one.stats.surfels_projected, 20000U);
-  const std::size_t everything = binned_pairs(many, pose, camera, {}).size();
+  const std::size_t everything = binned_pairs(shared(many), pose, camera, {}).size();
   EXPECT_LT(all.stats.pairs_binned, everything / 2);
-}
-
-TEST(CpuRendererLimits, OnePixelAndAHundredMillion) {
-  SurfelCloud cloud;
-  testing::add(cloud, {.position_m = {0.0F, 0.0F, 2.0F}, .opacity = 0.8F});
-  const auto renderer = make_cpu_renderer(shared(cloud), {});
-  const Frame one = renderer->render(CameraPose(), CameraIntrinsics{1, 1, 1.0, 1.0, 0.5, 0.5},
-                                     Channels::kAll);
-  ASSERT_EQ(one.alpha.size(), 1U);
-  EXPECT_NEAR(one.alpha(0, 0), 0.8F, 1e-4F);
-  EXPECT_NEAR(one.depth_m(0, 0), 2.0F, 1e-5F);
-  const CameraIntrinsics large{10000, 10000, 5000.0, 5000.0, 5000.5, 5000.5};
-  const Frame frame = renderer->render(CameraPose(), large, Channels::kNone);
-  ASSERT_EQ(frame.alpha.size(), 100'000'000U);
-  EXPECT_NEAR(frame.alpha(5000, 5000), 0.8F, 1e-4F);
-  EXPECT_EQ(frame.alpha(9999, 9999), 0.0F);
-  EXPECT_EQ(frame.alpha(0, 0), 0.0F);
-}
-
-TEST(CpuRendererLimits, NothingInView) {
-  SurfelCloud cloud;
-  testing::add(cloud, {.position_m = {0.0F, 0.0F, -2.0F}});
-  const Frame frame = render_with(shared(cloud), CameraPose(),
-                                  CameraIntrinsics{33, 17, 20.0, 20.0, 16.5, 8.5}, {});
-  EXPECT_EQ(*std::max_element(frame.alpha.pixels().begin(), frame.alpha.pixels().end()), 0.0F);
-  EXPECT_EQ(frame.stats.pairs_binned, 0U);
 }
 
 }  // namespace
