@@ -167,7 +167,7 @@ void find_clusters_compat(const ProjectionJob& job, ProjectedSurfels& projected)
     const float z = dot(job.camera.forward, Vec3<float>{offset.x, offset.y, offset.z});
     const float slack = kDepthSlack * (1.0F + glm::length(offset));
     projected.visible.push_back(
-        {z - cluster.centres_radius_m - slack, static_cast<std::uint32_t>(i)});
+        {z - cluster.centres_radius_m - slack, static_cast<std::uint32_t>(i), {}});
   }
   std::sort(projected.visible.begin(), projected.visible.end(),
             [](const VisibleCluster& a, const VisibleCluster& b) {

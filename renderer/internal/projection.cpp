@@ -4,6 +4,7 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <utility>
 
 #include <glm/geometric.hpp>
 
@@ -312,9 +313,9 @@ HWY_INLINE void add_exact_rows(D d, const ScreenSurfel& s, const ScreenEllipse<f
     const Rows y_right = hn::Min(hn::Max(hn::Set(d, extreme), lo), hi);
     const Rows y_left = hn::Min(hn::Max(hn::Set(d, -extreme), lo), hi);
     const Rows right = hn::Add(hn::MulAdd(hn::Set(d, slope), y_right, centre_x),
-                            half_width_at(d, y_right, minor, inverse_syy));
+                               half_width_at(d, y_right, minor, inverse_syy));
     const Rows left = hn::Sub(hn::MulAdd(hn::Set(d, slope), y_left, centre_x),
-                           half_width_at(d, y_left, minor, inverse_syy));
+                              half_width_at(d, y_left, minor, inverse_syy));
     Rows x_max = hn::IfThenElse(reached, right, hn::Set(d, -1e30F));
     Rows x_min = hn::IfThenElse(reached, left, hn::Set(d, 1e30F));
     if (s.shape != SurfelShape::kPlain) {  // Else the low pass lies within the outline.
@@ -327,8 +328,8 @@ HWY_INLINE void add_exact_rows(D d, const ScreenSurfel& s, const ScreenEllipse<f
       x_max = hn::IfThenElse(meets, hn::Max(x_max, hn::Add(x0, h)), x_max);
     }
     // From the column whose last pixel centre reaches the span to that whose first one does.
-    const Rows slack = hn::MulAdd(hn::Max(hn::Sub(x_max, x_min), hn::Zero(d)), hn::Set(d, 1e-4F),
-                               hn::Set(d, kSpanSlackPx + kTile - 0.5F));
+    const Rows slack = hn::MulAdd(hn::Max(hn::Sub(x_max, x_min), hn::Zero(d)),
+                                  hn::Set(d, 1e-4F), hn::Set(d, kSpanSlackPx + kTile - 0.5F));
     const Rows inverse_tile = hn::Set(d, 1.0F / kTile);
     const Rows first = hn::Ceil(hn::Mul(hn::Sub(x_min, slack), inverse_tile));
     const Rows last = hn::Floor(hn::Mul(hn::Add(x_max, slack), inverse_tile));
@@ -408,6 +409,42 @@ constexpr float kFrustumMarginPx = 3.0F;
 /// Rounding of a centre's depth, relative to its distance.
 constexpr float kDepthSlack = 1e-5F;
 
+/// Tiles along one axis that a box of points can reach.
+/// @param lateral_m  Middle of the box along the axis, camera frame.
+/// @param z_m        The same along +z; `radius_m` less is in front of the camera.
+/// @return  First tile and the one after the last.
+std::pair<std::uint16_t, std::uint16_t> tiles_along(float lateral_m, float z_m, float radius_m,
+                                                    float focal_px, float centre_px,
+                                                    int size_px) {
+  const float lo_m = lateral_m - radius_m, hi_m = lateral_m + radius_m;
+  const float near_m = z_m - radius_m, far_m = z_m + radius_m;
+  const float lo_px =
+      centre_px + focal_px * lo_m / (lo_m < 0.0F ? near_m : far_m) - kFrustumMarginPx;
+  const float hi_px =
+      centre_px + focal_px * hi_m / (hi_m > 0.0F ? near_m : far_m) + kFrustumMarginPx;
+  const auto last = static_cast<float>(size_px - 1);
+  const auto tile = [last](float px) {
+    return static_cast<int>(std::clamp(px, 0.0F, last)) / kTileSizePx;
+  };
+  return {static_cast<std::uint16_t>(tile(lo_px)),
+          static_cast<std::uint16_t>(tile(hi_px) + 1)};
+}
+
+/// @param x_m, y_m, z_m  The cluster's centre in the camera's frame.
+TileBox tiles_of_cluster(const ProjectionJob& job, float x_m, float y_m, float z_m,
+                         float radius_m) {
+  const auto tiles = [](int px) {
+    return static_cast<std::uint16_t>((px + kTileSizePx - 1) / kTileSizePx);
+  };
+  if (z_m - radius_m <= job.near_m) return {0, tiles(job.width_px), 0, tiles(job.height_px)};
+  const ProjectionCamera<float>& c = job.camera;
+  const auto [x_begin, x_end] =
+      tiles_along(x_m, z_m, radius_m, c.fx_px, c.cx_px, job.width_px);
+  const auto [y_begin, y_end] =
+      tiles_along(y_m, z_m, radius_m, c.fy_px, c.cy_px, job.height_px);
+  return {x_begin, x_end, y_begin, y_end};
+}
+
 }  // namespace
 
 void find_visible_clusters(const ProjectionJob& job, ProjectedSurfels& projected) {
@@ -437,7 +474,7 @@ void find_visible_clusters(const ProjectionJob& job, ProjectedSurfels& projected
     if (y - z * top < -r * top_norm || y - z * bottom > r * bottom_norm) continue;
     const float nearest_m = z - cluster.centres_radius_m;
     visible.push_back({nearest_m - kDepthSlack * (1.0F + std::abs(x) + std::abs(y) + z),
-                       static_cast<std::uint32_t>(i)});
+                       static_cast<std::uint32_t>(i), tiles_of_cluster(job, x, y, z, r)});
   }
   std::sort(
       visible.begin(), visible.end(), [](const VisibleCluster& a, const VisibleCluster& b) {
@@ -466,7 +503,8 @@ void project_clusters(const ProjectionJob& job, std::size_t begin, std::size_t e
     TileWriter& writer = bins.writer(workers.thread_index());
     const std::size_t first = begin + task * kClustersPerTask;
     for (std::size_t v = first; v < std::min(end, first + kClustersPerTask); ++v) {
-      project(job, v, projected, writer);
+      projected.count[v] = 0;
+      if (writer.wants_any(projected.visible[v].tiles)) project(job, v, projected, writer);
     }
   });
 }

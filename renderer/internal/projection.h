@@ -46,10 +46,12 @@ struct alignas(32) SurfelShade {
 };
 static_assert(sizeof(SurfelShade) == 32);
 
-/// A cluster in view. No centre of its surfels is nearer than `nearest_m`.
+/// A cluster in view. No centre of its surfels is nearer than `nearest_m`, and none of them
+/// reaches beyond `tiles`.
 struct VisibleCluster {
   float nearest_m;
   std::uint32_t cluster;
+  TileBox tiles;
 };
 
 /// Clusters that one task projects; the unit of everything that is done in parallel.

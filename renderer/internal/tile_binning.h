@@ -4,6 +4,7 @@
 /// Which surfels each tile must look at, nearest first. Lists grow slab by slab, for tiles
 /// that still want more.
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -19,12 +20,26 @@ struct SurfelShade;
 /// Bits of the centre's depth, which sort like it, above the slot in ProjectedSurfels.
 using DepthSlot = std::uint64_t;
 
+/// Tiles [x_begin, x_end) x [y_begin, y_end) of the image.
+struct TileBox {
+  std::uint16_t x_begin, x_end, y_begin, y_end;
+};
+
 /// A thread's entries, by tile: chains of blocks, so that one pass over the surfels suffices
 /// and no thread waits for another.
 class TileWriter {
  public:
   /// Empties it. @param live  One byte a tile: entries of tiles with 0 are dropped.
   void begin(const std::uint8_t* live, std::size_t tile_count, int tiles_x);
+
+  /// False if all entries for the box would be dropped.
+  [[nodiscard]] bool wants_any(const TileBox& box) const {
+    for (std::size_t y = box.y_begin; y < box.y_end; ++y) {
+      const std::uint8_t* row = live_ + y * tiles_x_;
+      if (std::find(row + box.x_begin, row + box.x_end, 1) != row + box.x_end) return true;
+    }
+    return false;
+  }
 
   /// Tiles [x_begin, x_end) of tile row y.
   void add_row(int y, int x_begin, int x_end, DepthSlot entry) {
