@@ -1,0 +1,104 @@
+#pragma once
+
+/// @file
+/// The surfel rasterizer for NVIDIA GPUs of compute capability 8.0 and above: the picture of
+/// cpu_renderer.h, from the same formulas (surfel_geometry.h).
+///
+///     surfels on screen, exact tile rows, one list a tile      (project.cu)
+///       -> tiles, longest lists first
+///       -> sort, blend front to back, Top-K, labels, images    (raster.cu: one kernel)
+///       -> tiles that needed what the last frame hid, again
+///
+/// A frame is one CUDA graph without host synchronisation. With RenderOptions::skip_hidden,
+/// and where that halves the lists, a tile's list leaves out what lies behind the depth at
+/// which the tile's pixels were finished in the frame before (reprojected); a tile that is not
+/// finished with its short list is drawn again with the whole one, so that the picture is the
+/// same.
+///
+/// Equal inputs give equal pictures: lists are in order of (depth, index), and no result is
+/// summed in an order that may change.
+///
+/// Not here: RenderOptions::compat other than kExact, and top_k == kAllSurfels.
+
+#include <cstdint>
+#include <memory>
+#include <span>
+
+#include "core/render.h"
+#include "renderer/cuda/gpu_error.h"
+#include "renderer/panoptic_field.h"
+#include "renderer/render_options.h"
+#include "renderer/surfels.h"
+
+struct CUstream_st;
+
+namespace segsim::renderer {
+
+/// Images in device memory, without padding: image i of a channel starts at i * height * width
+/// pixels. Null: not asked for. Values are those of core::Frame.
+struct DeviceFrames {
+  int count = 0, width_px = 0, height_px = 0;
+  const std::uint8_t* rgb = nullptr;  ///< [count, height, width, 3]
+  const float* depth_m = nullptr;     ///< [count, height, width]
+  const float* normal = nullptr;      ///< [count, height, width, 3]
+  const float* alpha = nullptr;
+  const std::uint16_t *semantic = nullptr, *instance = nullptr;
+  const float *confidence = nullptr, *instance_confidence = nullptr;
+  const float* semantic_feature = nullptr;  ///< [count, height, width, 16]
+  const float* instance_feature = nullptr;  ///< [count, height, width, 32]
+  CUstream_st* stream = nullptr;            ///< That writes them (a cudaStream_t).
+};
+
+/// Duration of a frame's steps by device events [ms].
+struct CudaStageTimes {
+  double begin_ms = 0, project_ms = 0, order_ms = 0, raster_ms = 0, redo_ms = 0;
+};
+
+/// One object serves one thread.
+class CudaRenderer : public core::Renderer {
+ public:
+  using core::Renderer::render;
+
+  /// Puts a batch of views of one size into the stream and returns at once. The images are
+  /// complete after wait() and stay until the next call.
+  /// @param T_world_camera  1 ... 256 poses. Camera i should be near camera i of the call
+  ///     before: then hidden surfels are skipped well.
+  /// @throws GpuError, core::ContractViolation
+  virtual const DeviceFrames& render_batch(std::span<const core::CameraPose> T_world_camera,
+                                           const core::CameraIntrinsics& intrinsics,
+                                           core::Channels channels) = 0;
+
+  /// Waits for the batch. If a list was longer than its buffer, buffers grow and the batch is
+  /// drawn again: no frame is lost.
+  virtual void wait() = 0;
+
+  /// Copies image `index` of the last batch to the host through page-locked memory, only the
+  /// channels asked for (among those rendered). Calls wait().
+  virtual void read_back(int index, core::Channels channels, core::Frame& frame) = 0;
+
+  /// Counters of the last batch; calls wait(). RenderStats::contributions and feature_fetches
+  /// need count_contributions(true), which makes frames slower.
+  virtual core::RenderStats stats() = 0;
+  /// Tiles of the last batch that were drawn twice; calls wait().
+  virtual std::uint32_t fixed_tiles() = 0;
+  virtual void count_contributions(bool counts) = 0;
+
+  /// RenderOptions::skip_hidden applies where it halves the lists, which the first two frames
+  /// of a size show; with `always`, everywhere. The picture is the same.
+  virtual void always_skip_hidden(bool always) = 0;
+
+  /// Draws the last batch again step by step, with events between.
+  virtual CudaStageTimes measure_stages() = 0;
+
+  /// Fills the images with bytes of 0xA5, so that a test sees pixels that no one wrote.
+  virtual void poison_images() = 0;
+};
+
+/// Copies the scene to the present device.
+/// @param field  Labels come from here if it is given, else from the surfels' own ids.
+/// @throws GpuError; core::ContractViolation for a scene or option out of range.
+[[nodiscard]] std::unique_ptr<CudaRenderer> make_cuda_renderer(
+    std::shared_ptr<const SurfelCloud> surfels, RenderOptions options = {},
+    std::shared_ptr<const PanopticField> field = nullptr);
+
+}  // namespace segsim::renderer

@@ -1,0 +1,2 @@
+#pragma once
+#include "threads_as_tbb/threads_as_tbb.h"
