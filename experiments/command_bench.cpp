@@ -28,7 +28,7 @@ namespace fs = std::filesystem;
 struct Flags {
   BenchSceneOptions scene;
   std::vector<std::string> sizes{"1280x720", "640x480"}, top_k{"4"}, bounds{"accutile"};
-  std::string top_k_rule = "heaviest";
+  std::string top_k_rule = "heaviest", backend = "cpu";
   std::vector<std::string> channels{"rgb", "depth", "normal", "labels"};
   std::vector<int> threads{0};
   int repeat = 5;
@@ -91,6 +91,7 @@ std::vector<BenchCase> cases_of(const Flags& flags) {
   using renderer::TileBounds;
   using renderer::TopKRule;
   std::vector<BenchCase> cases;
+  const renderer::Backend backend = renderer::backend_of(flags.backend);
   for (const std::string& size : flags.sizes) {
     for (const std::string& bounds : flags.bounds) {
       for (const std::string& top_k : flags.top_k) {
@@ -108,6 +109,7 @@ std::vector<BenchCase> cases_of(const Flags& flags) {
               "--top-k-rule", flags.top_k_rule,
               {{"heaviest", TopKRule::kHeaviest}, {"first", TopKRule::kFirst}});
           setup.options.threads = threads;
+          setup.backend = backend;
           cases.push_back(setup);
         }
       }
@@ -195,6 +197,7 @@ void add_render_bench(CLI::App& bench) {
   command->add_option("--threads", flags->threads, "0 = all processors")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
+  command->add_option("--backend", flags->backend, "cpu | cuda | auto")->capture_default_str();
   command->add_option("--repeat", flags->repeat, "Measured passes over the path")
       ->check(CLI::Range(1, 1000000))
       ->capture_default_str();

@@ -13,14 +13,15 @@
 #include "core/error.h"
 #include "core/render.h"
 #include "core/scene_bundle.h"
+#include "experiments/backend_warning.h"
 #include "experiments/commands.h"
 #include "experiments/frame_picture.h"
 #include "perception/image_file.h"
-#include "renderer/cpu_renderer.h"
 #include "renderer/exr_io.h"
 #include "renderer/ply_io.h"
 #include "renderer/reference_renderer.h"
 #include "renderer/render_options.h"
+#include "renderer/renderer_backend.h"
 
 namespace segsim::experiments {
 namespace {
@@ -33,6 +34,7 @@ struct Flags {
   int width_px = 640, height_px = 480;
   double hfov_deg = 70.0;
   renderer::RenderOptions options;
+  std::string backend = "cpu";
   bool reference = false;
   bool single_part = false;
 };
@@ -105,9 +107,10 @@ void render(const Flags& flags) {
   const auto [surfels_file, info] = read_scene(flags.scene);
   auto surfels =
       std::make_shared<renderer::SurfelCloud>(renderer::read_surfels_ply(surfels_file));
-  const auto renderer = flags.reference
-                            ? renderer::make_reference_renderer(surfels, flags.options)
-                            : renderer::make_cpu_renderer(surfels, flags.options);
+  const auto renderer =
+      flags.reference ? renderer::make_reference_renderer(surfels, flags.options)
+                      : renderer::make_renderer(renderer::backend_of(flags.backend), surfels,
+                                                flags.options, nullptr, warn_about_backend);
   const auto intrinsics = core::CameraIntrinsics::from_fov(
       flags.width_px, flags.height_px, flags.hfov_deg * std::numbers::pi / 180.0);
   const core::Frame frame =
@@ -196,6 +199,7 @@ void add_render_command(CLI::App& app) {
   command->add_flag(
       "--single-part", flags->single_part,
       "EXR: all channels in one part, for programs that read the first part only");
+  command->add_option("--backend", flags->backend, "cpu | cuda | auto")->capture_default_str();
   command->add_flag("--reference", flags->reference,
                     "Use the slow double-precision reference instead of the fast renderer");
   command->callback([flags] { render(*flags); });

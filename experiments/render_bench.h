@@ -14,6 +14,7 @@
 #include "experiments/bench_scene.h"
 #include "experiments/machine_peaks.h"
 #include "renderer/render_options.h"
+#include "renderer/renderer_backend.h"
 
 namespace segsim::experiments {
 
@@ -22,9 +23,10 @@ struct BenchCase {
   int width_px = 640, height_px = 480;
   core::Channels channels = core::Channels::kAll;
   renderer::RenderOptions options;
+  renderer::Backend backend = renderer::Backend::kCpu;
 };
 
-/// Of all measured frames [ms], wall clock.
+/// Of all measured frames [ms], wall clock; a GPU's without the copy to the host.
 struct FrameTimes {
   double median_ms = 0, p95_ms = 0, p99_ms = 0, min_ms = 0;
   int frames = 0;

@@ -48,6 +48,7 @@ std::vector<std::pair<std::string, Json>> fields_of(const BenchProvenance& prove
           {"top_k", top_k_name(setup.options.top_k)},
           {"top_k_rule", rule_name(setup.options.top_k_rule)},
           {"bounds", bounds_name(setup.options.bounds)},
+          {"backend", renderer::backend_name(setup.backend)},
           {"threads", threads},
           {"frames", result.times.frames},
           {"median_ms", result.times.median_ms},
@@ -104,7 +105,9 @@ std::string bench_text(const BenchProvenance& provenance,
     grid.rows.push_back(
         {size_text(r.setup), top_k_name(r.setup.options.top_k),
          bounds_name(r.setup.options.bounds),
-         std::to_string(thread_count(r.setup.options.threads)),
+         r.setup.backend == renderer::Backend::kCpu
+             ? std::to_string(thread_count(r.setup.options.threads))
+             : renderer::backend_name(r.setup.backend),
          internal::print("%.2f", r.times.median_ms), internal::print("%.2f", r.times.p95_ms),
          internal::print("%.2f", r.times.p99_ms), internal::print("%.2f", r.times.min_ms),
          internal::print("%.1f", r.fps()), internal::amount(r.stats.surfels_projected),
@@ -119,6 +122,8 @@ std::string bench_text(const BenchProvenance& provenance,
                      std::to_string(provenance.repeat) + "\n\n" + internal::text_of(grid) +
                      "\n";
   for (const BenchResult& r : results) {
+    if (r.setup.backend != renderer::Backend::kCpu)
+      continue;  // The peaks are the processor's.
     const int threads = thread_count(r.setup.options.threads);
     const Roofline roof = roofline(r, provenance.peaks_for(threads));
     char line[256];

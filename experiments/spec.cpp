@@ -1,6 +1,7 @@
 #include "experiments/spec.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <numbers>
@@ -271,6 +272,11 @@ CameraSpec read_camera(const ConfigNode& root) {
   camera.pitch_down_deg = number_within(*node, "pitch_down_deg", 0.0, -60.0, 60.0);
   camera.depth_range_m =
       number_within(*node, "depth_range_m", camera.depth_range_m, 0.5, 100.0);
+  using renderer::Backend;
+  constexpr std::array kBackends{Backend::kCpu, Backend::kCuda, Backend::kAuto};
+  if (node->has("backend")) {
+    camera.backend = kBackends[one_of(*node, "backend", {"cpu", "cuda", "auto"})];
+  }
   node->finish();
   return camera;
 }

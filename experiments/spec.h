@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "core/camera.h"
+#include "renderer/renderer_backend.h"
 
 namespace segsim::experiments {
 
@@ -108,6 +109,8 @@ struct CameraSpec {
   double hfov_deg = 70.0;
   double pitch_down_deg = 0.0;
   double depth_range_m = 6.0;
+  /// That draws the camera's view; kAuto falls back to the CPU with one warning.
+  renderer::Backend backend = renderer::Backend::kCpu;
   [[nodiscard]] core::CameraIntrinsics intrinsics() const;
 };
 

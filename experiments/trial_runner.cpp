@@ -8,6 +8,7 @@
 #include "core/error.h"
 #include "core/file_io.h"
 #include "core/random.h"
+#include "experiments/backend_warning.h"
 #include "experiments/frame_recorder.h"
 #include "experiments/trial_picture.h"
 #include "experiments/trial_video.h"
@@ -16,6 +17,7 @@
 #include "perception/image_file.h"
 #include "renderer/cpu_renderer.h"
 #include "renderer/ply_io.h"
+#include "renderer/renderer_backend.h"
 #include "sim/geodesy.h"
 
 namespace segsim::experiments {
@@ -178,7 +180,8 @@ core::Renderer& TrialRunner::renderer_for(const LoadedScene& scene) {
     // Trials run side by side, so each of them renders on its own thread only.
     renderer::RenderOptions options;
     options.threads = 1;
-    renderer = renderer::make_cpu_renderer(scene.surfels, options);
+    renderer = renderer::make_renderer(spec_.camera.backend, scene.surfels, options, nullptr,
+                                       warn_about_backend);
   }
   return *renderer;
 }

@@ -16,7 +16,7 @@
 /// surfel can enter its Top-K; its alpha is then only what was seen until there.
 ///
 /// The picture does not depend on the number of threads or slabs; between instruction sets it
-/// differs by rounding. Against double precision alpha is right to 5e-4 (to 1e-3 of its value,
+/// differs by rounding. Against double precision alpha is right to 5e-4 (to 2e-3 of its value,
 /// but for discs of 1 : 100 and thinner), who contributes differs only within 1e-4 of a
 /// threshold, and the weights that vote for labels are right to 3.1e-5 of their value.
 

@@ -23,5 +23,20 @@ fi
 
 install_packages
 build "$preset"
+
+# The GPU renderer compiles wherever there is a CUDA compiler; it is run where there is a GPU.
+# Machine code for compute capability 8.0 and 9.0, PTX for later ones.
+nvcc=$(command -v nvcc || echo /usr/local/cuda/bin/nvcc)
+if [[ $preset == release && -x $nvcc ]]; then
+  say "Compiling the GPU renderer ($nvcc)"
+  cmake --preset cuda-minimal -DCMAKE_CUDA_COMPILER="$nvcc" \
+    "-DCMAKE_CUDA_ARCHITECTURES=80-real;90" >/dev/null || fail "cmake could not configure; see above"
+  cmake --build --preset cuda-minimal -j "$(build_jobs)" || fail "the build did not succeed; see above"
+  build/cuda-minimal/tests/renderer/cuda_minimal/cuda_check || (($? == 2)) \
+    || fail "the GPU renderer differs from the reference; see above"
+else
+  say "The GPU renderer is not compiled: no CUDA compiler, or another preset"
+fi
+
 say "Running the tests"
 ctest --preset "$preset" -j "$(nproc)" "$@"

@@ -37,7 +37,7 @@ arms:
   - {name: other, detector: "${data}/other.bin"}
 robot: jackal-gentle
 control_period_s: 0.2
-camera: {width: 160, height: 120, hfov_deg: 80, pitch_down_deg: 10, depth_range_m: 5}
+camera: {width: 160, height: 120, hfov_deg: 80, pitch_down_deg: 10, depth_range_m: 5, backend: auto}
 success: {profile: segsim-object, distance_m: 0.8, visible_pixels: 25}
 planned_n: 6
 videos: first
@@ -102,6 +102,7 @@ TEST(Spec, EveryFieldIsRead) {
   EXPECT_EQ(spec.arms[3].weights, "/d/other.bin");
   EXPECT_EQ(spec.robot, "jackal-gentle");
   EXPECT_EQ(spec.camera.intrinsics().width_px, 160);
+  EXPECT_EQ(spec.camera.backend, renderer::Backend::kAuto);
   EXPECT_NEAR(spec.camera.intrinsics().horizontal_fov_rad(), 80.0 * 3.14159265 / 180.0, 1e-6);
   EXPECT_EQ(spec.success.visible_pixels, 25);
   EXPECT_EQ(spec.planned_n, 6);
@@ -147,6 +148,8 @@ TEST(Spec, AnUnknownKeyIsNamedWithItsLineAndTheNearestKey) {
       AllOf(HasSubstr("specs/two.yaml:28"), HasSubstr("plannedn"), HasSubstr("planned_n")));
   EXPECT_THAT(error_of(with(kSpec, "    episodes: 6", "    epsiodes: 6")),
               AllOf(HasSubstr("specs/two.yaml:10"), HasSubstr("episodes")));
+  EXPECT_THAT(error_of(with(kSpec, "backend: auto", "backend: gpu")),
+              AllOf(HasSubstr(":26"), HasSubstr("cuda")));
   EXPECT_THAT(error_of(with(kSpec, "depth_range_m: 5", "depth_range: 5")),
               AllOf(HasSubstr(":26"), HasSubstr("depth_range_m")));
 }

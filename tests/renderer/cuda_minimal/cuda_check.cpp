@@ -405,18 +405,26 @@ int check_full_memory() {
 }  // namespace segsim::renderer
 
 /// @param argv  Frames of the culling test (300 without), and "few" for a part of the cases.
+/// @return  0 if all is well, 1 if not, 2 if there is no GPU to ask.
 int main(int argc, char** argv) {
+  using namespace segsim::renderer;
+  std::setvbuf(stdout, nullptr, _IOLBF, 0);
   try {
-    std::setvbuf(stdout, nullptr, _IOLBF, 0);
+    (void)make_cuda_renderer(shared(stack(1, 0.5F)));
+  } catch (const GpuError& error) {
+    std::fprintf(stderr, "cuda_check: nothing checked: %s\n", error.what());
+    return 2;
+  }
+  try {
     const int frames = argc > 1 ? std::atoi(argv[1]) : 300;
-    int failed = segsim::renderer::check_cases(argc > 2 && std::string(argv[2]) == "few");
-    failed += segsim::renderer::check_batch();
-    failed += segsim::renderer::check_full_memory();
-    failed += segsim::renderer::check_culling(frames);
+    int failed = check_cases(argc > 2 && std::string(argv[2]) == "few");
+    failed += check_batch();
+    failed += check_full_memory();
+    failed += check_culling(frames);
     std::printf("%d failed\n", failed);
     return failed == 0 ? 0 : 1;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "cuda_check: %s\n", error.what());
-    return 2;
+    return 1;
   }
 }
