@@ -15,7 +15,7 @@ namespace {
 namespace fs = std::filesystem;
 
 struct Flags {
-  fs::path sequence, boxes, out;
+  fs::path sequence, boxes, label_map, out;
   std::string layout = "auto", up = "auto", on_bad_frame = "refuse", robot = "jackal-gentle";
   double floor_height_m = 0.0;
   bool floor_given = false;
@@ -27,6 +27,7 @@ void reconstruct(Flags flags) {
   options.layout = renderer::parse_sequence_layout(flags.layout, "--layout");
   options.up_axis = renderer::parse_up_axis(flags.up, "--up");
   options.on_bad_frame = renderer::parse_on_bad_frame(flags.on_bad_frame, "--on-bad-frame");
+  options.label_map = flags.label_map;
   if (flags.floor_given) options.floor_height_m = flags.floor_height_m;
   const auto sequence = open_recording(flags.sequence, flags.boxes, options);
   for (const std::string& note : sequence->notes()) std::printf("%s\n", note.c_str());
@@ -46,12 +47,20 @@ void add_reconstruct_command(CLI::App& app) {
   auto flags = std::make_shared<Flags>();
   CLI::App* command = app.add_subcommand(
       "reconstruct", "Make a scene bundle from posed RGB-D frames with masks (lifting)");
-  command->add_option("sequence", flags->sequence, "Folder: HoloLens or 7-Scenes layout")
+  command
+      ->add_option("sequence", flags->sequence,
+                   "Folder in one of the layouts of docs/datasets.md")
       ->required();
   command->add_option("--out", flags->out, "Bundle folder")->required();
   command->add_option("--boxes", flags->boxes,
                       "3-D boxes (JSON) that label a recording without masks");
-  command->add_option("--layout", flags->layout, "auto | hololens | 7scenes")
+  command->add_option("--label-map", flags->label_map,
+                      "Classes of a data set's label images (YAML, docs/datasets.md)");
+  command
+      ->add_option(
+          "--layout", flags->layout,
+          "auto | hololens | 7scenes | scannet | scannetpp | replica | tum | nerfstudio | "
+          "colmap")
       ->capture_default_str();
   command->add_option("--up", flags->up, "auto | y | z: the recording's axis that points up")
       ->capture_default_str();

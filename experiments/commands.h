@@ -19,6 +19,7 @@ void add_scene_command(CLI::App& app);
 void add_render_command(CLI::App& app);
 void add_label_command(CLI::App& app);
 void add_detector_command(CLI::App& app);
+void add_masks_command(CLI::App& app);
 void add_bench_command(CLI::App& app);
 /// `segsim table 2`, below `segsim table`.
 void add_ablation_table(CLI::App& table);

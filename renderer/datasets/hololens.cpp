@@ -70,8 +70,7 @@ std::unique_ptr<RgbdSequence> open_hololens(const fs::path& folder,
   }
 
   SequenceParts parts;
-  parts.name = fs::absolute(folder).lexically_normal().filename().string();
-  if (parts.name.empty()) parts.name = "sequence";  // The path ended in a slash.
+  parts.name = sequence_name(folder);
   for (std::size_t i = 0; i < rgb.size(); ++i) {
     FrameFiles frame;
     frame.name = rgb[i].stem().string();

@@ -34,20 +34,38 @@ std::uint16_t find_class(const ConfigNode& node,
   node.fail("a class listed under classes", "'" + word + "'");
 }
 
-void read_schema(const ConfigNode& root) {
-  if (const std::string schema = root.text("schema"); schema != "segsim.labels") {
-    root.child("schema").fail("segsim.labels", "'" + schema + "'");
-  }
-  if (const std::int64_t version = root.integer("version"); version != 1) {
-    root.child("version").fail("1", std::to_string(version));
-  }
-}
+constexpr auto kById = [](const auto& a, const auto& b) { return a.id < b.id; };
 
 }  // namespace
 
+void expect_schema(const ConfigNode& root, const std::string& name, std::int64_t version) {
+  if (const std::string schema = root.text("schema"); schema != name) {
+    root.child("schema").fail(name, "'" + schema + "'");
+  }
+  if (const std::int64_t found = root.integer("version"); found != version) {
+    root.child("version").fail(std::to_string(version), std::to_string(found));
+  }
+}
+
+std::vector<core::SceneClass> read_scene_classes(const ConfigNode& root) {
+  std::vector<core::SceneClass> classes;
+  std::set<std::uint16_t> used;
+  for (const ConfigNode& entry : root.list("classes")) {
+    core::SceneClass scene_class;
+    scene_class.id = read_new_id(entry, used);
+    scene_class.name = entry.text("name");
+    scene_class.thing = entry.boolean_or("thing", false);
+    (void)entry.boolean_or("evaluated", true);  // For metrics; label_map.h reads it.
+    entry.finish();
+    classes.push_back(std::move(scene_class));
+  }
+  std::sort(classes.begin(), classes.end(), kById);
+  return classes;
+}
+
 SequenceLabels read_sequence_labels(const std::filesystem::path& file) {
   const ConfigNode root = ConfigNode::load(file);
-  read_schema(root);
+  expect_schema(root, "segsim.labels", 1);
   SequenceLabels labels;
   labels.pixel_center = root.number("pixel_center");
   if (labels.pixel_center != 0.0 && labels.pixel_center != 0.5) {
@@ -57,15 +75,8 @@ SequenceLabels read_sequence_labels(const std::filesystem::path& file) {
   if (labels.up == UpAxis::kAuto) root.child("up").fail("y or z", "'auto'");
   labels.source = root.text_or("source", "");
 
-  std::set<std::uint16_t> class_ids, instance_ids;
-  for (const ConfigNode& entry : root.list("classes")) {
-    core::SceneClass scene_class;
-    scene_class.id = read_new_id(entry, class_ids);
-    scene_class.name = entry.text("name");
-    scene_class.thing = entry.boolean_or("thing", false);
-    entry.finish();
-    labels.classes.push_back(std::move(scene_class));
-  }
+  labels.classes = read_scene_classes(root);
+  std::set<std::uint16_t> instance_ids;
   for (const ConfigNode& entry : root.list("instances")) {
     core::SceneInstance instance;
     instance.id = read_new_id(entry, instance_ids);
@@ -75,9 +86,7 @@ SequenceLabels read_sequence_labels(const std::filesystem::path& file) {
     labels.instances.push_back(std::move(instance));
   }
   root.finish();
-  const auto by_id = [](const auto& a, const auto& b) { return a.id < b.id; };
-  std::sort(labels.classes.begin(), labels.classes.end(), by_id);
-  std::sort(labels.instances.begin(), labels.instances.end(), by_id);
+  std::sort(labels.instances.begin(), labels.instances.end(), kById);
   return labels;
 }
 

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "core/config.h"
 #include "core/scene_bundle.h"
 #include "renderer/datasets/rgbd_sequence.h"
 
@@ -32,5 +33,14 @@ struct SequenceLabels {
 /// @throws InputError naming file, line and key: unknown keys, another schema or version, ids
 /// outside [1, 65535] or used twice, an instance of an unknown class.
 [[nodiscard]] SequenceLabels read_sequence_labels(const std::filesystem::path& file);
+
+/// `schema: name` and `version: number` of a file.
+/// @throws InputError if it is another.
+void expect_schema(const core::ConfigNode& root, const std::string& name,
+                   std::int64_t version);
+
+/// The list under `classes`, ascending by id: {id, name, thing, evaluated}. Unknown keys are
+/// refused.
+[[nodiscard]] std::vector<core::SceneClass> read_scene_classes(const core::ConfigNode& root);
 
 }  // namespace segsim::renderer

@@ -22,6 +22,18 @@ constexpr std::array kLayouts{
               internal::looks_like_hololens, internal::open_hololens},
     LayoutRow{SequenceLayout::kSevenScenes, "7scenes", "frame-NNNNNN.pose.txt, intrinsics.txt",
               internal::looks_like_seven_scenes, internal::open_seven_scenes},
+    LayoutRow{SequenceLayout::kScanNet, "scannet", "color/, depth/, pose/, intrinsic/",
+              internal::looks_like_scannet, internal::open_scannet},
+    LayoutRow{SequenceLayout::kScanNetPlusPlus, "scannetpp", "dslr/ or iphone/ with colmap/",
+              internal::looks_like_scannetpp, internal::open_scannetpp},
+    LayoutRow{SequenceLayout::kReplica, "replica", "traj_w_c.txt, rgb/; or traj.txt, results/",
+              internal::looks_like_replica, internal::open_replica},
+    LayoutRow{SequenceLayout::kTum, "tum", "rgb.txt, depth.txt, groundtruth.txt",
+              internal::looks_like_tum, internal::open_tum},
+    LayoutRow{SequenceLayout::kNerfstudio, "nerfstudio", "transforms.json",
+              internal::looks_like_nerfstudio, internal::open_nerfstudio},
+    LayoutRow{SequenceLayout::kColmap, "colmap", "sparse/0/images.bin or .txt, images/",
+              internal::looks_like_colmap, internal::open_colmap},
 };
 
 template <class Value>
@@ -61,11 +73,12 @@ std::unique_ptr<RgbdSequence> open_sequence(const std::filesystem::path& folder,
 }
 
 SequenceLayout parse_sequence_layout(const std::string& word, const std::string& place) {
-  static constexpr std::array<Word<SequenceLayout>, 3> kWords{
-      {{"auto", SequenceLayout::kAuto},
-       {"hololens", SequenceLayout::kHololens},
-       {"7scenes", SequenceLayout::kSevenScenes}}};
-  return parse_word(kWords, word, place);
+  std::array<Word<SequenceLayout>, kLayouts.size() + 1> words{};
+  words[0] = {"auto", SequenceLayout::kAuto};
+  for (std::size_t i = 0; i < kLayouts.size(); ++i) {
+    words[i + 1] = {kLayouts[i].word, kLayouts[i].layout};
+  }
+  return parse_word(words, word, place);
 }
 
 UpAxis parse_up_axis(const std::string& word, const std::string& place) {

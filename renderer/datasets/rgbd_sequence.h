@@ -5,11 +5,19 @@
 /// to one convention: metres, world z up with the floor near z = 0, camera x right / y down /
 /// z forward, pixel centres at +0.5, depth along +z with NaN for "no measurement".
 ///
-/// Layouts (rgbd_sequence.cpp holds the table; a new source adds a row and a file):
-///   hololens   rgb/NNNNN.jpg, depth/NNNNN.png, K.txt, poses.txt
-///   7scenes    frame-NNNNNN.{color.jpg|color.png, depth.png, pose.txt}, intrinsics.txt;
-///   optional
-///              beside them: .semantic.png, .instance.png, .depth.exr and labels.yaml
+/// Layouts (rgbd_sequence.cpp holds the table; a new source adds a row and a file;
+/// docs/datasets.md has the details):
+///
+///     hololens    rgb/NNNNN.jpg, depth/NNNNN.png, K.txt, poses.txt
+///     7scenes     frame-NNNNNN.{color.jpg|color.png, depth.png, pose.txt}, intrinsics.txt;
+///                 optional: .semantic.png, .instance.png, .depth.exr and labels.yaml
+///     scannet     color/, depth/, pose/, intrinsic/ (SensReader), label-filt/, instance-filt/
+///     scannetpp   dslr/ or iphone/ with colmap/ and images
+///     replica     rgb/rgb_N.png, depth/depth_N.png, traj_w_c.txt (semantic-nerf), or
+///                 results/frameNNNNNN.jpg, traj.txt (NICE-SLAM)
+///     tum         rgb.txt, depth.txt, groundtruth.txt
+///     nerfstudio  transforms.json
+///     colmap      sparse/0/{cameras,images}.{bin,txt}, images/
 
 #include <cstddef>
 #include <cstdint>
@@ -31,16 +39,29 @@ struct RgbdFrame {
   std::string name;             ///< As on disk, for messages: "00042", "frame-000042".
   core::Image<core::Rgb8> rgb;  ///< sRGB, size of RgbdSequence::intrinsics().
   core::Image<float> depth_m;  ///< Along +z; NaN = invalid. Same view as rgb; size may differ.
+                               ///< Empty if the frame has none.
   core::CameraPose T_world_camera;
   core::Image<std::uint16_t>
       semantic;  ///< Class id, 0 = void; size of rgb. Empty without masks.
   core::Image<std::uint16_t>
       instance;  ///< Instance id, 0 = none; size of rgb. Empty without masks.
+  core::Image<std::uint8_t> valid;  ///< 0 = not to be learned from (anonymised, moving); size
+                                    ///< of rgb. Empty: all pixels count.
 };
 
-enum class SequenceLayout : std::uint8_t { kAuto, kHololens, kSevenScenes };
-/// Axis of the source's world that points up. kAuto = the layout's own habit (hololens y,
-/// 7scenes z).
+enum class SequenceLayout : std::uint8_t {
+  kAuto,
+  kHololens,
+  kSevenScenes,
+  kScanNet,
+  kScanNetPlusPlus,
+  kReplica,
+  kTum,
+  kNerfstudio,
+  kColmap
+};
+/// Axis of the source's world that points up. kAuto = the layout's own habit (hololens y, all
+/// others z).
 enum class UpAxis : std::uint8_t { kAuto, kY, kZ };
 /// What to do with a frame whose pose or image file is broken.
 enum class OnBadFrame : std::uint8_t { kRefuse, kSkip };
@@ -53,6 +74,9 @@ struct SequenceOptions {
   /// it the floor is fitted to the depth of a few frames. Ignored, like up_axis, if
   /// labels.yaml is there.
   std::optional<double> floor_height_m;
+  /// Classes of the label images of a data set (label_map.h). Empty: the data set's own table,
+  /// if it has one; else its label images are left alone, with a warning.
+  std::filesystem::path label_map;
 };
 
 /// Read-only sequence. All functions are const and may be called by many threads at once.
@@ -71,6 +95,8 @@ class RgbdSequence {
   [[nodiscard]] virtual const core::CameraPose& pose(std::size_t i) const = 0;
   /// @throws InputError if the files changed or broke since the sequence was opened.
   [[nodiscard]] virtual RgbdFrame load(std::size_t i) const = 0;
+  /// False if frames lack depth: such a sequence can be trained on, but not lifted.
+  [[nodiscard]] virtual bool has_depth() const { return true; }
   /// True if load() delivers semantic and instance images.
   [[nodiscard]] virtual bool has_masks() const = 0;
   /// Meaning of the ids in the masks, ascending by id; empty without masks.
@@ -91,7 +117,8 @@ class RgbdSequence {
 [[nodiscard]] std::unique_ptr<RgbdSequence> open_sequence(const std::filesystem::path& folder,
                                                           const SequenceOptions& options = {});
 
-/// "hololens", "7scenes", "auto"; "y", "z", "auto"; "refuse", "skip".
+/// "auto", "hololens", "7scenes", "scannet", "scannetpp", "replica", "tum", "nerfstudio",
+/// "colmap"; "y", "z", "auto"; "refuse", "skip".
 /// @param place  For the message, for example "scene.yaml:3: layout".
 /// @throws InputError for another word.
 [[nodiscard]] SequenceLayout parse_sequence_layout(const std::string& word,

@@ -99,8 +99,7 @@ std::unique_ptr<RgbdSequence> open_seven_scenes(const fs::path& folder,
     throw InputError::expected(folder.string(), "files frame-NNNNNN.color.png", "none");
   }
   SequenceParts parts;
-  parts.name = fs::absolute(folder).lexically_normal().filename().string();
-  if (parts.name.empty()) parts.name = "sequence";
+  parts.name = sequence_name(folder);
 
   WorldConvention convention;
   convention.up = options.up_axis == UpAxis::kAuto ? UpAxis::kZ : options.up_axis;

@@ -156,4 +156,21 @@ core::CameraPose pose_from_matrix(std::span<const double> numbers, const std::st
           {numbers[3], numbers[7], numbers[11]}};
 }
 
+core::CameraPose pose_from_quaternion(const glm::dquat& R_world_camera,
+                                      const glm::dvec3& p_world_camera_m,
+                                      const std::string& place) {
+  const double length = glm::length(R_world_camera);
+  if (!(std::abs(length - 1.0) <= kRotationTolerance)) {
+    throw InputError::expected(place, "a unit quaternion (tolerance 0.01)",
+                               "one of length " + text_of(length));
+  }
+  for (int i = 0; i < 3; ++i) {
+    if (!(std::abs(p_world_camera_m[i]) <= kFarthest_m)) {
+      throw InputError::expected(place, "a position within 10 km of the origin",
+                                 text_of(p_world_camera_m[i]) + " m");
+    }
+  }
+  return {glm::normalize(R_world_camera), p_world_camera_m};
+}
+
 }  // namespace segsim::renderer::internal

@@ -39,4 +39,10 @@ struct NumberLine {
 [[nodiscard]] core::CameraPose pose_from_matrix(std::span<const double> numbers,
                                                 const std::string& place);
 
+/// Camera-to-world from a quaternion, which is normalised.
+/// @throws InputError for a length off by more than 1e-2, or a position farther than 10 km.
+[[nodiscard]] core::CameraPose pose_from_quaternion(const glm::dquat& R_world_camera,
+                                                    const glm::dvec3& p_world_camera_m,
+                                                    const std::string& place);
+
 }  // namespace segsim::renderer::internal

@@ -150,10 +150,10 @@ core::Image<core::Rgb8> read_color_image(const std::filesystem::path& file) {
   return image;
 }
 
-core::Image<float> read_depth_mm_image(const std::filesystem::path& file) {
+core::Image<float> read_depth_image(const std::filesystem::path& file, double unit_m) {
   const cv::Mat raw = decode(file, cv::IMREAD_UNCHANGED);
   if (raw.type() != CV_16UC1) {
-    throw InputError::expected(file.string(), "one 16-bit channel (millimetres)",
+    throw InputError::expected(file.string(), "one 16-bit channel (depth)",
                                std::to_string(raw.channels()) + " channel(s) of " +
                                    std::to_string(8 * raw.elemSize1()) + " bit");
   }
@@ -163,7 +163,7 @@ core::Image<float> read_depth_mm_image(const std::filesystem::path& file) {
     float* row = image.row(y);
     for (int x = 0; x < raw.cols; ++x) {
       const bool valid = source[x] != 0 && source[x] != 65535;
-      row[x] = valid ? static_cast<float>(source[x]) * 1e-3F
+      row[x] = valid ? static_cast<float>(source[x]) * static_cast<float>(unit_m)
                      : std::numeric_limits<float>::quiet_NaN();
     }
   }

@@ -24,8 +24,10 @@ struct ImageSize {
 
 /// Any 8-bit picture, as sRGB.
 [[nodiscard]] core::Image<core::Rgb8> read_color_image(const std::filesystem::path& file);
-/// 16-bit PNG in millimetres; 0 and 65535 mean "no measurement".
-[[nodiscard]] core::Image<float> read_depth_mm_image(const std::filesystem::path& file);
+/// 16-bit PNG of depths; 0 and 65535 mean "no measurement".
+/// @param unit_m  Metres per count: 0.001 for millimetres.
+[[nodiscard]] core::Image<float> read_depth_image(const std::filesystem::path& file,
+                                                  double unit_m);
 /// 8- or 16-bit PNG with one channel.
 [[nodiscard]] core::Image<std::uint16_t> read_id_image(const std::filesystem::path& file);
 

@@ -1,0 +1,231 @@
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+
+#include <CLI/CLI.hpp>
+
+#include "core/error.h"
+#include "core/progress.h"
+#include "experiments/commands.h"
+#include "experiments/frame_picture.h"
+#include "experiments/internal/text_grid.h"
+#include "experiments/mask_quality.h"
+#include "experiments/scene_source.h"
+#include "perception/image_file.h"
+#include "renderer/datasets/mask_files.h"
+
+namespace segsim::experiments {
+namespace {
+
+namespace fs = std::filesystem;
+using core::InputError;
+
+struct TruthFlags {
+  fs::path recording, boxes, label_map;
+  std::string layout = "auto";
+  int frame_step = 1;
+};
+
+struct SimulateFlags {
+  TruthFlags truth;
+  fs::path out, preview;
+  double level = 1.0;
+  std::uint64_t seed = 1;
+  bool fit = false, overwrite = false;
+};
+
+struct MeasureFlags {
+  TruthFlags truth;
+  fs::path masks;
+};
+
+std::unique_ptr<renderer::RgbdSequence> open_truth(const TruthFlags& flags) {
+  renderer::SequenceOptions options;
+  options.layout = renderer::parse_sequence_layout(flags.layout, "--layout");
+  options.label_map = flags.label_map;
+  auto recording = open_recording(flags.recording, flags.boxes, options);
+  if (!recording->has_masks()) {
+    throw InputError::expected(flags.recording.string(),
+                               "exact labels (a capture, a labelled data set, or --boxes)",
+                               "a recording without");
+  }
+  return recording;
+}
+
+/// Truth over masks.
+core::Image<core::Rgb8> preview_picture(const TrueLabels& truth,
+                                        const core::FrameMasks& masks) {
+  const auto picture = [](const core::Image<std::uint16_t>& semantic,
+                          const core::Image<std::uint16_t>& instance) {
+    core::Frame frame;
+    frame.semantic = semantic;
+    frame.instance = instance;
+    return panoptic_picture(frame);
+  };
+  const core::Image<core::Rgb8> above = picture(truth.semantic, truth.instance);
+  const core::Image<core::Rgb8> below = picture(masks.semantic, masks.instance);
+  core::Image<core::Rgb8> both(above.width_px(), 2 * above.height_px());
+  const auto middle =
+      std::copy(above.pixels().begin(), above.pixels().end(), both.pixels().begin());
+  std::copy(below.pixels().begin(), below.pixels().end(), middle);
+  return both;
+}
+
+/// Exact labels of views spread over the recording.
+std::vector<TrueLabels> sample_views(const renderer::RgbdSequence& recording) {
+  constexpr std::size_t kViews = 64;
+  const std::size_t n = std::min(kViews, recording.frame_count());
+  std::vector<TrueLabels> views;
+  core::Progress progress("read labels", static_cast<std::int64_t>(n));
+  for (std::size_t k = 0; k < n; ++k) {
+    views.push_back(load_true_labels(recording, k * recording.frame_count() / n));
+    progress.update(static_cast<std::int64_t>(k) + 1);
+  }
+  return views;
+}
+
+sim::MaskNoise fitted_noise(const SimulateFlags& flags,
+                            const renderer::RgbdSequence& recording) {
+  const std::vector<TrueLabels> views = sample_views(recording);
+  int round = 0;
+  return fit_mask_noise(
+      sim::MaskNoise{}, recording.classes(), flags.seed, recording.name(), views,
+      recording.intrinsics(), published_quality(), 0.01,
+      [&](const renderer::ViewQuality& reached) {
+        std::fprintf(
+            stderr, "fit, round %d: PQ %.3f, SQ %.3f, RQ %.3f, recall %.3f, precision %.3f\n",
+            ++round, reached.pq, reached.sq, reached.rq, reached.recall, reached.precision);
+      });
+}
+
+void simulate(const SimulateFlags& flags) {
+  if (fs::exists(flags.out / "masks.yaml") && !flags.overwrite) {
+    throw InputError::expected(flags.out.string(), "a new folder, or --overwrite",
+                               "a complete set of masks");
+  }
+  const auto recording = open_truth(flags.truth);
+  fs::remove(flags.out / "masks.yaml");  // Until it is complete again.
+  const sim::MaskNoise noise =
+      (flags.fit ? fitted_noise(flags, *recording) : sim::MaskNoise{}).at_level(flags.level);
+  const sim::MaskSimulator simulator(recording->classes(), noise, flags.seed,
+                                     recording->name());
+  const std::size_t step = static_cast<std::size_t>(flags.truth.frame_step);
+  const std::size_t views = (recording->frame_count() + step - 1) / step;
+  renderer::ContingencyTable table;
+  core::Progress progress("simulate masks", static_cast<std::int64_t>(views));
+  for (std::size_t k = 0; k < views; ++k) {
+    const TrueLabels truth = load_true_labels(*recording, k * step);
+    const core::FrameMasks masks = simulator.simulate(truth.view(recording->intrinsics()));
+    table.add_frame({truth.semantic, truth.instance}, {masks.semantic, masks.instance});
+    renderer::write_masks(flags.out, recording->frame_name(k * step), masks,
+                          recording->classes());
+    if (k == views / 2 && !flags.preview.empty()) {
+      perception::write_image(flags.preview, preview_picture(truth, masks));
+    }
+    progress.update(static_cast<std::int64_t>(k) + 1);
+  }
+  progress.finish();
+
+  const MaskQuality quality =
+      mask_quality(table, recording->classes(), recording->intrinsics().width_px);
+  const std::string title = internal::print("simulated, level %g", flags.level) +
+                            (flags.fit ? ", fitted" : "") + ", seed " +
+                            std::to_string(flags.seed);
+  renderer::MaskSetInfo info;
+  info.source = title + ", of " + recording->name();
+  info.classes = recording->classes();
+  info.settings = noise.listing();
+  info.measured = quality.listing();
+  renderer::write_mask_set_info(flags.out, info);
+  std::printf("%s: masks of %zu views\n\n%s", flags.out.string().c_str(), views,
+              mask_quality_text(title, quality).c_str());
+}
+
+void measure(const MeasureFlags& flags) {
+  const auto recording = open_truth(flags.truth);
+  const auto masks = renderer::open_masks(flags.masks, recording->classes());
+  const std::size_t step = static_cast<std::size_t>(flags.truth.frame_step);
+  renderer::ContingencyTable table;
+  core::Progress progress("measure masks", static_cast<std::int64_t>(masks->names().size()));
+  for (std::size_t i = 0; i < recording->frame_count(); i += step) {
+    const std::string& name = recording->frame_name(i);
+    if (!std::binary_search(masks->names().begin(), masks->names().end(), name)) continue;
+    const TrueLabels truth = load_true_labels(*recording, i);
+    const core::FrameMasks found =
+        masks->read(name, truth.semantic.width_px(), truth.semantic.height_px());
+    table.add_frame({truth.semantic, truth.instance}, {found.semantic, found.instance});
+    progress.update(static_cast<std::int64_t>(table.frame_count()));
+  }
+  progress.finish();
+  if (table.frame_count() == 0) {
+    throw InputError::expected(
+        flags.masks.string(),
+        "masks named like the recording's frames, for example " + recording->frame_name(0),
+        masks->names().empty() ? "no masks" : masks->names().front());
+  }
+  std::printf("%s: %s; %zu of %zu views\n\n%s", flags.masks.string().c_str(),
+              masks->info().source.c_str(), table.frame_count(), recording->frame_count(),
+              mask_quality_text(
+                  flags.masks.filename().string(),
+                  mask_quality(table, recording->classes(), recording->intrinsics().width_px))
+                  .c_str());
+}
+
+void add_truth_flags(CLI::App& command, TruthFlags& flags) {
+  command.add_option("--boxes", flags.boxes, "3-D boxes (JSON) that label the recording");
+  command.add_option("--label-map", flags.label_map,
+                     "Classes of a data set's label images (YAML, docs/datasets.md)");
+  command.add_option("--layout", flags.layout, "Layout of the recording (docs/datasets.md)")
+      ->capture_default_str();
+  command.add_option("--frame-step", flags.frame_step, "Use every n-th frame")
+      ->check(CLI::Range(1, 100000))
+      ->capture_default_str();
+}
+
+void add_simulate_command(CLI::App& masks) {
+  auto flags = std::make_shared<SimulateFlags>();
+  CLI::App* command = masks.add_subcommand(
+      "simulate", "Make noisy masks from exact labels, and say how good they are");
+  command->add_option("recording", flags->truth.recording, "Recording with exact labels")
+      ->required();
+  command->add_option("--out", flags->out, "Folder for the masks")->required();
+  command
+      ->add_option("--level", flags->level,
+                   "0: exact masks with random ids; 1: as noisy as published")
+      ->check(CLI::Range(0.0, 10.0))
+      ->capture_default_str();
+  command->add_flag(
+      "--fit", flags->fit,
+      "First scale the noise until views of this recording give the published RQ and SQ");
+  command->add_option("--seed", flags->seed, "Other errors, same rates")
+      ->capture_default_str();
+  command->add_option("--preview", flags->preview,
+                      "Picture (.png) of the middle view: truth above, masks below");
+  command->add_flag("--overwrite", flags->overwrite, "Replace a complete set");
+  add_truth_flags(*command, flags->truth);
+  command->callback([flags] { simulate(*flags); });
+}
+
+void add_measure_command(CLI::App& masks) {
+  auto flags = std::make_shared<MeasureFlags>();
+  CLI::App* command =
+      masks.add_subcommand("measure", "Compare a folder of masks with exact labels");
+  command->add_option("masks", flags->masks, "Folder of masks, see docs/masks.md")->required();
+  command->add_option("--truth", flags->truth.recording, "Recording with exact labels")
+      ->required();
+  add_truth_flags(*command, flags->truth);
+  command->callback([flags] { measure(*flags); });
+}
+
+}  // namespace
+
+void add_masks_command(CLI::App& app) {
+  CLI::App* command =
+      app.add_subcommand("masks", "Masks of single views, as a 2-D segmenter makes them");
+  command->require_subcommand(1);
+  add_simulate_command(*command);
+  add_measure_command(*command);
+}
+
+}  // namespace segsim::experiments

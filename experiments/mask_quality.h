@@ -1,0 +1,65 @@
+#pragma once
+
+/// @file
+/// What 2-D masks are worth, measured against exact labels, and noise fitted to a wanted
+/// quality.
+
+#include <functional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/frame_masks.h"
+#include "renderer/datasets/rgbd_sequence.h"
+#include "renderer/evaluation/panoptic_quality.h"
+#include "renderer/evaluation/view_quality.h"
+#include "sim/mask_simulator.h"
+
+namespace segsim::experiments {
+
+/// Exact labels of one view, kept in memory.
+struct TrueLabels {
+  core::Image<std::uint16_t> semantic, instance;
+  core::CameraPose T_world_camera;
+  std::uint32_t frame = 0;
+
+  [[nodiscard]] sim::ExactView view(const core::CameraIntrinsics& intrinsics) const {
+    return {semantic, instance, T_world_camera, intrinsics, frame};
+  }
+};
+
+/// @throws InputError if the recording has no labels.
+[[nodiscard]] TrueLabels load_true_labels(const renderer::RgbdSequence& recording,
+                                          std::size_t i);
+
+/// Figures of a set of masks.
+struct MaskQuality {
+  renderer::ViewQuality views;
+  renderer::PanopticQuality coco, strict;  ///< Of single views at IoU > 0.5; of the scene.
+
+  /// Name and value, for masks.yaml; shares in [0, 1].
+  [[nodiscard]] std::vector<std::pair<std::string, double>> listing() const;
+};
+
+[[nodiscard]] MaskQuality mask_quality(const renderer::ContingencyTable& table,
+                                       std::span<const core::SceneClass> classes,
+                                       int width_px);
+
+/// The published quality of Grounded-SAM masks on three ScanNet++ scenes.
+[[nodiscard]] renderer::ViewQuality published_quality();
+
+/// Rows per set of masks, the last one what was published; in percent.
+[[nodiscard]] std::string mask_quality_text(const std::string& name,
+                                            const MaskQuality& quality);
+
+/// Scales misses, false positives and shapes of `noise` until RQ and SQ of the given views are
+/// within `tolerance` of the target, with its balance of recall and precision; at most twelve
+/// rounds.
+/// @param note  Called after each round with what was reached.
+[[nodiscard]] sim::MaskNoise fit_mask_noise(
+    const sim::MaskNoise& noise, const std::vector<core::SceneClass>& classes,
+    std::uint64_t seed, const std::string& scene, std::span<const TrueLabels> views,
+    const core::CameraIntrinsics& intrinsics, const renderer::ViewQuality& target,
+    double tolerance, const std::function<void(const renderer::ViewQuality&)>& note);
+
+}  // namespace segsim::experiments

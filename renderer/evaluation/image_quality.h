@@ -1,0 +1,78 @@
+#pragma once
+
+/// @file
+/// How close a rendered view is to the recorded one: colour, depth, normals. Each accumulator
+/// takes view after view; figures of colour are means over views, as in the literature,
+/// figures of depth and normals are over all pixels.
+
+#include <array>
+#include <cstdint>
+
+#include <glm/vec3.hpp>
+
+#include "core/image.h"
+
+namespace segsim::renderer {
+
+/// 10 log10(255^2 / mean squared error over pixels and channels); infinite if equal.
+[[nodiscard]] double psnr_db(const core::Image<core::Rgb8>& image,
+                             const core::Image<core::Rgb8>& truth);
+
+enum class SsimBorder : std::uint8_t {
+  kZeroPadded,  ///< All pixels, black around the image: what 3DGS and 2DGS report and train
+                ///< on.
+  kValid,       ///< Only pixels whose window lies in the image: Wang's own; needs 11 x 11.
+};
+
+/// Structural similarity (Wang et al., IEEE TIP 2004): Gaussian window of 11 x 11 with
+/// sigma 1.5, K1 = 0.01, K2 = 0.03, mean over pixels and channels of the 8-bit values.
+[[nodiscard]] double ssim(const core::Image<core::Rgb8>& image,
+                          const core::Image<core::Rgb8>& truth,
+                          SsimBorder border = SsimBorder::kZeroPadded);
+
+/// Means over views.
+class ColorQuality {
+ public:
+  void add(const core::Image<core::Rgb8>& image, const core::Image<core::Rgb8>& truth);
+  [[nodiscard]] int views() const { return views_; }
+  [[nodiscard]] double psnr_db() const;  ///< 0 without views.
+  [[nodiscard]] double ssim() const;
+
+ private:
+  int views_ = 0;
+  double psnr_sum_db_ = 0.0, ssim_sum_ = 0.0;
+};
+
+/// Depth where both sides have one; NaN and values <= 0 mean "none".
+class DepthQuality {
+ public:
+  void add(const core::Image<float>& depth_m, const core::Image<float>& truth_m);
+  [[nodiscard]] std::uint64_t pixels() const { return pixels_; }
+  [[nodiscard]] double mean_abs_m() const;  ///< "Depth L1". 0 without pixels, as the others.
+  [[nodiscard]] double rms_m() const;
+  [[nodiscard]] double mean_relative() const;  ///< |d - d*| / d*.
+  [[nodiscard]] double within_1_25() const;    ///< Share with max(d / d*, d* / d) < 1.25.
+  /// Share of the pixels with a true depth that have a depth.
+  [[nodiscard]] double completeness() const;
+
+ private:
+  std::uint64_t pixels_ = 0, missing_ = 0, close_ = 0;
+  double abs_sum_m_ = 0.0, square_sum_m2_ = 0.0, relative_sum_ = 0.0;
+};
+
+/// Angle between unit normals where both sides have one (not 0, not NaN).
+class NormalQuality {
+ public:
+  void add(const core::Image<glm::vec3>& normal, const core::Image<glm::vec3>& truth);
+  [[nodiscard]] std::uint64_t pixels() const { return pixels_; }
+  [[nodiscard]] double mean_rad() const;
+  /// Shares within 11.25, 22.5 and 30 degrees: the thresholds of Fouhey et al., ICCV 2013.
+  [[nodiscard]] std::array<double, 3> within() const;
+
+ private:
+  std::uint64_t pixels_ = 0;
+  double angle_sum_rad_ = 0.0;
+  std::array<std::uint64_t, 3> within_{};
+};
+
+}  // namespace segsim::renderer
