@@ -15,6 +15,8 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
+#include "renderer/internal/exact_rows-inl.h"
+
 #ifndef SEGSIM_RENDERER_PROJECTION_ONCE
 #define SEGSIM_RENDERER_PROJECTION_ONCE
 namespace segsim::renderer::internal {
@@ -22,8 +24,6 @@ namespace {
 
 /// Rounding of the projected centre and outline stays below this [px].
 constexpr float kPixelSlack = 1e-3F;
-/// Rounding of a row interval [px].
-constexpr float kSpanSlackPx = 2e-3F;
 constexpr float kHalfLog2E = 0.72134752F;
 /// A surfel thinner than about 0.2 px per sigma is not squared; see tile_chunk-inl.h.
 constexpr float kMaxInverseNorm2 = 25.0F;
@@ -276,71 +276,6 @@ HWY_INLINE void project_lanes(const ProjectionJob& job, std::size_t i, Projected
   hn::Store(y_lo, d, out.y_lo), hn::Store(y_hi, d, out.y_hi);
 }
 
-/// Half of the outline's width along the line at `y` from its centre.
-template <class D>
-HWY_INLINE hn::Vec<D> half_width_at(D d, hn::Vec<D> y, hn::Vec<D> minor,
-                                    hn::Vec<D> inverse_syy) {
-  using Rows = hn::Vec<D>;
-  const Rows inside = hn::NegMulAdd(hn::Mul(y, y), inverse_syy, hn::Set(d, 1.0F));
-  return hn::Sqrt(hn::Mul(minor, hn::Max(hn::Zero(d), inside)));
-}
-
-/// The exact rows of an outline (AccuTile of Hanson et al. 2025): columns_in_band() for a
-/// vector of tile rows at a time.
-template <class D>
-HWY_INLINE void add_exact_rows(D d, const ScreenSurfel& s, const ScreenEllipse<float>& outline,
-                               const TileRange& range, DepthSlot entry, TileWriter& writer) {
-  using Rows = hn::Vec<D>;
-  const hn::RebindToSigned<D> di;
-  constexpr auto kTile = static_cast<float>(kTileSizePx);
-  const float slope = outline.sxy / outline.syy;
-  const Rows half_height = hn::Set(d, std::sqrt(outline.syy));
-  const Rows minor = hn::Set(d, std::max(0.0F, outline.sxx - outline.sxy * slope));
-  const Rows inverse_syy = hn::Set(d, 1.0F / outline.syy);
-  const float extreme = outline.sxx > 0.0F ? outline.sxy / std::sqrt(outline.sxx) : 0.0F;
-  // k^2 / 2 = ln 2 c_k2.
-  const Rows radius2 = hn::Set(d, 0.69314718F * s.c_k2 * kBoundSlack);
-  const Rows lowest = hn::Set(d, static_cast<float>(range.x_begin));
-  const Rows highest = hn::Set(d, static_cast<float>(range.x_end));
-  const Rows centre_x = hn::Set(d, outline.cx_px);
-  for (int row = range.y_begin; row < range.y_end; row += static_cast<int>(hn::Lanes(d))) {
-    const Rows y_lo =
-        hn::MulAdd(hn::Iota(d, static_cast<float>(row)), hn::Set(d, kTile), hn::Set(d, 0.5F));
-    const Rows y_hi = hn::Add(y_lo, hn::Set(d, kTile - 1.0F));
-    const Rows lo = hn::Max(hn::Sub(y_lo, hn::Set(d, outline.cy_px)), hn::Neg(half_height));
-    const Rows hi = hn::Min(hn::Sub(y_hi, hn::Set(d, outline.cy_px)), half_height);
-    const auto reached = hn::Le(lo, hi);
-    const Rows y_right = hn::Min(hn::Max(hn::Set(d, extreme), lo), hi);
-    const Rows y_left = hn::Min(hn::Max(hn::Set(d, -extreme), lo), hi);
-    const Rows right = hn::Add(hn::MulAdd(hn::Set(d, slope), y_right, centre_x),
-                               half_width_at(d, y_right, minor, inverse_syy));
-    const Rows left = hn::Sub(hn::MulAdd(hn::Set(d, slope), y_left, centre_x),
-                              half_width_at(d, y_left, minor, inverse_syy));
-    Rows x_max = hn::IfThenElse(reached, right, hn::Set(d, -1e30F));
-    Rows x_min = hn::IfThenElse(reached, left, hn::Set(d, 1e30F));
-    if (s.shape != SurfelShape::kPlain) {  // Else the low pass lies within the outline.
-      const Rows y0 = hn::Set(d, s.y0_px), x0 = hn::Set(d, s.x0_px);
-      const Rows dy = hn::Max(hn::Max(hn::Sub(y_lo, y0), hn::Sub(y0, y_hi)), hn::Zero(d));
-      const Rows h2 = hn::NegMulAdd(dy, dy, radius2);
-      const Rows h = hn::Sqrt(hn::Max(h2, hn::Zero(d)));
-      const auto meets = hn::Ge(h2, hn::Zero(d));
-      x_min = hn::IfThenElse(meets, hn::Min(x_min, hn::Sub(x0, h)), x_min);
-      x_max = hn::IfThenElse(meets, hn::Max(x_max, hn::Add(x0, h)), x_max);
-    }
-    // From the column whose last pixel centre reaches the span to that whose first one does.
-    const Rows slack = hn::MulAdd(hn::Max(hn::Sub(x_max, x_min), hn::Zero(d)),
-                                  hn::Set(d, 1e-4F), hn::Set(d, kSpanSlackPx + kTile - 0.5F));
-    const Rows inverse_tile = hn::Set(d, 1.0F / kTile);
-    const Rows first = hn::Ceil(hn::Mul(hn::Sub(x_min, slack), inverse_tile));
-    const Rows last = hn::Floor(hn::Mul(hn::Add(x_max, slack), inverse_tile));
-    alignas(64) std::int32_t begins[kMaxLanes], ends[kMaxLanes];
-    hn::Store(hn::ConvertTo(di, hn::Min(hn::Max(first, lowest), highest)), di, begins);
-    hn::Store(hn::ConvertTo(di, hn::Min(hn::Max(last, lowest), highest)), di, ends);
-    const int rows = std::min(static_cast<int>(hn::Lanes(d)), range.y_end - row);
-    for (int r = 0; r < rows; ++r) writer.add_row(row + r, begins[r], ends[r], entry);
-  }
-}
-
 /// Enters the surfel in its tiles under the job's strategy.
 void add_tiles(const ProjectionJob& job, std::size_t i, std::size_t slot,
                const ScreenEllipse<float>& exact, const ProjectedSurfels& out,
@@ -404,83 +339,7 @@ namespace {
 
 HWY_EXPORT(project_cluster);
 
-/// Image plane widened by the low pass: it reaches this far past a surfel's outline.
-constexpr float kFrustumMarginPx = 3.0F;
-/// Rounding of a centre's depth, relative to its distance.
-constexpr float kDepthSlack = 1e-5F;
-
-/// Tiles along one axis that a box of points can reach.
-/// @param lateral_m  Middle of the box along the axis, camera frame.
-/// @param z_m        The same along +z; `radius_m` less is in front of the camera.
-/// @return  First tile and the one after the last.
-std::pair<std::uint16_t, std::uint16_t> tiles_along(float lateral_m, float z_m, float radius_m,
-                                                    float focal_px, float centre_px,
-                                                    int size_px) {
-  const float lo_m = lateral_m - radius_m, hi_m = lateral_m + radius_m;
-  const float near_m = z_m - radius_m, far_m = z_m + radius_m;
-  const float lo_px =
-      centre_px + focal_px * lo_m / (lo_m < 0.0F ? near_m : far_m) - kFrustumMarginPx;
-  const float hi_px =
-      centre_px + focal_px * hi_m / (hi_m > 0.0F ? near_m : far_m) + kFrustumMarginPx;
-  const auto last = static_cast<float>(size_px - 1);
-  const auto tile = [last](float px) {
-    return static_cast<int>(std::clamp(px, 0.0F, last)) / kTileSizePx;
-  };
-  return {static_cast<std::uint16_t>(tile(lo_px)),
-          static_cast<std::uint16_t>(tile(hi_px) + 1)};
-}
-
-/// @param x_m, y_m, z_m  The cluster's centre in the camera's frame.
-TileBox tiles_of_cluster(const ProjectionJob& job, float x_m, float y_m, float z_m,
-                         float radius_m) {
-  const auto tiles = [](int px) {
-    return static_cast<std::uint16_t>((px + kTileSizePx - 1) / kTileSizePx);
-  };
-  if (z_m - radius_m <= job.near_m) return {0, tiles(job.width_px), 0, tiles(job.height_px)};
-  const ProjectionCamera<float>& c = job.camera;
-  const auto [x_begin, x_end] =
-      tiles_along(x_m, z_m, radius_m, c.fx_px, c.cx_px, job.width_px);
-  const auto [y_begin, y_end] =
-      tiles_along(y_m, z_m, radius_m, c.fy_px, c.cy_px, job.height_px);
-  return {x_begin, x_end, y_begin, y_end};
-}
-
 }  // namespace
-
-void find_visible_clusters(const ProjectionJob& job, ProjectedSurfels& projected) {
-  const ProjectionCamera<float>& c = job.camera;
-  const float left = (-kFrustumMarginPx - c.cx_px) / c.fx_px;
-  const float right =
-      (static_cast<float>(job.width_px) + kFrustumMarginPx - c.cx_px) / c.fx_px;
-  const float top = (-kFrustumMarginPx - c.cy_px) / c.fy_px;
-  const float bottom =
-      (static_cast<float>(job.height_px) + kFrustumMarginPx - c.cy_px) / c.fy_px;
-  const float left_norm = std::hypot(1.0F, left), right_norm = std::hypot(1.0F, right);
-  const float top_norm = std::hypot(1.0F, top), bottom_norm = std::hypot(1.0F, bottom);
-  std::vector<VisibleCluster>& visible = projected.visible;
-  visible.clear();
-  visible.reserve(job.packed.cluster_count());
-  for (std::size_t i = 0; i < job.packed.cluster_count(); ++i) {
-    const Cluster& cluster = job.packed.clusters[i];
-    const float r = cluster.radius_m;
-    const Vec3<float> offset{cluster.centre_m.x - c.centre_m.x,
-                             cluster.centre_m.y - c.centre_m.y,
-                             cluster.centre_m.z - c.centre_m.z};
-    const float z = dot(c.forward, offset);
-    const float x = dot(c.right, offset);
-    const float y = dot(c.down, offset);
-    if (z + r < job.near_m) continue;
-    if (x - z * left < -r * left_norm || x - z * right > r * right_norm) continue;
-    if (y - z * top < -r * top_norm || y - z * bottom > r * bottom_norm) continue;
-    const float nearest_m = z - cluster.centres_radius_m;
-    visible.push_back({nearest_m - kDepthSlack * (1.0F + std::abs(x) + std::abs(y) + z),
-                       static_cast<std::uint32_t>(i), tiles_of_cluster(job, x, y, z, r)});
-  }
-  std::sort(
-      visible.begin(), visible.end(), [](const VisibleCluster& a, const VisibleCluster& b) {
-        return a.nearest_m != b.nearest_m ? a.nearest_m < b.nearest_m : a.cluster < b.cluster;
-      });
-}
 
 void ProjectedSurfels::reserve(std::size_t end) {
   // The arrays only grow, so that no frame allocates after the first ones.
