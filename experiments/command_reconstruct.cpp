@@ -1,6 +1,9 @@
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <string>
+#include <vector>
 
 #include <CLI/CLI.hpp>
 
@@ -8,6 +11,7 @@
 #include "experiments/commands.h"
 #include "experiments/reconstruct.h"
 #include "experiments/scene_source.h"
+#include "renderer/training/heads/panoptic_head.h"
 
 namespace segsim::experiments {
 namespace {
@@ -15,14 +19,42 @@ namespace {
 namespace fs = std::filesystem;
 
 struct Flags {
-  fs::path sequence, boxes, label_map, out;
+  fs::path sequence, boxes, label_map, out, config;
   std::string layout = "auto", up = "auto", on_bad_frame = "refuse", robot = "jackal-gentle";
+  std::string backend = "cpu";
   double floor_height_m = 0.0;
-  bool floor_given = false;
+  bool floor_given = false, init_only = false;
+  std::int64_t iterations = -1, label_iterations = -1;
   ReconstructOptions reconstruct;
+  TrainingOptions training;
 };
 
+/// The file's settings with those given as flags.
+renderer::TrainingConfig config_of(const Flags& flags) {
+  renderer::TrainingConfig config;
+  if (!flags.config.empty()) config = renderer::read_training_config(flags.config);
+  if (flags.iterations >= 0) config.geometry.iterations = flags.iterations;
+  if (flags.label_iterations >= 0) config.panoptic.iterations = flags.label_iterations;
+  return config;
+}
+
+void check_head(const std::string& head) {
+  std::vector<std::string> known = renderer::panoptic_head_names();
+  known.emplace_back("none");
+  if (std::find(known.begin(), known.end(), head) != known.end()) return;
+  std::string words;
+  for (const std::string& name : known) words += (words.empty() ? "" : " | ") + name;
+  throw core::InputError::expected("--head", words, "\"" + head + "\"");
+}
+
 void reconstruct(Flags flags) {
+  if (!flags.init_only) {
+    check_head(flags.training.head);
+    flags.training.config = config_of(flags);
+    flags.training.device.backend = renderer::backend_of(flags.backend);
+    flags.training.set.frame_step = flags.reconstruct.lift.frame_step;
+    flags.reconstruct.training = flags.training;
+  }
   renderer::SequenceOptions options;
   options.layout = renderer::parse_sequence_layout(flags.layout, "--layout");
   options.up_axis = renderer::parse_up_axis(flags.up, "--up");
@@ -41,12 +73,54 @@ void reconstruct(Flags flags) {
               bundle.manifest.instances.size());
 }
 
+void add_training_options(CLI::App& command, const std::shared_ptr<Flags>& flags) {
+  TrainingOptions& training = flags->training;
+  command.add_flag("--init-only", flags->init_only, "Lift, do not train");
+  command.add_option(
+      "--config", flags->config,
+      "Weights and rates (YAML); all keys are in renderer/training/defaults.yaml");
+  command
+      .add_option("--iterations", flags->iterations,
+                  "Images that shape and colour are trained on; default: the "
+                  "configuration's")
+      ->check(CLI::Range(0, 10'000'000));
+  command
+      .add_option("--label-iterations", flags->label_iterations,
+                  "Images that labels are trained on; default: the configuration's")
+      ->check(CLI::Range(1, 10'000'000));
+  command.add_option(
+      "--masks", training.masks,
+      "Folder of per-view masks (docs/masks.md); default: the recording's labels");
+  command
+      .add_option("--head", training.head,
+                  "query | panoptic-splatting | panoptic-lifting | none: what learns labels")
+      ->capture_default_str();
+  command
+      .add_option("--held-out-every", training.set.held_out_every,
+                  "Every n-th frame tests the result and is not trained on; 0: none")
+      ->check(CLI::Range(0, 1'000'000))
+      ->capture_default_str();
+  command.add_option("--backend", flags->backend, "cpu | cuda | auto")->capture_default_str();
+  command.add_option("--threads", training.device.threads, "Of the CPU; 0: all")
+      ->check(CLI::Range(0, 4096))
+      ->capture_default_str();
+  command.add_option("--seed", training.seed, "Of all random choices")->capture_default_str();
+  command
+      .add_option("--time-limit", training.time_limit_s,
+                  "Stop each stage early to end near this [s]; 0: none. Results then depend "
+                  "on the machine")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  command.add_flag("--resume", training.resume,
+                   "Go on from the state in OUT.training, if there is one");
+}
+
 }  // namespace
 
 void add_reconstruct_command(CLI::App& app) {
   auto flags = std::make_shared<Flags>();
   CLI::App* command = app.add_subcommand(
-      "reconstruct", "Make a scene bundle from posed RGB-D frames with masks (lifting)");
+      "reconstruct", "Make a scene bundle from posed RGB-D frames: lift, then train");
   command
       ->add_option("sequence", flags->sequence,
                    "Folder in one of the layouts of docs/datasets.md")
@@ -94,6 +168,7 @@ void add_reconstruct_command(CLI::App& app) {
       ->capture_default_str();
   command->add_option("--origin-yaw", origin.yaw_rad, "From east to world +x [rad]")
       ->capture_default_str();
+  add_training_options(*command, flags);
   command->callback([flags] { reconstruct(*flags); });
 }
 

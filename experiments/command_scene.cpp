@@ -8,6 +8,7 @@
 
 #include "core/scene_bundle.h"
 #include "experiments/commands.h"
+#include "experiments/coverage.h"
 #include "renderer/ply_io.h"
 #include "sim/robot.h"
 #include "sim/world.h"
@@ -50,6 +51,8 @@ void inspect(const std::filesystem::path& folder, const std::string& robot_name)
   std::printf("\nunlabelled surfels: %zu\n\nstatistics\n", surfels_of_class[0]);
   for (const auto& [key, value] : m.statistics)
     std::printf("  %-28s %g\n", key.c_str(), value);
+  const std::string warning = coverage_warning(m);
+  if (!warning.empty()) std::printf("\nwarning: %s\n", warning.c_str());
 }
 
 }  // namespace

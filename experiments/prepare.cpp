@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cstdio>
 #include <numbers>
+#include <optional>
 #include <sstream>
+#include <utility>
 
 #include "core/error.h"
 #include "core/file_io.h"
@@ -146,6 +148,22 @@ void print_precision(const char* name, const HeldOutPrecision& p) {
 
 }  // namespace
 
+namespace {
+
+TrainingOptions training_of(const ReconstructSpec& spec, const SourceSpec& source) {
+  TrainingOptions training;
+  if (!spec.config.empty()) training.config = renderer::read_training_config(spec.config);
+  if (spec.iterations >= 0) training.config.geometry.iterations = spec.iterations;
+  if (spec.label_iterations >= 0) training.config.panoptic.iterations = spec.label_iterations;
+  training.head = spec.head;
+  training.seed = spec.seed;
+  training.set.frame_step = source.frame_step;
+  training.resume = true;  // As everything that `segsim run` prepares.
+  return training;
+}
+
+}  // namespace
+
 fs::path prepare_scene(const ExperimentSpec& spec, const SceneSpec& scene,
                        const fs::path& work) {
   if (!scene.source) {
@@ -156,6 +174,12 @@ fs::path prepare_scene(const ExperimentSpec& spec, const SceneSpec& scene,
   std::ostringstream recipe;
   recipe << "bundle v1: " << describe_capture(source) << "; voxel " << source.voxel_m
          << " m, robot " << spec.robot << ", camera " << scene.camera_height_m << " m";
+  std::optional<TrainingOptions> training;
+  if (source.reconstruct) {
+    training = training_of(*source.reconstruct, source);
+    recipe << "; trained, " << training->head << ", seed " << training->seed << ", "
+           << core::sha256_hex(renderer::training_config_text(training->config));
+  }
   const StepRecord record(scene.bundle.string() + ".step", recipe.str());
   if (fs::exists(scene.bundle / "scene.yaml") && record.is_current()) return scene.bundle;
 
@@ -180,6 +204,11 @@ fs::path prepare_scene(const ExperimentSpec& spec, const SceneSpec& scene,
   options.lift.frame_step = source.frame_step;
   options.robot = sim::RobotModel::by_name(spec.robot);
   options.camera_height_m = scene.camera_height_m;
+  options.training = std::move(training);
+  if (options.training) {  // A state of other settings is left alone.
+    options.training->work =
+        scene.bundle.string() + ".training-" + record.recipe_sha256().substr(0, 8);
+  }
   reconstruct_bundle(*sequence, options, scene.bundle);
   record.mark_done();
   return scene.bundle;

@@ -10,8 +10,11 @@
 #include "core/error.h"
 #include "core/progress.h"
 #include "core/version.h"
+#include "experiments/coverage.h"
+#include "renderer/cpu_renderer.h"
 #include "renderer/ply_io.h"
 #include "sim/bundle_files.h"
+#include "sim/world.h"
 
 namespace segsim::experiments {
 namespace {
@@ -41,6 +44,51 @@ std::vector<glm::vec3> surfel_normals(const renderer::SurfelCloud& surfels) {
   return normals;
 }
 
+/// What goes into the bundle.
+struct Scene {
+  renderer::SurfelCloud surfels;
+  std::optional<renderer::PanopticModel> model;
+  std::vector<core::SceneClass> classes;
+  std::vector<core::SceneInstance> instances;
+  std::vector<std::pair<std::string, double>> statistics;
+};
+
+fs::path training_folder(const ReconstructOptions& options, const fs::path& folder) {
+  return options.training->work.empty() ? fs::path(folder.string() + ".training")
+                                        : options.training->work;
+}
+
+Scene trained(const renderer::RgbdSequence& sequence, const renderer::LiftResult& lifted,
+              const ReconstructOptions& options, const fs::path& folder) {
+  TrainingOptions training = *options.training;
+  training.work = training_folder(options, folder);
+  const renderer::TrainingSet set = load_set(sequence, training);
+  TrainedScene result = train_scene(set, lifted.surfels, training);
+  std::printf("%s\n", result.quality.text().c_str());
+  Scene scene{std::move(result.surfels), std::move(result.model), std::move(result.classes),
+              std::move(result.instances), lifted.statistics.listing()};
+  if (!scene.surfels.has_labels()) {
+    scene.classes.clear();
+  } else if (training.head == "none") {  // Those of the lift, which survived.
+    scene.instances = lifted.instances;
+  }
+  scene.statistics.insert(scene.statistics.end(), result.statistics.begin(),
+                          result.statistics.end());
+  return scene;
+}
+
+/// Draws the finished bundle from where a robot can stand; the figures join the manifest.
+void add_coverage(const fs::path& folder, const renderer::SurfelCloud& surfels,
+                  const sim::RobotModel& robot, core::SceneManifest& manifest) {
+  const sim::World world = sim::World::load(core::load_bundle(folder), robot);
+  const auto renderer =
+      renderer::make_cpu_renderer(std::make_shared<const renderer::SurfelCloud>(surfels));
+  const auto figures = robot_coverage(*renderer, world, manifest.camera_height_m).listing();
+  manifest.statistics.insert(manifest.statistics.end(), figures.begin(), figures.end());
+  const std::string warning = coverage_warning(manifest);
+  if (!warning.empty()) std::fprintf(stderr, "warning: %s\n", warning.c_str());
+}
+
 }  // namespace
 
 core::SceneBundle reconstruct_bundle(const renderer::RgbdSequence& sequence,
@@ -49,7 +97,27 @@ core::SceneBundle reconstruct_bundle(const renderer::RgbdSequence& sequence,
   for (const std::string& warning : sequence.warnings()) {
     std::fprintf(stderr, "warning: %s\n", warning.c_str());
   }
-  const renderer::LiftResult lifted = lift_with_progress(sequence, options.lift);
+  renderer::LiftOptions lift_options = options.lift;
+  if (options.training) {
+    if (!sequence.has_depth()) {
+      throw core::InputError::expected(sequence.name(),
+                                       "frames with depth: training starts "
+                                       "from lifted surfels",
+                                       "colour alone");
+    }
+    lift_options.held_out_every = options.training->set.held_out_every;
+    lift_options.frame_step = options.training->set.frame_step;
+  }
+  renderer::LiftResult lifted = lift_with_progress(sequence, lift_options);
+  const std::vector<glm::vec3> lifted_points_m = lifted.surfels.position_m;
+  const std::vector<glm::vec3> lifted_normals = surfel_normals(lifted.surfels);
+  Scene scene;
+  if (options.training) {
+    scene = trained(sequence, lifted, options, folder);
+  } else {
+    scene = {std::move(lifted.surfels), std::nullopt, lifted.classes, lifted.instances,
+             lifted.statistics.listing()};
+  }
 
   const fs::path temporary = folder.string() + ".tmp" + std::to_string(::getpid());
   fs::remove_all(temporary);
@@ -62,24 +130,33 @@ core::SceneBundle reconstruct_bundle(const renderer::RgbdSequence& sequence,
     manifest.source_sha256 = options.source_sha256;
     manifest.origin = options.origin;
     manifest.camera_height_m = options.camera_height_m;
-    manifest.classes = lifted.classes;
-    manifest.instances = lifted.instances;
+    manifest.classes = scene.classes;
+    manifest.instances = scene.instances;
     manifest.surfels.name = "surfels.ply";
-    manifest.statistics = lifted.statistics.listing();
-    manifest.statistics.emplace_back("surfels", static_cast<double>(lifted.surfels.size()));
+    manifest.statistics = scene.statistics;
+    manifest.statistics.emplace_back("surfels", static_cast<double>(scene.surfels.size()));
     manifest.statistics.emplace_back("frames_skipped",
                                      static_cast<double>(sequence.warnings().size()));
 
-    renderer::write_surfels_ply(temporary / manifest.surfels.name, lifted.surfels);
+    renderer::write_surfels_ply(temporary / manifest.surfels.name, scene.surfels);
+    if (scene.model) {
+      renderer::write_panoptic_model(temporary / renderer::kPanopticFileName, *scene.model);
+    }
+    // The mesh is the measured surface: training moves surfels to please pictures.
     const sim::CollisionMeshResult collision = sim::write_collision_files(
-        temporary, lifted.surfels.position_m, surfel_normals(lifted.surfels),
-        lifted.camera_positions_m, options.robot, options.collision, manifest);
+        temporary, lifted_points_m, lifted_normals, lifted.camera_positions_m, options.robot,
+        options.collision, manifest);
     for (const std::string& warning : collision.warnings) {
       std::fprintf(stderr, "warning: %s\n", warning.c_str());
     }
     core::write_bundle_manifest(temporary, manifest);
+    if (options.training) {
+      add_coverage(temporary, scene.surfels, options.robot, manifest);
+      core::write_bundle_manifest(temporary, manifest);
+    }
     fs::remove_all(folder);
     fs::rename(temporary, folder);
+    if (options.training) remove_training_state(training_folder(options, folder));
   } catch (...) {
     fs::remove_all(temporary);
     throw;

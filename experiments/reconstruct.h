@@ -1,13 +1,15 @@
 #pragma once
 
 /// @file
-/// RGB-D recording -> scene bundle: lifting (renderer), collision mesh and navmesh (sim),
-/// manifest.
+/// RGB-D recording -> scene bundle: lifting and training (renderer), collision mesh and
+/// navmesh (sim), manifest.
 
 #include <filesystem>
+#include <optional>
 #include <string>
 
 #include "core/scene_bundle.h"
+#include "experiments/training_run.h"
 #include "renderer/datasets/rgbd_sequence.h"
 #include "renderer/lifting.h"
 #include "sim/collision_mesh.h"
@@ -20,6 +22,9 @@ struct ReconstructOptions {
   std::string source;         ///< Where the recording comes from, in words.
   std::string source_sha256;  ///< Of the recipe that made the recording; may be empty.
   renderer::LiftOptions lift;
+  /// None: lifting alone. Its `set` decides about held-out frames; `lift` follows it. Its
+  /// `work` is filled in (<folder>.training) if empty.
+  std::optional<TrainingOptions> training;
   sim::CollisionMeshOptions collision;
   sim::RobotModel robot = sim::RobotModel::jackal_gentle();
   double camera_height_m = 1.2;  ///< Mast height that suits the recording.
@@ -29,7 +34,8 @@ struct ReconstructOptions {
 };
 
 /// Makes the bundle in a temporary folder beside `folder` and renames it: a bundle is there
-/// wholly or not at all. An existing bundle is replaced.
+/// wholly or not at all. An existing bundle is replaced. Without training, frames held out by
+/// `lift` are not looked at; with it, the manifest tells the quality on them.
 /// @throws core::InputError if frames cannot be read, or no floor or room for the robot is
 /// left.
 core::SceneBundle reconstruct_bundle(const renderer::RgbdSequence& sequence,

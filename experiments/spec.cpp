@@ -10,6 +10,7 @@
 #include "core/config.h"
 #include "core/error.h"
 #include "core/file_io.h"
+#include "renderer/training/heads/panoptic_head.h"
 
 namespace segsim::experiments {
 namespace {
@@ -125,6 +126,26 @@ CaptureSpec read_capture(const ConfigNode& source) {
   return capture;
 }
 
+ReconstructSpec read_reconstruct(const ConfigNode& node, const Variables& variables) {
+  ReconstructSpec reconstruct;
+  if (node.has("config")) reconstruct.config = variables.expand(node.child("config"));
+  constexpr int kMost = 10'000'000;
+  if (node.has("iterations")) {
+    reconstruct.iterations = count_within(node, "iterations", 0, 0, kMost);
+  }
+  if (node.has("label_iterations")) {
+    reconstruct.label_iterations = count_within(node, "label_iterations", 1, 1, kMost);
+  }
+  if (node.has("head")) {
+    std::vector<std::string> heads = renderer::panoptic_head_names();
+    heads.emplace_back("none");
+    reconstruct.head = heads[one_of(node, "head", heads)];
+  }
+  reconstruct.seed = read_seed(node, reconstruct.seed);
+  node.finish();
+  return reconstruct;
+}
+
 SourceSpec read_source(const ConfigNode& node, const Variables& variables) {
   SourceSpec source;
   source.type =
@@ -149,6 +170,9 @@ SourceSpec read_source(const ConfigNode& node, const Variables& variables) {
   }
   if (source.type != SourceType::kRgbd) source.capture = read_capture(node);
   source.voxel_m = number_within(node, "voxel_m", source.voxel_m, 0.002, 0.5);
+  if (const auto reconstruct = node.optional_child("reconstruct")) {
+    source.reconstruct = read_reconstruct(*reconstruct, variables);
+  }
   node.finish();
   return source;
 }

@@ -35,6 +35,14 @@ enum class SourceType : std::uint8_t {
 };
 [[nodiscard]] const char* to_string(SourceType type);
 
+/// Training of a scene after lifting (docs/training.md).
+struct ReconstructSpec {
+  std::filesystem::path config;  ///< Weights and rates; empty: the defaults.
+  std::int64_t iterations = -1, label_iterations = -1;  ///< < 0: the configuration's.
+  std::string head = "query";                           ///< What learns labels, or "none".
+  std::uint64_t seed = 1;
+};
+
 /// What a scene bundle is made from if it does not exist yet.
 struct SourceSpec {
   SourceType type = SourceType::kFlat;
@@ -46,6 +54,7 @@ struct SourceSpec {
   int frame_step = 1;                    ///< kRgbd: every n-th frame is used.
   std::optional<double> floor_height_m;  ///< kRgbd: along the source's up axis; none = fitted.
   double voxel_m = 0.02;                 ///< Lifting resolution.
+  std::optional<ReconstructSpec> reconstruct;  ///< None: lifting alone.
 };
 
 struct SceneSpec {

@@ -112,27 +112,6 @@ float quantile(std::vector<float>& values, double share) {
   return values[static_cast<std::size_t>(k)];
 }
 
-std::vector<core::SceneInstance> instance_boxes(
-    const SurfelCloud& surfels, const std::vector<core::SceneInstance>& known) {
-  std::map<std::uint16_t, std::vector<std::size_t>> members;
-  for (std::size_t i = 0; i < surfels.instance_id.size(); ++i) {
-    if (surfels.instance_id[i] != 0) members[surfels.instance_id[i]].push_back(i);
-  }
-  std::vector<core::SceneInstance> instances;
-  for (core::SceneInstance instance : known) {
-    const auto found = members.find(instance.id);
-    if (found == members.end()) continue;
-    for (int axis = 0; axis < 3; ++axis) {
-      std::vector<float> values;
-      for (const std::size_t i : found->second) values.push_back(surfels.position_m[i][axis]);
-      instance.box_min_m[axis] = quantile(values, 0.01);
-      instance.box_max_m[axis] = quantile(values, 0.99);
-    }
-    instances.push_back(std::move(instance));
-  }
-  return instances;
-}
-
 LiftResult Lifter::run() {
   const auto start = std::chrono::steady_clock::now();
   LiftResult result;
@@ -168,6 +147,27 @@ LiftResult Lifter::run() {
 }
 
 }  // namespace
+
+std::vector<core::SceneInstance> instance_boxes(
+    const SurfelCloud& surfels, const std::vector<core::SceneInstance>& known) {
+  std::map<std::uint16_t, std::vector<std::size_t>> members;
+  for (std::size_t i = 0; i < surfels.instance_id.size(); ++i) {
+    if (surfels.instance_id[i] != 0) members[surfels.instance_id[i]].push_back(i);
+  }
+  std::vector<core::SceneInstance> instances;
+  for (core::SceneInstance instance : known) {
+    const auto found = members.find(instance.id);
+    if (found == members.end()) continue;
+    for (int axis = 0; axis < 3; ++axis) {
+      std::vector<float> values;
+      for (const std::size_t i : found->second) values.push_back(surfels.position_m[i][axis]);
+      instance.box_min_m[axis] = quantile(values, 0.01);
+      instance.box_max_m[axis] = quantile(values, 0.99);
+    }
+    instances.push_back(std::move(instance));
+  }
+  return instances;
+}
 
 std::vector<std::pair<std::string, double>> LiftStatistics::listing() const {
   return {{"frames_used", static_cast<double>(frames_used)},

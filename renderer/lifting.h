@@ -66,6 +66,11 @@ struct LiftResult {
 using LiftProgress =
     std::function<void(const std::string& stage, std::int64_t done, std::int64_t total)>;
 
+/// The instances that have a surfel, with their boxes (LiftResult::instances).
+/// @param surfels  Labelled.  @param known  Their boxes are ignored.
+[[nodiscard]] std::vector<core::SceneInstance> instance_boxes(
+    const SurfelCloud& surfels, const std::vector<core::SceneInstance>& known);
+
 /// True if `lift` with these options uses frame i.
 [[nodiscard]] bool lift_uses_frame(const LiftOptions& options, std::size_t i);
 

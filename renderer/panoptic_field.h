@@ -38,6 +38,35 @@
 
 namespace segsim::renderer {
 
+/// How the attention of N queries becomes the label of a surfel. Training and folding use the
+/// same one (renderer/training/heads).
+///
+///     kTemperature  p_q = exp(A_q / tau) / sum exp(A / tau)
+///
+///     kLiteral      the same with tau = 1, as the paper prints it (an ablation)
+///
+///     kNormalised   p_q = A_q / (sum A + none)
+///
+///     kLogSoftmax   softmax(log A, log none): kNormalised without its limit of range
+///
+///     kRaw          score A_q itself (PanopticRecon++ in training)
+///
+/// The last three have an extra score "none of the queries" (none / (sum A + none), or `none`
+/// for kRaw): a pixel where it wins has instance 0. kNormalised and kRaw take A = 0 beyond
+/// four sigma, d^2 > kAttentionReach2 (A < 3.4e-4 there).
+enum class LabelVariant : std::uint8_t {
+  kTemperature,
+  kNormalised,
+  kLogSoftmax,
+  kRaw,
+  kLiteral,
+};
+inline constexpr double kAttentionReach2 = 16.0;
+[[nodiscard]] constexpr bool has_none_score(LabelVariant variant) {
+  return variant == LabelVariant::kNormalised || variant == LabelVariant::kLogSoftmax ||
+         variant == LabelVariant::kRaw;
+}
+
 /// One row of the linear decoder.
 struct PanopticClass {
   std::uint16_t id = 0;  ///< Class of the scene's manifest; 0 = void may be listed.
@@ -53,12 +82,16 @@ struct InstanceQuery {
   glm::quat R_world_query{1.0F, 0.0F, 0.0F, 0.0F};
   glm::vec3 sigma_m{0.5F};  ///< > 0.
   core::InstanceFeature feature{};
+  /// Class of its pixels, a thing of the model's classes; 0: what the surfels say.
+  std::uint16_t class_id = 0;
 };
 
 struct PanopticModel {
   std::vector<PanopticClass> classes;
   std::vector<InstanceQuery> queries;
   float temperature = 0.1F;  ///< tau > 0.
+  LabelVariant variant = LabelVariant::kTemperature;
+  float none_score = 0.05F;  ///< >= 0; for variants with has_none_score().
 };
 
 /// @throws core::ContractViolation for values out of range, ids given twice, or more than
@@ -120,10 +153,18 @@ struct FoldOptions {
 
 /// The model folded into a cloud's surfels.
 struct PanopticField {
-  SparseScores classes;                              ///< Base 0: probabilities.
-  SparseScores instances;                            ///< Base 1/Z, excess E_q/Z.
-  std::vector<std::uint16_t> class_id, instance_id;  ///< By index in the model.
-  std::vector<std::uint8_t> class_is_thing;          ///< By index in the model.
+  /// Base 0: probabilities. Where queries have classes, the surfel's probability of "some
+  /// thing" is shared out to the classes of the queries that claim it.
+  SparseScores classes;
+  /// kTemperature and kLiteral: base 1/Z, excess E_q/Z. Else base 0, the scores themselves.
+  SparseScores instances;
+  std::vector<std::uint16_t> class_id;  ///< By index in the model.
+  /// By index in the model; the none-score, if there is one, is a last entry of id 0.
+  std::vector<std::uint16_t> instance_id;
+  std::vector<std::uint8_t> class_is_thing;  ///< By index in the model.
+  /// Class of an instance's pixels, 0: the class that won there. By index in instance_id;
+  /// empty if no query has a class. If it is not empty, thing pixels of no instance are void.
+  std::vector<std::uint16_t> instance_class;
   DroppedMass dropped_classes, dropped_instances;
 
   [[nodiscard]] std::size_t size() const { return classes.size(); }
@@ -143,17 +184,17 @@ inline constexpr const char* kPanopticFileName = "panoptic.bin";
 ///
 ///     8 bytes  "SEGSIMPF"
 ///
-///     u32      version = 1
+///     u32      version = 2 (1: without variant and none, a query's class is 0)
 ///
 ///     u64      payload bytes
 ///
 ///     64 bytes SHA-256 of the payload, lower-case hexadecimal
 ///
-///     payload  f32 temperature, u32 classes, u32 queries,
+///     payload  f32 temperature, u32 classes, u32 queries, u32 variant, f32 none,
 ///
 ///              class: u16 id, u16 thing (0 or 1), f32 bias, f32 weight[16]
 ///
-///              query: u16 id, u16 zero, f32 position[3], f32 rotation[4] (w x y z),
+///              query: u16 id, u16 class, f32 position[3], f32 rotation[4] (w x y z),
 ///
 ///                     f32 sigma[3], f32 feature[32]
 ///

@@ -16,7 +16,7 @@ using core::InputError;
 static_assert(std::endian::native == std::endian::little);
 
 constexpr std::string_view kMagic = "SEGSIMPF";
-constexpr std::uint32_t kVersion = 1;
+constexpr std::uint32_t kVersion = 2;
 constexpr std::size_t kHashBytes = 64;
 constexpr std::size_t kHeaderBytes = 8 + 4 + 8 + kHashBytes;
 
@@ -65,6 +65,8 @@ std::string payload_of(const PanopticModel& model) {
   out.put(model.temperature);
   out.put(static_cast<std::uint32_t>(model.classes.size()));
   out.put(static_cast<std::uint32_t>(model.queries.size()));
+  out.put(static_cast<std::uint32_t>(model.variant));
+  out.put(model.none_score);
   for (const PanopticClass& c : model.classes) {
     out.put(c.id);
     out.put(static_cast<std::uint16_t>(c.thing ? 1 : 0));
@@ -73,7 +75,7 @@ std::string payload_of(const PanopticModel& model) {
   }
   for (const InstanceQuery& q : model.queries) {
     out.put(q.id);
-    out.put(std::uint16_t{0});
+    out.put(q.class_id);
     for (int i = 0; i < 3; ++i) out.put(q.position_m[i]);
     for (const float value :
          {q.R_world_query.w, q.R_world_query.x, q.R_world_query.y, q.R_world_query.z}) {
@@ -99,7 +101,7 @@ PanopticClass take_class(Reader& in, const std::string& place) {
 InstanceQuery take_query(Reader& in) {
   InstanceQuery q;
   q.id = in.take<std::uint16_t>();
-  static_cast<void>(in.take<std::uint16_t>());
+  q.class_id = in.take<std::uint16_t>();
   for (int i = 0; i < 3; ++i) q.position_m[i] = in.take<float>();
   const auto w = in.take<float>(), x = in.take<float>(), y = in.take<float>(),
              z = in.take<float>();
@@ -109,11 +111,24 @@ InstanceQuery take_query(Reader& in) {
   return q;
 }
 
-PanopticModel model_of(const std::string& payload, const std::string& place) {
+LabelVariant take_variant(Reader& in, const std::string& place) {
+  const auto variant = in.take<std::uint32_t>();
+  if (variant > static_cast<std::uint32_t>(LabelVariant::kLiteral)) {
+    throw InputError::expected(place, "a label variant 0 to 4", std::to_string(variant));
+  }
+  return static_cast<LabelVariant>(variant);
+}
+
+PanopticModel model_of(const std::string& payload, std::uint32_t version,
+                       const std::string& place) {
   Reader in(payload, place);
   PanopticModel model;
   model.temperature = in.take<float>();
   const auto classes = in.take<std::uint32_t>(), queries = in.take<std::uint32_t>();
+  if (version > 1) {
+    model.variant = take_variant(in, place);
+    model.none_score = in.take<float>();
+  }
   // Grown row by row: a damaged count runs into the end of the payload, not out of memory.
   for (std::uint32_t i = 0; i < classes; ++i) model.classes.push_back(take_class(in, place));
   for (std::uint32_t i = 0; i < queries; ++i) model.queries.push_back(take_query(in));
@@ -152,8 +167,8 @@ PanopticModel read_panoptic_model(const std::filesystem::path& file) {
   Reader header(bytes, place);
   for (std::size_t i = 0; i < kMagic.size(); ++i) static_cast<void>(header.take<char>());
   const auto version = header.take<std::uint32_t>();
-  if (version != kVersion) {
-    throw InputError::expected(place, "version " + std::to_string(kVersion),
+  if (version < 1 || version > kVersion) {
+    throw InputError::expected(place, "version 1 or " + std::to_string(kVersion),
                                std::to_string(version));
   }
   const auto size = header.take<std::uint64_t>();
@@ -166,7 +181,7 @@ PanopticModel read_panoptic_model(const std::filesystem::path& file) {
     throw InputError::expected(place, "a payload with the SHA-256 of its header",
                                "another one");
   }
-  return model_of(payload, place);
+  return model_of(payload, version, place);
 }
 
 }  // namespace segsim::renderer

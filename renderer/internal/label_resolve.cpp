@@ -135,10 +135,15 @@ PixelLabel resolve_panoptic(const PanopticField& field,
   const ScoreSums::Best best_instance =
       best_score(field.instances, selected, field.instance_id.size(), scratch.instances);
   if (best_instance.index >= 0) {
-    label.instance = field.instance_id[static_cast<std::size_t>(best_instance.index)];
+    const auto index = static_cast<std::size_t>(best_instance.index);
+    label.instance = field.instance_id[index];
+    if (!field.instance_class.empty() && field.instance_class[index] != 0) {
+      label.semantic = field.instance_class[index];
+    }
     label.instance_confidence =
         static_cast<float>((instance_base + best_instance.sum) / total);
   }
+  if (label.instance == 0 && !field.instance_class.empty()) label.semantic = 0;
   return label;
 }
 

@@ -85,7 +85,9 @@ struct ResolveScratch {
 
 /// Class and instance with the largest weighted mean score (weights renormalised to 1).
 /// Confidences are these means: blended probabilities. A pixel of a class that is no thing has
-/// instance 0, with the class's confidence; so has one whose surfels no query claims.
+/// instance 0, with the class's confidence; so has one whose surfels no query claims. Where
+/// the winning query has a class, it is the pixel's; if queries have classes, a thing that
+/// none of them claims is void.
 [[nodiscard]] PixelLabel resolve_panoptic(const PanopticField& field,
                                           std::span<const WeightedSurfel> selected,
                                           ResolveScratch& scratch);

@@ -109,7 +109,7 @@ void TileBins::extend_list(std::size_t tile, float bound_m, const SurfelShade* s
       static_cast<DepthSlot>(std::bit_cast<std::uint32_t>(bound_m > 0.0F ? bound_m : 0.0F))
       << 32U;
   const auto end = std::lower_bound(waiting.begin(), waiting.end(), bound);
-  order_ties({waiting.begin(), end}, shade);
+  if (shade != nullptr) order_ties({waiting.begin(), end}, shade);
   for (auto entry = waiting.begin(); entry != end; ++entry) list.push_back(slot_of(*entry));
   waiting.erase(waiting.begin(), end);
 }

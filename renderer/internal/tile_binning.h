@@ -102,7 +102,7 @@ class TileBins {
   void collect(std::size_t tile);
   /// Appends to the tile's list what it waits for and is nearer than `bound_m`; the rest goes
   /// on waiting, since a later slab may hold nearer ones. After collect(), by any thread.
-  /// @param shade  Names the index in the cloud of a slot.
+  /// @param shade  Names the index in the cloud of a slot; null if slots are in that order.
   void extend_list(std::size_t tile, float bound_m, const SurfelShade* shade);
   /// The tile wants no more.
   void retire(std::size_t tile) { live_[tile] = 0; }

@@ -125,6 +125,26 @@ TEST(Spec, FramesAreRecordedOnRequest) {
   EXPECT_THAT(error_of(text + "frames: {of: all, every: 1}\n"), HasSubstr("every_s"));
 }
 
+TEST(Spec, ScenesAreTrainedOnRequest) {
+  EXPECT_FALSE(parse(kSpec).find_scene("flat-1")->source->reconstruct.has_value());
+  const auto trained = [](const std::string& fields) {
+    return with(kSpec, "voxel_m: 0.03,", "voxel_m: 0.03, reconstruct: {" + fields + "},");
+  };
+  const ExperimentSpec spec = parse(trained(
+      "iterations: 500, label_iterations: 70, head: panoptic-lifting, seed: 9, config: "
+      "\"${spec}/mine.yaml\""));
+  const auto& reconstruct = spec.find_scene("flat-1")->source->reconstruct;
+  ASSERT_TRUE(reconstruct.has_value());
+  EXPECT_EQ(reconstruct->iterations, 500);
+  EXPECT_EQ(reconstruct->label_iterations, 70);
+  EXPECT_EQ(reconstruct->head, "panoptic-lifting");
+  EXPECT_EQ(reconstruct->seed, 9U);
+  EXPECT_EQ(reconstruct->config.filename(), "mine.yaml");
+  EXPECT_TRUE(parse(trained("")).find_scene("flat-1")->source->reconstruct.has_value());
+  EXPECT_THAT(error_of(trained("head: qery")), AllOf(HasSubstr(":8"), HasSubstr("query")));
+  EXPECT_THAT(error_of(trained("iteration: 5")), HasSubstr("iterations"));
+}
+
 TEST(Spec, LeakageFollowsTheFineTuningScenes) {
   const ExperimentSpec spec = parse(kSpec);
   const ArmSpec& before = *spec.find_arm("before");

@@ -72,6 +72,43 @@ TEST_F(Panoptic, PixelsThatNoQueryClaimsHaveNoInstance) {
   EXPECT_EQ(resolve_panoptic(field, {}, scratch).confidence, 0.0F);
 }
 
+TEST_F(Panoptic, AQuerysClassIsItsPixelsClassAndUnclaimedThingsAreVoid) {
+  for (PanopticClass& c : model_.classes) c.thing = c.id != 0;
+  const std::uint16_t other = model_.classes[5].id;
+  model_.variant = LabelVariant::kNormalised;
+  model_.none_score = 0.05F;
+  PanopticField field = fold_panoptic_model(cloud_, model_);
+  field.instance_class.assign(field.instance_id.size(), 0);
+  for (std::size_t q = 0; q < model_.queries.size(); ++q) {
+    field.instance_class[q] = q % 2 == 0 ? other : 0;
+  }
+  PanopticField without = field;
+  without.instance_class.clear();
+  core::RandomStream random(6, "selections");
+  ResolveScratch scratch;
+  int overridden = 0, kept = 0, unclaimed = 0;
+  for (int repeat = 0; repeat < 400; ++repeat) {
+    const std::vector<WeightedSurfel> selected = random_selection(random, 2);
+    const PixelLabel label = resolve_panoptic(field, selected, scratch);
+    const PixelLabel plain = resolve_panoptic(without, selected, scratch);
+    EXPECT_EQ(label.instance, plain.instance);
+    if (plain.semantic == 0) continue;  // The one class that is stuff.
+    if (label.instance == 0) {
+      ++unclaimed;
+      EXPECT_EQ(label.semantic, 0);
+    } else if ((label.instance - model_.queries[0].id) / 2 % 2 == 0) {
+      ++overridden;
+      EXPECT_EQ(label.semantic, other);
+    } else {
+      ++kept;
+      EXPECT_EQ(label.semantic, plain.semantic);
+    }
+  }
+  EXPECT_GT(overridden, 10);
+  EXPECT_GT(kept, 10);
+  EXPECT_GT(unclaimed, 10);
+}
+
 TEST_F(Panoptic, FeaturesAreTheWeightedMean) {
   core::RandomStream random(4, "selections");
   for (const int count : {1, 3, 4, 8, 16, 24, 25, 3000}) {

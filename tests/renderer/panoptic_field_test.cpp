@@ -161,6 +161,90 @@ TEST(PanopticField, TemperatureDecidesHowSureTheWinnerIs) {
   EXPECT_NEAR(winner(0.1F), 0.998, 5e-4);
 }
 
+TEST(PanopticField, NormalisedScoresLeaveARestForNone) {
+  const SurfelCloud cloud = cloud_with_features();
+  PanopticModel model = testing::random_model(2, 4, 30);
+  model.none_score = 0.1F;
+  for (const LabelVariant variant :
+       {LabelVariant::kNormalised, LabelVariant::kLogSoftmax, LabelVariant::kRaw}) {
+    SCOPED_TRACE(static_cast<int>(variant));
+    model.variant = variant;
+    const PanopticField field = fold_panoptic_model(
+        cloud, model, {.max_classes = 4, .max_instances = 31, .min_excess = 0.0F});
+    ASSERT_EQ(field.instance_id.size(), 31U);
+    EXPECT_EQ(field.instance_id[30], 0);
+    double far = 0.0;
+    for (std::size_t i = 0; i < cloud.size(); ++i) {
+      std::vector<double> a = attention(model, cloud.position_m[i], cloud.instance_feature[i]);
+      const auto near = [&] {  // Without what lies beyond four sigma.
+        std::vector<double> kept = a;
+        for (std::size_t q = 0; q < kept.size(); ++q) {
+          PanopticModel one = model;
+          one.queries = {model.queries[q]};
+          one.queries[0].feature = {};
+          const double d2 = -2.0 * std::log(2.0 * attention(one, cloud.position_m[i], {})[0]);
+          if (d2 > kAttentionReach2) {
+            far = std::max(far, kept[q]);
+            kept[q] = 0.0;
+          }
+        }
+        return kept;
+      };
+      if (variant != LabelVariant::kLogSoftmax) a = near();
+      double sum = 0.1;
+      for (const double value : a) sum += value;
+      if (variant == LabelVariant::kRaw) sum = 1.0;
+      const std::vector<double> p = dense_row(field.instances, i, 31);
+      for (std::size_t q = 0; q < 30; ++q) EXPECT_NEAR(p[q], a[q] / sum, 1e-6);
+      EXPECT_NEAR(p[30], 0.1 / sum, 1e-6);
+    }
+    EXPECT_LT(far, 3.4e-4);
+  }
+}
+
+TEST(PanopticField, TheLiteralVariantIsTemperatureOne) {
+  const SurfelCloud cloud = cloud_with_features(50);
+  PanopticModel literal = testing::random_model(2, 4, 30, 0.1F), one = literal;
+  literal.variant = LabelVariant::kLiteral;
+  one.temperature = 1.0F;
+  const FoldOptions all{.max_classes = 4, .max_instances = 30, .min_excess = 0.0F};
+  const PanopticField a = fold_panoptic_model(cloud, literal, all);
+  const PanopticField b = fold_panoptic_model(cloud, one, all);
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    const auto p = dense_row(a.instances, i, 30), q = dense_row(b.instances, i, 30);
+    for (std::size_t k = 0; k < 30; ++k) EXPECT_NEAR(p[k], q[k], 1e-7);
+  }
+}
+
+TEST(PanopticField, QueriesWithClassesShareOutTheThings) {
+  const SurfelCloud cloud = cloud_with_features();
+  PanopticModel model =
+      testing::random_model(2, 5, 12);  // Classes 0 3 6 9 12; 3 and 9 things.
+  model.variant = LabelVariant::kNormalised;
+  const PanopticField plain = fold_panoptic_model(
+      cloud, model, {.max_classes = 5, .max_instances = 13, .min_excess = 0.0F});
+  EXPECT_TRUE(plain.instance_class.empty());
+  for (std::size_t q = 0; q < 12; ++q) model.queries[q].class_id = q % 3 == 2 ? 0 : 3;
+  const PanopticField field = fold_panoptic_model(
+      cloud, model, {.max_classes = 5, .max_instances = 13, .min_excess = 0.0F});
+  EXPECT_EQ(field.instance_class,
+            (std::vector<std::uint16_t>{3, 3, 0, 3, 3, 0, 3, 3, 0, 3, 3, 0, 0}));
+  bool moved = false;
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    const auto before = dense_row(plain.classes, i, 5), after = dense_row(field.classes, i, 5);
+    const auto share = dense_row(field.instances, i, 13);
+    double claimed = 0.0;
+    for (std::size_t q = 0; q < 12; ++q) claimed += q % 3 == 2 ? 0.0 : share[q];
+    const double things = before[1] + before[3];
+    for (const std::size_t stuff : {0U, 2U, 4U})
+      EXPECT_NEAR(after[stuff], before[stuff], 1e-6);
+    EXPECT_NEAR(after[1], before[1] * (1.0 - claimed) + things * claimed, 1e-6);
+    EXPECT_NEAR(after[3], before[3] * (1.0 - claimed), 1e-6);
+    moved |= after[1] > before[1] + 0.1;
+  }
+  EXPECT_TRUE(moved);
+}
+
 TEST(PanopticField, SameForAnyNumberOfThreads) {
   const SurfelCloud cloud = cloud_with_features(5000);
   const PanopticModel model = testing::random_model(9, 8, 30);
@@ -201,6 +285,9 @@ TEST(PanopticField, BadModelsAndCloudsAreRefused) {
   expect_refused([](PanopticModel& m) { m.classes[2].bias = INFINITY; });
   expect_refused([](PanopticModel& m) { m.queries[3].id = m.queries[0].id; });
   expect_refused([](PanopticModel& m) { m.queries[0].id = 0; });
+  expect_refused([](PanopticModel& m) { m.queries[0].class_id = 6; });   // Stuff.
+  expect_refused([](PanopticModel& m) { m.queries[0].class_id = 99; });  // Not there.
+  expect_refused([](PanopticModel& m) { m.none_score = -0.1F; });
   expect_refused([](PanopticModel& m) { m.queries[1].sigma_m.y = 0.0F; });
   expect_refused([](PanopticModel& m) { m.queries[1].sigma_m.z = INFINITY; });
   expect_refused([](PanopticModel& m) { m.queries[1].position_m.x = std::nanf(""); });
@@ -238,10 +325,15 @@ class PanopticFile : public ::testing::Test {
 };
 
 TEST_F(PanopticFile, RoundTripIsExact) {
-  const PanopticModel model = testing::random_model(12, 7, 33, 0.07F);
+  PanopticModel model = testing::random_model(12, 7, 33, 0.07F);
+  model.variant = LabelVariant::kRaw;
+  model.none_score = 0.3F;
+  model.queries[4].class_id = 9;
   write_panoptic_model(file_, model);
   const PanopticModel read = read_panoptic_model(file_);
   EXPECT_EQ(read.temperature, model.temperature);
+  EXPECT_EQ(read.variant, model.variant);
+  EXPECT_EQ(read.none_score, model.none_score);
   ASSERT_EQ(read.classes.size(), model.classes.size());
   for (std::size_t c = 0; c < model.classes.size(); ++c) {
     EXPECT_EQ(read.classes[c].id, model.classes[c].id);
@@ -252,6 +344,7 @@ TEST_F(PanopticFile, RoundTripIsExact) {
   ASSERT_EQ(read.queries.size(), model.queries.size());
   for (std::size_t q = 0; q < model.queries.size(); ++q) {
     EXPECT_EQ(read.queries[q].id, model.queries[q].id);
+    EXPECT_EQ(read.queries[q].class_id, model.queries[q].class_id);
     EXPECT_EQ(read.queries[q].position_m, model.queries[q].position_m);
     EXPECT_EQ(read.queries[q].R_world_query, model.queries[q].R_world_query);
     EXPECT_EQ(read.queries[q].sigma_m, model.queries[q].sigma_m);
@@ -259,10 +352,27 @@ TEST_F(PanopticFile, RoundTripIsExact) {
   }
 }
 
+TEST_F(PanopticFile, VersionOneIsRead) {
+  const PanopticModel model = testing::random_model(12, 7, 33, 0.07F);
+  write_panoptic_model(file_, model);
+  std::string payload = core::read_file(file_).substr(84);
+  payload.erase(12, 8);  // Variant and none-score.
+  const std::uint64_t size = payload.size();
+  std::string header = core::read_file(file_).substr(0, 20);
+  header[8] = 1;
+  std::memcpy(header.data() + 12, &size, sizeof size);
+  ASSERT_EQ(error_of(header + core::sha256_hex(payload) + payload), "no error");
+  const PanopticModel read = read_panoptic_model(file_);
+  EXPECT_EQ(read.variant, LabelVariant::kTemperature);
+  EXPECT_EQ(read.temperature, 0.07F);
+  ASSERT_EQ(read.queries.size(), 33U);
+  EXPECT_EQ(read.queries[32].feature, model.queries[32].feature);
+}
+
 TEST_F(PanopticFile, LayoutIsTheDocumentedOne) {
   write_panoptic_model(file_, testing::random_model(12, 7, 33));
   const std::string bytes = core::read_file(file_);
-  EXPECT_EQ(bytes.size(), 84U + 12U + 7U * (8 + 16 * 4) + 33U * (4 + (3 + 4 + 3 + 32) * 4));
+  EXPECT_EQ(bytes.size(), 84U + 20U + 7U * (8 + 16 * 4) + 33U * (4 + (3 + 4 + 3 + 32) * 4));
   EXPECT_EQ(bytes.substr(0, 8), "SEGSIMPF");
   EXPECT_EQ(bytes.substr(20, 64), core::sha256_hex(bytes.substr(84)));
 }
@@ -281,8 +391,8 @@ TEST_F(PanopticFile, DamagedFilesAreRefused) {
   EXPECT_THAT(error_of(good.substr(0, good.size() - 1)), HasSubstr("bytes of payload, found"));
   EXPECT_THAT(error_of(good + "x"), HasSubstr("bytes of payload, found"));
   std::string version = good;
-  version[8] = 2;
-  EXPECT_THAT(error_of(version), HasSubstr("expected version 1, found 2"));
+  version[8] = 3;
+  EXPECT_THAT(error_of(version), HasSubstr("expected version 1 or 2, found 3"));
   std::string payload = good;
   payload[200] = static_cast<char>(payload[200] + 1);
   EXPECT_THAT(error_of(payload), HasSubstr("SHA-256"));
@@ -298,7 +408,8 @@ TEST_F(PanopticFile, UnusableValuesWithAGoodHashAreRefused) {
     return error_of(good.substr(0, 20) + core::sha256_hex(payload) + payload);
   };
   EXPECT_THAT(with(0, std::string(4, '\0')), HasSubstr("temperature"));
-  EXPECT_THAT(with(14, "\x02"), HasSubstr("expected thing 0 or 1, found 2"));
+  EXPECT_THAT(with(12, "\x05"), HasSubstr("expected a label variant 0 to 4, found 5"));
+  EXPECT_THAT(with(22, "\x02"), HasSubstr("expected thing 0 or 1, found 2"));
   // A count that is too large runs into the end; one that is too small leaves a rest.
   EXPECT_THAT(with(8, "\xFF\xFF\xFF\xFF"), HasSubstr("found its end"));
   EXPECT_THAT(with(8, "\x20"), HasSubstr("bytes of payload"));

@@ -1,0 +1,36 @@
+#pragma once
+
+/// @file
+/// How good a reconstruction is on views that it has not seen.
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/render.h"
+#include "renderer/evaluation/contingency.h"
+#include "renderer/evaluation/image_quality.h"
+#include "renderer/evaluation/panoptic_quality.h"
+#include "renderer/training/training_set.h"
+
+namespace segsim::experiments {
+
+struct HeldOutQuality {
+  renderer::ColorQuality color;
+  renderer::DepthQuality depth;        ///< Against the recorded depth.
+  renderer::NormalQuality normal;      ///< Against the normals of the recorded depth.
+  renderer::ContingencyTable labels;   ///< Without frames if there are no true labels.
+  renderer::PanopticQuality panoptic;  ///< Strict rules, of the whole scene.
+  double mean_iou = 0.0;               ///< Pooled over the views.
+
+  /// For the manifest: "held_out_psnr_db", ...; empty without held-out views.
+  [[nodiscard]] std::vector<std::pair<std::string, double>> listing() const;
+  /// One line for people.
+  [[nodiscard]] std::string text() const;
+};
+
+/// Draws every held-out view of the set.
+[[nodiscard]] HeldOutQuality held_out_quality(core::Renderer& renderer,
+                                              const renderer::TrainingSet& set);
+
+}  // namespace segsim::experiments

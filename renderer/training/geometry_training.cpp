@@ -1,0 +1,388 @@
+#include "renderer/training/geometry_training.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "core/check.h"
+#include "core/error.h"
+#include "core/random.h"
+#include "renderer/training/densify.h"
+#include "renderer/training/internal/geometry_losses.h"
+#include "renderer/training/internal/surfel_state.h"
+
+namespace segsim::renderer {
+namespace {
+
+using internal::SurfelTensors;
+using internal::Tensor;
+using internal::ViewTensors;
+
+constexpr double kHoleVoxel_m = 0.02;
+constexpr float kNeeded = 1.0F;  ///< Stands for a weight that is not known yet.
+
+std::int64_t at_share(double share, std::int64_t iterations) {
+  return static_cast<std::int64_t>(std::llround(share * static_cast<double>(iterations)));
+}
+
+std::vector<float> host(const Tensor& tensor) {
+  const Tensor values = tensor.cpu().contiguous();
+  const auto* first = values.data_ptr<float>();
+  return {first, first + values.numel()};
+}
+
+/// A view's images as tensors.
+struct Targets {
+  Tensor rgb;      ///< [height, width, 3] in [0, 1].
+  Tensor depth_m;  ///< [height, width], NaN = unknown; or undefined.
+  Tensor valid;    ///< [height, width] bool, or undefined.
+};
+
+Targets targets_of(const TrainingView& view, const at::Device& device) {
+  const std::int64_t height = view.rgb.height_px(), width = view.rgb.width_px();
+  // from_blob() only reads here; it has no variant for const memory.
+  const auto borrow = [&](const void* data, std::vector<std::int64_t> shape,
+                          at::ScalarType type) {
+    return torch::from_blob(const_cast<void*>(data), shape, torch::TensorOptions().dtype(type))
+        .to(device);
+  };
+  Targets targets;
+  targets.rgb =
+      borrow(view.rgb.data(), {height, width, 3}, torch::kUInt8).to(torch::kFloat32) / 255.0F;
+  if (!view.depth_m.empty()) {
+    targets.depth_m = borrow(view.depth_m.data(), {height, width}, torch::kFloat32);
+  }
+  if (!view.valid.empty()) {
+    targets.valid = borrow(view.valid.data(), {height, width}, torch::kUInt8).ne(0);
+  }
+  return targets;
+}
+
+}  // namespace
+
+class GeometryTrainer::Impl {
+ public:
+  Impl(const TrainingSet& set, const SurfelCloud& start, const GeometryConfig& config,
+       std::uint64_t seed, const GeometryDevice& device)
+      : set_(set),
+        config_(config),
+        seed_(seed),
+        extent_m_(set.extent_m()),
+        raster_(make_training_rasterizer(device),
+                trains_on_gpu(device) ? at::Device(torch::kCUDA, 0) : at::Device(torch::kCPU)),
+        state_(start, config.sh_degree, raster_.device()),
+        rays_(internal::camera_rays(set.intrinsics, raster_.device())),
+        holes_(kHoleVoxel_m, config.sh_degree) {
+    SEGSIM_CHECK(!set.training.empty(), "no training views");
+    forget_statistics();
+    const auto views = static_cast<std::int64_t>(set.training.size());
+    exposure_ = internal::AdamTensor(
+        torch::zeros({views, 2, 3}, torch::TensorOptions().device(raster_.device())));
+  }
+
+  [[nodiscard]] std::int64_t iteration() const { return iteration_; }
+  [[nodiscard]] SurfelCloud surfels() const {
+    return surfel_cloud(state_.tail(state_.count()));
+  }
+
+  GeometryStep step();
+  void save(const std::filesystem::path& file, const std::string& identity) const;
+  void load(const std::filesystem::path& file, const std::string& identity);
+
+ private:
+  [[nodiscard]] double progress() const {
+    return static_cast<double>(iteration_) /
+           static_cast<double>(std::max<std::int64_t>(config_.iterations, 1));
+  }
+  [[nodiscard]] int active_sh_degree() const {
+    if (config_.sh_grow_every <= 0.0) return config_.sh_degree;
+    const double grown = std::floor(progress() / config_.sh_grow_every);
+    return static_cast<int>(std::min<double>(config_.sh_degree, grown));
+  }
+  [[nodiscard]] internal::SurfelRates rates() const;
+  [[nodiscard]] bool due(std::int64_t every) const {
+    return every > 0 && iteration_ > 0 && iteration_ % every == 0;
+  }
+
+  Tensor loss_of(const ViewTensors& drawn, const Targets& targets, const Tensor& exposure,
+                 const TrainingView& view, GeometryStep& step) const;
+  void gather(const ViewTensors& drawn, const Tensor& rows, const TrainingView& view);
+  void change_count();
+  void forget_statistics();
+  [[nodiscard]] SurfelStatistics statistics() const;
+  void select(const std::vector<std::int64_t>& rows);
+  void split(const std::vector<std::int64_t>& rows);
+  void fill();
+
+  const TrainingSet& set_;
+  GeometryConfig config_;
+  std::uint64_t seed_;
+  double extent_m_;
+  internal::RasterFunction raster_;
+  internal::SurfelState state_;
+  Tensor rays_;
+  internal::AdamTensor exposure_;  ///< [views, (log gain, offset), rgb].
+  HoleFiller holes_;
+  std::int64_t iteration_ = 0;
+  /// Since the last change of the count.
+  Tensor gradient_sum_, gradient_views_, max_weight_;
+  std::int64_t statistics_views_ = 0;
+};
+
+internal::SurfelRates GeometryTrainer::Impl::rates() const {
+  const GeometryConfig::Rate& rate = config_.rate;
+  internal::SurfelRates rates;
+  // From the first to the last along an exponential (Kerbl et al. 2023).
+  const double ratio = rate.position > 0.0 ? rate.position_final / rate.position : 0.0;
+  rates.position = rate.position * std::pow(std::max(ratio, 1e-12), progress()) * extent_m_;
+  rates.log_scale = rate.log_scale;
+  rates.rotation = rate.rotation;
+  rates.opacity = rate.opacity;
+  rates.color = rate.color;
+  rates.color_rest = rate.color_rest;
+  return rates;
+}
+
+Tensor GeometryTrainer::Impl::loss_of(const ViewTensors& drawn, const Targets& targets,
+                                      const Tensor& exposure, const TrainingView& view,
+                                      GeometryStep& step) const {
+  const GeometryConfig::Loss& weight = config_.loss;
+  Tensor rgb = drawn.rgb;
+  if (exposure.defined()) rgb = rgb * exposure.select(0, 0).exp() + exposure.select(0, 1);
+  Tensor total = internal::photometric_loss(rgb, targets.rgb, targets.valid, weight.ssim);
+  step.color = total.item<double>();
+  const auto add = [&](double factor, const Tensor& loss, double& value) {
+    const Tensor scaled = factor * loss;
+    value = scaled.item<double>();
+    total = total + scaled;
+  };
+  if (weight.depth > 0.0 && targets.depth_m.defined()) {
+    add(weight.depth,
+        internal::depth_loss(drawn.depth_m, drawn.alpha, targets.depth_m, weight.min_depth_m,
+                             weight.max_depth_m),
+        step.depth);
+  }
+  if (weight.normal > 0.0 && progress() >= weight.normal_from) {
+    add(weight.normal,
+        internal::normal_consistency(drawn.normal, drawn.depth_m, drawn.alpha, rays_,
+                                     view.T_world_camera),
+        step.normal);
+  }
+  if (drawn.distortion.defined()) {
+    add(weight.distortion, drawn.distortion.mean(), step.distortion);
+  }
+  return total;
+}
+
+GeometryStep GeometryTrainer::Impl::step() {
+  const std::size_t index = view_of_iteration(iteration_, set_.training.size(), seed_);
+  const TrainingView& view = set_.training[index];
+  const Targets targets = targets_of(view, raster_.device());
+  const SurfelTensors leaves = state_.leaves();
+  const bool distorts =
+      config_.loss.distortion > 0.0 && progress() >= config_.loss.distortion_from;
+  const ViewTensors drawn =
+      raster_.draw(leaves, active_sh_degree(), set_.intrinsics, view.T_world_camera, distorts);
+  Tensor exposure;
+  const auto exposure_row = static_cast<std::int64_t>(index);
+  if (config_.rate.exposure > 0.0) {
+    exposure = exposure_.value().select(0, exposure_row).detach().clone().requires_grad_(true);
+  }
+  GeometryStep step;
+  const Tensor loss = loss_of(drawn, targets, exposure, view, step);
+  if (!std::isfinite(step.total())) {
+    throw core::InputError::expected(
+        "geometry training: loss at iteration " + std::to_string(iteration_ + 1) + ", frame " +
+            view.name,
+        "a finite number (lower rates may help)", std::to_string(step.total()));
+  }
+  loss.backward();
+
+  const Tensor rows = drawn.max_weight.gt(0).nonzero().squeeze(1);
+  state_.step(leaves, rows, active_sh_degree(), rates());
+  if (exposure.defined()) {
+    exposure_.step_rows(torch::full({1}, exposure_row, rows.options()),
+                        exposure.grad().unsqueeze(0), config_.rate.exposure);
+  }
+  gather(drawn, rows, view);
+  ++iteration_;
+  change_count();
+  step.iteration = iteration_;
+  step.surfels = state_.count();
+  return step;
+}
+
+void GeometryTrainer::Impl::gather(const ViewTensors& drawn, const Tensor& rows,
+                                   const TrainingView& view) {
+  const at::NoGradGuard no_grad;
+  gradient_sum_.add_(drawn.screen);
+  gradient_views_.index_add_(0, rows, torch::ones_like(rows).to(torch::kFloat32));
+  max_weight_ = at::maximum(max_weight_, drawn.max_weight);
+  ++statistics_views_;
+  const GeometryConfig::Densify& densify = config_.densify;
+  // Asked where the image is: most views show no hole.
+  if (densify.fill_holes && progress() <= densify.until &&
+      drawn.alpha.detach().lt(HoleFiller::kHoleAlpha).any().item<bool>()) {
+    const std::vector<float> alpha = host(drawn.alpha.detach());
+    holes_.add_view(view, set_.intrinsics, alpha, config_.loss.min_depth_m,
+                    config_.loss.max_depth_m);
+  }
+}
+
+void GeometryTrainer::Impl::change_count() {
+  const at::NoGradGuard no_grad;
+  const GeometryConfig::Densify& densify = config_.densify;
+  const auto views = static_cast<std::int64_t>(set_.training.size());
+  const bool in_time = progress() >= densify.from && progress() <= densify.until;
+  if (in_time && due(at_share(densify.every, config_.iterations))) {
+    split(surfels_to_split(statistics(), densify));
+    fill();
+    forget_statistics();
+    SurfelStatistics now = statistics();
+    std::fill(now.max_weight.begin(), now.max_weight.end(), kNeeded);
+    select(surfels_to_keep(now, densify, extent_m_));
+    forget_statistics();
+    return;
+  }
+  // Whether no view needs a surfel is known when all views were drawn since the last change;
+  // two epochs of different order contain every view at least once.
+  if (statistics_views_ >= 2 * views && progress() <= densify.prune_until) {
+    select(surfels_to_keep(statistics(), densify, extent_m_));
+    forget_statistics();
+  }
+}
+
+void GeometryTrainer::Impl::forget_statistics() {
+  const auto options = torch::TensorOptions().device(raster_.device());
+  gradient_sum_ = torch::zeros({state_.count()}, options);
+  gradient_views_ = torch::zeros({state_.count()}, options);
+  max_weight_ = torch::zeros({state_.count()}, options);
+  statistics_views_ = 0;
+}
+
+SurfelStatistics GeometryTrainer::Impl::statistics() const {
+  SurfelStatistics s;
+  s.gradient = host(gradient_sum_ / gradient_views_.clamp_min(1));
+  s.max_weight = host(max_weight_);
+  const SurfelTensors now = state_.leaves();
+  s.opacity = host(now.opacity_logit.detach().sigmoid());
+  const Tensor scale_m = now.log_scale.detach().exp();
+  s.long_scale_m = host(scale_m.amax(1));
+  s.short_scale_m = host(scale_m.amin(1));
+  return s;
+}
+
+void GeometryTrainer::Impl::select(const std::vector<std::int64_t>& rows) {
+  if (static_cast<std::int64_t>(rows.size()) == state_.count() || rows.empty()) return;
+  state_.select(internal::device_tensor(rows, torch::kInt64, raster_.device()));
+}
+
+void GeometryTrainer::Impl::split(const std::vector<std::int64_t>& rows) {
+  if (rows.empty()) return;
+  // Those that stay, then the first halves, then the second halves.
+  std::vector<std::int64_t> order;
+  auto next = rows.begin();
+  for (std::int64_t i = 0; i < state_.count(); ++i) {
+    if (next != rows.end() && *next == i) {
+      ++next;
+    } else {
+      order.push_back(i);
+    }
+  }
+  order.insert(order.end(), rows.begin(), rows.end());
+  order.insert(order.end(), rows.begin(), rows.end());
+  state_.select(internal::device_tensor(order, torch::kInt64, raster_.device()));
+  RawSurfels first = state_.tail(static_cast<std::int64_t>(rows.size()));
+  const RawSurfels second = split_surfels(first);
+  std::vector<float> position_m = std::move(first.position_m);
+  std::vector<float> log_scale = std::move(first.log_scale);
+  position_m.insert(position_m.end(), second.position_m.begin(), second.position_m.end());
+  log_scale.insert(log_scale.end(), second.log_scale.begin(), second.log_scale.end());
+  state_.set_tail_shape(position_m, log_scale);
+}
+
+void GeometryTrainer::Impl::fill() {
+  const RawSurfels added = holes_.take(config_.densify.max_surfels - state_.count());
+  if (added.count() > 0) state_.append(added);
+}
+
+void GeometryTrainer::Impl::save(const std::filesystem::path& file,
+                                 const std::string& identity) const {
+  internal::StateWriter out("geometry/1 " + identity);
+  state_.save(out);
+  exposure_.save(out, "exposure");
+  out.put("gradient_sum", gradient_sum_);
+  out.put("gradient_views", gradient_views_);
+  out.put("max_weight", max_weight_);
+  const RawSurfels& pending = holes_.pending();
+  const auto put = [&](const char* name, const std::vector<float>& values) {
+    out.put(name, internal::device_tensor(values, torch::kFloat32, torch::kCPU));
+  };
+  put("holes.position", pending.position_m);
+  put("holes.log_scale", pending.log_scale);
+  put("holes.rotation", pending.rotation);
+  put("holes.opacity", pending.opacity_logit);
+  put("holes.sh", pending.sh);
+  out.put_integers("counts", {iteration_, statistics_views_});
+  out.write(file);
+}
+
+void GeometryTrainer::Impl::load(const std::filesystem::path& file,
+                                 const std::string& identity) {
+  const internal::StateReader in(file, "geometry/1 " + identity);
+  state_.load(in);
+  exposure_.load(in, "exposure");
+  in.expect_rows("exposure", static_cast<std::int64_t>(set_.training.size()));
+  const std::vector<std::int64_t> counts = in.integers("counts");
+  in.expect_rows("counts", 2);
+  iteration_ = counts[0];
+  statistics_views_ = counts[1];
+  for (const char* name : {"gradient_sum", "gradient_views", "max_weight"}) {
+    in.expect_rows(name, state_.count());
+  }
+  gradient_sum_ = in.take("gradient_sum", gradient_sum_);
+  gradient_views_ = in.take("gradient_views", gradient_views_);
+  max_weight_ = in.take("max_weight", max_weight_);
+  const Tensor like = torch::zeros({0}, torch::kFloat32);
+  RawSurfels pending;
+  pending.sh_degree = config_.sh_degree;
+  pending.position_m = host(in.take("holes.position", like));
+  pending.log_scale = host(in.take("holes.log_scale", like));
+  pending.rotation = host(in.take("holes.rotation", like));
+  pending.opacity_logit = host(in.take("holes.opacity", like));
+  pending.sh = host(in.take("holes.sh", like));
+  holes_.restore(std::move(pending));
+}
+
+std::size_t view_of_iteration(std::int64_t iteration, std::size_t views, std::uint64_t seed) {
+  SEGSIM_CHECK(iteration >= 0 && views > 0, "no views");
+  const auto i = static_cast<std::uint64_t>(iteration);
+  core::RandomStream random(seed, "view_order", i / views);
+  std::vector<std::size_t> order(views);
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  for (std::size_t k = views; k > 1; --k) {
+    std::swap(order[k - 1], order[random.index(static_cast<std::uint32_t>(k))]);
+  }
+  return order[i % views];
+}
+
+GeometryTrainer::GeometryTrainer(const TrainingSet& set, const SurfelCloud& start,
+                                 const GeometryConfig& config, std::uint64_t seed,
+                                 const GeometryDevice& device)
+    : impl_(std::make_unique<Impl>(set, start, config, seed, device)) {}
+GeometryTrainer::~GeometryTrainer() = default;
+std::int64_t GeometryTrainer::iteration() const { return impl_->iteration(); }
+GeometryStep GeometryTrainer::step() { return impl_->step(); }
+SurfelCloud GeometryTrainer::surfels() const { return impl_->surfels(); }
+void GeometryTrainer::save(const std::filesystem::path& file,
+                           const std::string& identity) const {
+  impl_->save(file, identity);
+}
+void GeometryTrainer::load(const std::filesystem::path& file, const std::string& identity) {
+  impl_->load(file, identity);
+}
+
+}  // namespace segsim::renderer

@@ -1,0 +1,105 @@
+#include <algorithm>
+#include <utility>
+
+#include "core/check.h"
+#include "core/error.h"
+#include "renderer/internal/parallel.h"
+#include "renderer/lifting.h"
+#include "renderer/training/training_set.h"
+
+namespace segsim::renderer {
+namespace {
+
+constexpr std::size_t kBatch = 8;  ///< Frames between two reports.
+
+/// Depth at the size of the colour image, nearest measurement.
+core::Image<float> depth_of_size(core::Image<float> depth_m, int width_px, int height_px) {
+  if (depth_m.empty() ||
+      (depth_m.width_px() == width_px && depth_m.height_px() == height_px)) {
+    return depth_m;
+  }
+  core::Image<float> resized(width_px, height_px);
+  for (int y = 0; y < height_px; ++y) {
+    const int from_y = y * depth_m.height_px() / height_px;
+    for (int x = 0; x < width_px; ++x) {
+      resized(x, y) = depth_m(x * depth_m.width_px() / width_px, from_y);
+    }
+  }
+  return resized;
+}
+
+TrainingView load_view(const RgbdSequence& recording, const MaskSet* masks, std::size_t frame,
+                       bool with_labels) {
+  RgbdFrame source = recording.load(frame);
+  TrainingView view;
+  view.frame = frame;
+  view.name = source.name;
+  view.T_world_camera = source.T_world_camera;
+  const int width = recording.intrinsics().width_px, height = recording.intrinsics().height_px;
+  if (with_labels && masks != nullptr) {
+    view.masks = masks->read(view.name, width, height);
+  } else if (with_labels && recording.has_masks()) {
+    view.masks = exact_masks(source);
+  }
+  view.rgb = std::move(source.rgb);
+  view.depth_m = depth_of_size(std::move(source.depth_m), width, height);
+  view.valid = std::move(source.valid);
+  return view;
+}
+
+/// Loads the given frames in order, several at a time.
+template <class Load>
+void load_all(const std::vector<std::size_t>& frames, std::vector<TrainingView>& views,
+              const Load& load, const std::function<void(std::size_t)>& report) {
+  views.resize(frames.size());
+  for (std::size_t first = 0; first < frames.size(); first += kBatch) {
+    const std::size_t count = std::min(kBatch, frames.size() - first);
+    internal::parallel_for_each(
+        count, 1, [&](std::size_t k) { views[first + k] = load(frames[first + k]); });
+    report(first + count);
+  }
+}
+
+}  // namespace
+
+TrainingSet load_training_set(
+    const RgbdSequence& recording, const MaskSet* masks, const TrainingSetOptions& options,
+    const std::function<void(std::int64_t done, std::int64_t total)>& progress) {
+  SEGSIM_CHECK(options.frame_step >= 1, std::to_string(options.frame_step));
+  LiftOptions split;
+  split.held_out_every = options.held_out_every;
+  split.frame_step = options.frame_step;
+  std::vector<std::size_t> training, held_out;
+  for (std::size_t i = 0; i < recording.frame_count(); ++i) {
+    if (lift_uses_frame(split, i)) {
+      training.push_back(i);
+    } else if (options.held_out_every > 1 &&
+               i % static_cast<std::size_t>(options.held_out_every) == 0) {
+      held_out.push_back(i);
+    }
+  }
+  if (training.empty()) {
+    throw core::InputError::expected(
+        recording.name(), "frames to train on",
+        std::to_string(recording.frame_count()) + " frames, all held out");
+  }
+  TrainingSet set;
+  set.intrinsics = recording.intrinsics();
+  if (options.labels)
+    set.classes = masks != nullptr ? masks->info().classes : recording.classes();
+  set.has_true_labels = options.labels && recording.has_masks();
+  const std::size_t total = training.size() + held_out.size();
+  const auto report = [&](std::size_t done) {
+    if (progress) progress(static_cast<std::int64_t>(done), static_cast<std::int64_t>(total));
+  };
+  load_all(
+      training, set.training,
+      [&](std::size_t i) { return load_view(recording, masks, i, options.labels); }, report);
+  load_all(
+      held_out, set.held_out,
+      [&](std::size_t i) { return load_view(recording, nullptr, i, set.has_true_labels); },
+      [&](std::size_t done) { report(training.size() + done); });
+  return set;
+}
+
+}  // namespace segsim::renderer

@@ -1,0 +1,217 @@
+#include "renderer/training/geometry_training.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <memory>
+#include <set>
+
+#include <gmock/gmock.h>
+
+#include "core/error.h"
+#include "core/random.h"
+#include "renderer/cpu_renderer.h"
+#include "renderer/evaluation/image_quality.h"
+#include "renderer/room_scene.h"
+#include "tests/renderer/tiny_sequence.h"
+
+namespace segsim::renderer {
+namespace {
+
+/// A small room, its exact pictures, and a start that is off in place and colour.
+class SmallRoom {
+ public:
+  SmallRoom() {
+    truth_ = std::make_shared<SurfelCloud>(
+        make_room_scene({.surfel_count = 4000, .seed = 3, .spread = 1.2}));
+    set_.intrinsics = core::CameraIntrinsics::from_fov(64, 48, 1.2);
+    const auto renderer = make_cpu_renderer(truth_);
+    std::size_t frame = 0;
+    for (const core::CameraPose& pose : room_camera_ring(20)) {
+      const core::Frame drawn = renderer->render(pose, set_.intrinsics, core::Channels::kRgbd);
+      TrainingView view;
+      view.frame = frame;
+      view.name = "view " + std::to_string(frame);
+      view.T_world_camera = pose;
+      view.rgb = drawn.rgb;
+      view.depth_m = drawn.depth_m;
+      (frame % 5 == 0 ? set_.held_out : set_.training).push_back(std::move(view));
+      ++frame;
+    }
+    start_ = *truth_;
+    core::RandomStream random(1, "small_room");
+    for (std::size_t i = 0; i < start_.size(); ++i) {
+      for (int axis = 0; axis < 3; ++axis) {
+        start_.position_m[i][axis] += static_cast<float>(0.01 * random.normal());
+        start_.sh[i][axis] = 0.5F * start_.sh[i][axis];
+      }
+    }
+    config_.iterations = 80;
+    config_.sh_degree = 1;
+    config_.rate.color = 0.02;
+    config_.densify.max_surfels = 4600;
+    config_.densify.max_growth = 0.02;
+    config_.densify.min_gradient = 0.0;
+    config_.densify.max_scale_extent = 1.0;  // The surfels of so small a scene are large.
+  }
+
+  [[nodiscard]] std::unique_ptr<GeometryTrainer> make(int threads = 1) const {
+    return std::make_unique<GeometryTrainer>(set_, start_, config_, 5,
+                                             GeometryDevice{.threads = threads});
+  }
+
+  struct Quality {
+    ColorQuality color;
+    DepthQuality depth;
+  };
+  [[nodiscard]] Quality held_out(const SurfelCloud& cloud) const {
+    const auto renderer = make_cpu_renderer(std::make_shared<SurfelCloud>(cloud));
+    Quality quality;
+    for (const TrainingView& view : set_.held_out) {
+      const core::Frame drawn =
+          renderer->render(view.T_world_camera, set_.intrinsics, core::Channels::kRgbd);
+      quality.color.add(drawn.rgb, view.rgb);
+      quality.depth.add(drawn.depth_m, view.depth_m);
+    }
+    return quality;
+  }
+
+  std::shared_ptr<SurfelCloud> truth_;
+  TrainingSet set_;
+  SurfelCloud start_;
+  GeometryConfig config_;
+};
+
+void expect_same(const SurfelCloud& a, const SurfelCloud& b) {
+  ASSERT_EQ(a.size(), b.size());
+  EXPECT_EQ(a.position_m, b.position_m);
+  EXPECT_EQ(a.sh, b.sh);
+  EXPECT_EQ(a.opacity, b.opacity);
+  EXPECT_EQ(a.scale_m, b.scale_m);
+}
+
+TEST(GeometryTraining, ImprovesViewsItHasNotSeen) {
+  SmallRoom room;
+  room.config_.densify.max_growth = 0.0;  // The true scene has these surfels.
+  const auto trainer = room.make(2);
+  const double before_db = room.held_out(room.start_).color.psnr_db();
+  std::int64_t surfels = 0;
+  while (trainer->iteration() < room.config_.iterations) surfels = trainer->step().surfels;
+  const SurfelCloud after = trainer->surfels();
+  EXPECT_EQ(static_cast<std::int64_t>(after.size()), surfels);
+  EXPECT_GT(room.held_out(after).color.psnr_db(), before_db + 5.0)
+      << before_db << " dB before training";
+  EXPECT_EQ(after.sh_degree, 1);
+  EXPECT_LT(after.size(), room.start_.size());  // The faint ones are gone.
+  check_surfels(after);
+}
+
+TEST(GeometryTraining, SplitsWithinTheBudget) {
+  const SmallRoom room;
+  const auto trainer = room.make(2);
+  std::int64_t surfels = 0, most = 0;
+  while (trainer->iteration() < room.config_.iterations) {
+    surfels = trainer->step().surfels;
+    most = std::max(most, surfels);
+  }
+  EXPECT_GT(most, 4500);
+  EXPECT_LE(most, room.config_.densify.max_surfels);
+  check_surfels(trainer->surfels());
+}
+
+TEST(GeometryTraining, ThreadsDoNotMatter) {
+  const SmallRoom room;
+  const auto one = room.make(1), two = room.make(2);
+  for (int i = 0; i < 20; ++i) {
+    (void)one->step();
+    (void)two->step();
+  }
+  expect_same(one->surfels(), two->surfels());
+}
+
+TEST(GeometryTraining, GoesOnAsIfItHadNeverStopped) {
+  SmallRoom room;
+  room.config_.rate.exposure = 0.001;
+  const testing::TemporaryFolder folder("geometry_training");
+  const auto file = folder.path() / "geometry.state";
+  const auto whole = room.make();
+  // In the middle of statistics, before and after the count changes.
+  for (int i = 0; i < 40; ++i) {
+    (void)whole->step();
+    if (i == 16) whole->save(file, "this run");
+  }
+  const auto resumed = room.make();
+  resumed->load(file, "this run");
+  EXPECT_EQ(resumed->iteration(), 17);
+  while (resumed->iteration() < 40) (void)resumed->step();
+  expect_same(whole->surfels(), resumed->surfels());
+
+  EXPECT_THROW(resumed->load(file, "another run"), core::InputError);
+  EXPECT_THROW(resumed->load(folder.path() / "nothing", "this run"), core::InputError);
+}
+
+TEST(GeometryTraining, LossThatIsNoNumberLeavesTheSurfels) {
+  SmallRoom room;
+  const auto trainer = room.make();
+  (void)trainer->step();
+  const SurfelCloud before = trainer->surfels();
+  room.config_.loss.depth = INFINITY;
+  const auto broken = room.make();
+  try {
+    (void)broken->step();
+    FAIL() << "no error";
+  } catch (const core::InputError& error) {
+    EXPECT_THAT(error.what(), ::testing::HasSubstr("iteration 1"));
+  }
+  EXPECT_EQ(broken->iteration(), 0);
+  EXPECT_EQ(broken->surfels().position_m, room.start_.position_m);
+}
+
+TEST(GeometryTraining, HolesAreFilled) {
+  SmallRoom room;
+  // Everything in half of the room is missing.
+  SurfelCloud part;
+  for (std::size_t i = 0; i < room.start_.size(); ++i) {
+    if (room.start_.position_m[i].x > 3.5F) continue;
+    part.position_m.push_back(room.start_.position_m[i]);
+    part.R_world_surfel.push_back(room.start_.R_world_surfel[i]);
+    part.scale_m.push_back(room.start_.scale_m[i]);
+    part.opacity.push_back(room.start_.opacity[i]);
+    part.sh.push_back(room.start_.sh[i]);
+  }
+  room.start_ = part;
+  room.config_.densify.max_growth = 0.0;
+  room.config_.densify.max_surfels = 20000;
+  const auto filling = room.make();
+  room.config_.densify.fill_holes = false;
+  const auto not_filling = room.make();
+  for (int i = 0; i < 30; ++i) {
+    (void)filling->step();
+    (void)not_filling->step();
+  }
+  EXPECT_GT(filling->surfels().size(), part.size() + 100);
+  EXPECT_LE(not_filling->surfels().size(), part.size());
+  const double before = room.held_out(part).depth.completeness();
+  EXPECT_LT(before, 0.95);
+  EXPECT_GT(room.held_out(filling->surfels()).depth.completeness(),
+            before + 0.5 * (1.0 - before));
+}
+
+TEST(ViewOfIteration, EveryViewOnceAnEpoch) {
+  std::vector<std::size_t> first, second;
+  for (std::int64_t i = 0; i < 7; ++i) first.push_back(view_of_iteration(i, 7, 1));
+  for (std::int64_t i = 7; i < 14; ++i) second.push_back(view_of_iteration(i, 7, 1));
+  EXPECT_EQ(std::set<std::size_t>(first.begin(), first.end()).size(), 7U);
+  EXPECT_EQ(std::set<std::size_t>(second.begin(), second.end()).size(), 7U);
+  EXPECT_NE(first, second);
+}
+
+TEST(TrainingDevice, CudaMustBeThere) {
+#ifndef SEGSIM_WITH_CUDA_TRAINING
+  EXPECT_THROW((void)make_training_rasterizer({.backend = Backend::kCuda}), core::InputError);
+#endif
+  EXPECT_FALSE(trains_on_gpu({.backend = Backend::kCpu}));
+}
+
+}  // namespace
+}  // namespace segsim::renderer

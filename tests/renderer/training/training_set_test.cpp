@@ -1,0 +1,111 @@
+#include "renderer/training/training_set.h"
+
+#include <gmock/gmock.h>
+
+#include "core/error.h"
+
+namespace segsim::renderer {
+namespace {
+
+using ::testing::ElementsAre;
+
+/// Frame i has colour (i, 0, 0), depth i + 1 at half size, and class 1.
+class CountingSequence final : public RgbdSequence {
+ public:
+  explicit CountingSequence(std::size_t frames, bool masks = true) : masks_(masks) {
+    camera_ = core::CameraIntrinsics::from_fov(8, 6, 1.0);
+    for (std::size_t i = 0; i < frames; ++i) {
+      names_.push_back("f" + std::to_string(i));
+      poses_.emplace_back(glm::dquat(1.0, 0.0, 0.0, 0.0),
+                          glm::dvec3(static_cast<double>(i), 0.0, 0.0));
+    }
+    classes_ = {{1, "floor", false}};
+  }
+  const std::string& name() const override { return name_; }
+  const core::CameraIntrinsics& intrinsics() const override { return camera_; }
+  std::size_t frame_count() const override { return poses_.size(); }
+  const std::string& frame_name(std::size_t i) const override { return names_[i]; }
+  const core::CameraPose& pose(std::size_t i) const override { return poses_[i]; }
+  bool has_masks() const override { return masks_; }
+  const std::vector<core::SceneClass>& classes() const override { return classes_; }
+  const std::vector<core::SceneInstance>& instances() const override { return instances_; }
+  const std::vector<std::string>& warnings() const override { return lines_; }
+  const std::vector<std::string>& notes() const override { return lines_; }
+  RgbdFrame load(std::size_t i) const override {
+    RgbdFrame frame;
+    frame.name = names_[i];
+    frame.T_world_camera = poses_[i];
+    frame.rgb = core::Image<core::Rgb8>(8, 6, {static_cast<std::uint8_t>(i), 0, 0});
+    frame.depth_m = core::Image<float>(4, 3, static_cast<float>(i + 1));
+    if (masks_) {
+      frame.semantic = core::Image<std::uint16_t>(8, 6, 1);
+      frame.semantic(0, 0) = 0;
+      frame.instance = core::Image<std::uint16_t>(8, 6, 0);
+    }
+    return frame;
+  }
+
+ private:
+  bool masks_;
+  std::string name_ = "counting";
+  core::CameraIntrinsics camera_;
+  std::vector<std::string> names_, lines_;
+  std::vector<core::CameraPose> poses_;
+  std::vector<core::SceneClass> classes_;
+  std::vector<core::SceneInstance> instances_;
+};
+
+std::vector<std::size_t> frames_of(const std::vector<TrainingView>& views) {
+  std::vector<std::size_t> frames;
+  for (const TrainingView& view : views) frames.push_back(view.frame);
+  return frames;
+}
+
+TEST(TrainingSet, HeldOutFramesAreApart) {
+  const CountingSequence sequence(10);
+  const TrainingSet set = load_training_set(sequence, nullptr, {.held_out_every = 4});
+  EXPECT_THAT(frames_of(set.held_out), ElementsAre(0, 4, 8));
+  EXPECT_THAT(frames_of(set.training), ElementsAre(1, 2, 3, 5, 6, 7, 9));
+  EXPECT_EQ(set.training[3].rgb(0, 0).r, 5);
+  EXPECT_EQ(set.training[3].name, "f5");
+  const TrainingSet all = load_training_set(sequence, nullptr, {.held_out_every = 0});
+  EXPECT_EQ(all.training.size(), 10U);
+  EXPECT_TRUE(all.held_out.empty());
+  const TrainingSet some =
+      load_training_set(sequence, nullptr, {.held_out_every = 4, .frame_step = 3});
+  EXPECT_THAT(frames_of(some.training), ElementsAre(3, 6, 9));
+}
+
+TEST(TrainingSet, ImagesHaveOneSize) {
+  const TrainingSet set = load_training_set(CountingSequence(3), nullptr, {});
+  const TrainingView& view = set.training.front();
+  EXPECT_EQ(view.depth_m.width_px(), 8);
+  EXPECT_EQ(view.depth_m.height_px(), 6);
+  EXPECT_EQ(view.depth_m(7, 5), 2.0F);
+  EXPECT_EQ(view.masks.confidence(0, 0), 0);
+  EXPECT_EQ(view.masks.confidence(1, 0), 255);
+  EXPECT_TRUE(set.has_true_labels);
+}
+
+TEST(TrainingSet, WithoutLabels) {
+  const TrainingSet set = load_training_set(CountingSequence(3, false), nullptr, {});
+  EXPECT_FALSE(set.has_true_labels);
+  EXPECT_TRUE(set.training.front().masks.semantic.empty());
+}
+
+TEST(TrainingSet, Extent) {
+  const TrainingSet set =
+      load_training_set(CountingSequence(5), nullptr, {.held_out_every = 0});
+  EXPECT_NEAR(set.extent_m(), 2.2, 1e-12);  // Cameras at x = 0 ... 4.
+  const TrainingSet one =
+      load_training_set(CountingSequence(1), nullptr, {.held_out_every = 0});
+  EXPECT_EQ(one.extent_m(), 0.5);
+}
+
+TEST(TrainingSet, NothingLeftToTrainOn) {
+  EXPECT_THROW((void)load_training_set(CountingSequence(1), nullptr, {.held_out_every = 8}),
+               core::InputError);
+}
+
+}  // namespace
+}  // namespace segsim::renderer
