@@ -34,6 +34,8 @@ if [[ $preset == release && -x $nvcc ]]; then
   cmake --build --preset cuda-minimal -j "$(build_jobs)" || fail "the build did not succeed; see above"
   build/cuda-minimal/tests/renderer/cuda_minimal/cuda_check || (($? == 2)) \
     || fail "the GPU renderer differs from the reference; see above"
+  build/cuda-minimal/tests/renderer/cuda_minimal/training_check || (($? == 2)) \
+    || fail "the GPU's gradients differ from the reference; see above"
 else
   say "The GPU renderer is not compiled: no CUDA compiler, or another preset"
 fi

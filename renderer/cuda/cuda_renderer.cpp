@@ -4,15 +4,14 @@
 #include <array>
 #include <bit>
 #include <chrono>
-#include <cstring>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "core/check.h"
+#include "renderer/cuda/device_images.h"
 #include "renderer/cuda/device_scene.h"
 #include "renderer/cuda/kernels.h"
-#include "renderer/depth_normal.h"
 #include "renderer/internal/projection_camera.h"
 
 namespace segsim::renderer {
@@ -22,28 +21,6 @@ using core::Channels;
 using core::has;
 using cuda::DeviceArray;
 using cuda::throw_on_error;
-
-/// Images of a batch in device memory.
-struct DeviceImages {
-  DeviceArray<std::uint8_t> rgb;
-  DeviceArray<float> depth_m, normal, alpha, confidence, instance_confidence;
-  DeviceArray<float> semantic_feature, instance_feature;
-  DeviceArray<std::uint16_t> semantic, instance;
-
-  template <class Visit>
-  void for_each(const Visit& visit) {
-    visit(rgb), visit(depth_m), visit(normal), visit(alpha), visit(confidence);
-    visit(instance_confidence), visit(semantic_feature), visit(instance_feature);
-    visit(semantic), visit(instance);
-  }
-};
-
-/// What a batch is drawn with; a new one needs new buffers and a new graph.
-struct BatchShape {
-  int width_px = 0, height_px = 0, cameras = 0;
-  Channels channels = Channels::kNone;
-  bool operator==(const BatchShape&) const = default;
-};
 
 class CudaRendererImpl final : public CudaRenderer {
  public:
@@ -83,9 +60,9 @@ class CudaRendererImpl final : public CudaRenderer {
             .count();
   }
 
-  const DeviceFrames& render_batch(std::span<const core::CameraPose> T_world_camera,
-                                   const core::CameraIntrinsics& intrinsics,
-                                   Channels channels) override {
+  const core::DeviceFrames& render_batch(std::span<const core::CameraPose> T_world_camera,
+                                         const core::CameraIntrinsics& intrinsics,
+                                         Channels channels) override {
     internal::check_intrinsics(intrinsics);
     SEGSIM_CHECK(!T_world_camera.empty() && T_world_camera.size() <= cuda::kMaxCameras,
                  std::to_string(T_world_camera.size()) + " cameras");
@@ -126,37 +103,7 @@ class CudaRendererImpl final : public CudaRenderer {
     wait();
     frame.intrinsics = intrinsics_;
     frame.T_world_camera = T_world_camera_[static_cast<std::size_t>(index)];
-    const bool depth_normals = has(channels, Channels::kDepthNormal);
-    transfers_.clear();
-    staged_bytes_ = 0;
-    const auto copy = [&](bool wanted, const auto& device, int channels_a_pixel, auto& image) {
-      image.resize(wanted ? shape_.width_px : 0, wanted ? shape_.height_px : 0);
-      if (!wanted) return;
-      const std::size_t bytes = image.size() * sizeof(*image.data());
-      const std::size_t elements = image.size() * static_cast<std::size_t>(channels_a_pixel);
-      transfers_.push_back(
-          {device.data() + static_cast<std::size_t>(index) * elements, image.data(), bytes});
-      staged_bytes_ += (bytes + kAlignment - 1) / kAlignment * kAlignment;
-    };
-    const bool labels = has(channels, Channels::kLabels);
-    const bool features = has(channels, Channels::kFeatures);
-    copy(has(channels, Channels::kRgb), images_.rgb, 3, frame.rgb);
-    copy(has(channels, Channels::kDepth) || depth_normals, images_.depth_m, 1, frame.depth_m);
-    copy(has(channels, Channels::kNormal), images_.normal, 3, frame.normal);
-    copy(true, images_.alpha, 1, frame.alpha);
-    copy(labels, images_.semantic, 1, frame.semantic);
-    copy(labels, images_.instance, 1, frame.instance);
-    copy(labels, images_.confidence, 1, frame.confidence);
-    copy(labels, images_.instance_confidence, 1, frame.instance_confidence);
-    copy(features, images_.semantic_feature, 16, frame.semantic_feature);
-    copy(features, images_.instance_feature, 32, frame.instance_feature);
-    transfer();
-    frame.depth_normal.resize(0, 0);
-    if (depth_normals) {
-      frame.depth_normal =
-          renderer::depth_normals(frame.depth_m, intrinsics_, frame.T_world_camera);
-      if (!has(channels, Channels::kDepth)) frame.depth_m.resize(0, 0);
-    }
+    images_.read_back(index, channels, stream_.get(), frame);
   }
 
   core::RenderStats stats() override {
@@ -208,26 +155,14 @@ class CudaRendererImpl final : public CudaRenderer {
 
   void poison_images() override {
     wait();
-    images_.for_each([&](const auto& image) {
-      if (image.size() == 0) return;
-      throw_on_error(cudaMemsetAsync(image.data(), 0xA5, image.bytes(), stream_.get()),
-                     "cudaMemsetAsync");
-    });
-    throw_on_error(cudaStreamSynchronize(stream_.get()), "cudaMemsetAsync");
+    images_.poison(stream_.get());
   }
 
  private:
   static constexpr std::uint32_t kFirstCapacity = 1024;
-  static constexpr std::size_t kAlignment = 256;
   /// Without room for a part its surfel is binned by one warp, which is slow.
   static constexpr std::size_t kLeastLargeParts = std::size_t{1} << 18U;
   static constexpr std::size_t kMostLargeParts = std::size_t{1} << 21U;
-
-  struct Transfer {
-    const void* from;
-    void* to;
-    std::size_t bytes;
-  };
 
   static cuda::BoundsRule bounds_of(TileBounds bounds) {
     switch (bounds) {
@@ -243,7 +178,7 @@ class CudaRendererImpl final : public CudaRenderer {
     return cuda::BoundsRule::kAccuTile;
   }
 
-  void set_shape(const BatchShape& shape) {
+  void set_shape(const cuda::BatchShape& shape) {
     if (shape == shape_) return;
     graph_.reset();
     const bool same_size = shape.width_px == shape_.width_px &&
@@ -260,7 +195,8 @@ class CudaRendererImpl final : public CudaRenderer {
     frame_.features = has(shape.channels, Channels::kFeatures);
     frame_.labels_only = shape.channels == Channels::kLabels;
     set_buffers();
-    set_images(shape);
+    frame_.image = images_.set_shape(shape);
+    frames_ = images_.frames(stream_.get());
     if (!same_size || shape.channels != last_channels_) {
       // A frame of labels alone ends its tiles earlier than others.
       throw_on_error(cudaMemsetAsync(history_.data(), 0, history_.bytes(), stream_.get()),
@@ -312,43 +248,6 @@ class CudaRendererImpl final : public CudaRenderer {
     frame_.status = status_.data();
   }
 
-  void set_images(const BatchShape& shape) {
-    const std::size_t pixels = static_cast<std::size_t>(shape.width_px) *
-                               static_cast<std::size_t>(shape.height_px) *
-                               static_cast<std::size_t>(shape.cameras);
-    const auto image = [&](Channels channel, auto& array, std::size_t elements) {
-      const bool wanted = channel == Channels::kNone || has(shape.channels, channel);
-      if (wanted) array.reserve(pixels * elements);
-      return wanted ? array.data() : nullptr;
-    };
-    frame_.image = {
-        .rgb = image(Channels::kRgb, images_.rgb, 3),
-        .depth_m = image(Channels::kDepth, images_.depth_m, 1),
-        .normal = image(Channels::kNormal, images_.normal, 3),
-        .alpha = image(Channels::kNone, images_.alpha, 1),
-        .semantic = image(Channels::kLabels, images_.semantic, 1),
-        .instance = image(Channels::kLabels, images_.instance, 1),
-        .confidence = image(Channels::kLabels, images_.confidence, 1),
-        .instance_confidence = image(Channels::kLabels, images_.instance_confidence, 1),
-        .semantic_feature = image(Channels::kFeatures, images_.semantic_feature, 16),
-        .instance_feature = image(Channels::kFeatures, images_.instance_feature, 32)};
-    const cuda::ImageView& view = frame_.image;
-    frames_ = {shape.cameras,
-               shape.width_px,
-               shape.height_px,
-               view.rgb,
-               view.depth_m,
-               view.normal,
-               view.alpha,
-               view.semantic,
-               view.instance,
-               view.confidence,
-               view.instance_confidence,
-               view.semantic_feature,
-               view.instance_feature,
-               stream_.get()};
-  }
-
   /// @param mark  Called with 1 ... 5 after the steps.
   template <class Mark>
   void enqueue(const Mark& mark) {
@@ -380,24 +279,6 @@ class CudaRendererImpl final : public CudaRenderer {
     graph_.launch(stream_.get());
   }
 
-  /// Runs the transfers: all are under way before the first is waited for.
-  void transfer() {
-    staging_.reserve(staged_bytes_);
-    std::size_t at = 0;
-    for (const Transfer& t : transfers_) {
-      throw_on_error(cudaMemcpyAsync(staging_.data() + at, t.from, t.bytes,
-                                     cudaMemcpyDeviceToHost, stream_.get()),
-                     "cudaMemcpyAsync");
-      at += (t.bytes + kAlignment - 1) / kAlignment * kAlignment;
-    }
-    throw_on_error(cudaStreamSynchronize(stream_.get()), "read-back");
-    at = 0;
-    for (const Transfer& t : transfers_) {
-      std::memcpy(t.to, staging_.data() + at, t.bytes);
-      at += (t.bytes + kAlignment - 1) / kAlignment * kAlignment;
-    }
-  }
-
   std::shared_ptr<const SurfelCloud> surfels_;
   RenderOptions options_;
   cuda::Stream stream_;
@@ -411,38 +292,21 @@ class CudaRendererImpl final : public CudaRenderer {
   DeviceArray<cuda::ListKey> bucket_;
   DeviceArray<float> bound_, ended_;
   DeviceArray<std::uint8_t> redo_;
-  DeviceImages images_;
+  cuda::DeviceImages images_;
   cuda::PinnedArray<cuda::FrameStatus> host_status_;
-  cuda::PinnedArray<std::byte> staging_;
   std::array<cuda::Event, 6> marks_;
   cuda::Graph graph_;
   cuda::FrameView frame_{};
-  DeviceFrames frames_;
-  BatchShape shape_;
+  core::DeviceFrames frames_;
+  cuda::BatchShape shape_;
   Channels last_channels_ = Channels::kNone;
   core::CameraIntrinsics intrinsics_;
   std::vector<core::CameraPose> T_world_camera_;
   std::vector<ProjectionCamera<float>> projection_cameras_;
-  std::vector<Transfer> transfers_;
-  std::size_t staged_bytes_ = 0;
   bool pending_ = false;
   bool culling_decided_ = false, always_culls_ = false;
   double whole_pairs_ = 0.0;  ///< In the lists of the first frame of this shape.
 };
-
-void check_device() {
-  int count = 0;
-  throw_on_error(cudaGetDeviceCount(&count), "cudaGetDeviceCount");
-  if (count == 0) throw GpuError("GPU: expected a CUDA device, found none");
-  int device = 0, major = 0;
-  throw_on_error(cudaGetDevice(&device), "cudaGetDevice");
-  throw_on_error(cudaDeviceGetAttribute(&major, cudaDevAttrComputeCapabilityMajor, device),
-                 "cudaDeviceGetAttribute");
-  if (major < 8) {
-    throw GpuError("GPU: expected compute capability 8.0 or above, found " +
-                   std::to_string(major) + ".x");
-  }
-}
 
 }  // namespace
 
@@ -464,7 +328,7 @@ std::unique_ptr<CudaRenderer> make_cuda_renderer(std::shared_ptr<const SurfelClo
     throw GpuError("GPU: expected fewer than " + std::to_string(cuda::kMaxSurfels) +
                    " surfels, found " + std::to_string(surfels->size()));
   }
-  check_device();
+  cuda::check_device();
   return std::make_unique<CudaRendererImpl>(std::move(surfels), options, field);
 }
 

@@ -24,30 +24,14 @@
 #include <memory>
 #include <span>
 
+#include "core/device_frames.h"
 #include "core/render.h"
 #include "renderer/cuda/gpu_error.h"
 #include "renderer/panoptic_field.h"
 #include "renderer/render_options.h"
 #include "renderer/surfels.h"
 
-struct CUstream_st;
-
 namespace segsim::renderer {
-
-/// Images in device memory, without padding: image i of a channel starts at i * height * width
-/// pixels. Null: not asked for. Values are those of core::Frame.
-struct DeviceFrames {
-  int count = 0, width_px = 0, height_px = 0;
-  const std::uint8_t* rgb = nullptr;  ///< [count, height, width, 3]
-  const float* depth_m = nullptr;     ///< [count, height, width]
-  const float* normal = nullptr;      ///< [count, height, width, 3]
-  const float* alpha = nullptr;
-  const std::uint16_t *semantic = nullptr, *instance = nullptr;
-  const float *confidence = nullptr, *instance_confidence = nullptr;
-  const float* semantic_feature = nullptr;  ///< [count, height, width, 16]
-  const float* instance_feature = nullptr;  ///< [count, height, width, 32]
-  CUstream_st* stream = nullptr;            ///< That writes them (a cudaStream_t).
-};
 
 /// Duration of a frame's steps by device events [ms].
 struct CudaStageTimes {
@@ -64,9 +48,9 @@ class CudaRenderer : public core::Renderer {
   /// @param T_world_camera  1 ... 256 poses. Camera i should be near camera i of the call
   ///     before: then hidden surfels are skipped well.
   /// @throws GpuError, core::ContractViolation
-  virtual const DeviceFrames& render_batch(std::span<const core::CameraPose> T_world_camera,
-                                           const core::CameraIntrinsics& intrinsics,
-                                           core::Channels channels) = 0;
+  virtual const core::DeviceFrames& render_batch(
+      std::span<const core::CameraPose> T_world_camera,
+      const core::CameraIntrinsics& intrinsics, core::Channels channels) = 0;
 
   /// Waits for the batch. If a list was longer than its buffer, buffers grow and the batch is
   /// drawn again: no frame is lost.

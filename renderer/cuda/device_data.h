@@ -63,6 +63,8 @@ struct PanopticView {
   const std::uint16_t* class_id;  ///< By index in the model.
   const std::uint8_t* class_is_thing;
   const std::uint16_t* query_id;
+  const std::uint16_t*
+      query_class;  ///< PanopticField::instance_class; null: queries have none.
 };
 
 /// Features of the scene by index in the cloud; null: none.

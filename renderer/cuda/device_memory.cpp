@@ -60,4 +60,29 @@ void throw_on_error(cudaError_t status, const char* call) {
   }
 }
 
+void check_device() {
+  int count = 0;
+  throw_on_error(cudaGetDeviceCount(&count), "cudaGetDeviceCount");
+  if (count == 0) throw GpuError("GPU: expected a CUDA device, found none");
+  int device = 0, major = 0;
+  throw_on_error(cudaGetDevice(&device), "cudaGetDevice");
+  throw_on_error(cudaDeviceGetAttribute(&major, cudaDevAttrComputeCapabilityMajor, device),
+                 "cudaDeviceGetAttribute");
+  if (major < 8) {
+    throw GpuError("GPU: expected compute capability 8.0 or above, found " +
+                   std::to_string(major) + ".x");
+  }
+}
+
+int resident_blocks(const void* kernel, int threads, std::size_t shared_bytes) {
+  int device = 0, processors = 0, blocks = 0;
+  throw_on_error(cudaGetDevice(&device), "cudaGetDevice");
+  throw_on_error(cudaDeviceGetAttribute(&processors, cudaDevAttrMultiProcessorCount, device),
+                 "cudaDeviceGetAttribute");
+  throw_on_error(
+      cudaOccupancyMaxActiveBlocksPerMultiprocessor(&blocks, kernel, threads, shared_bytes),
+      "cudaOccupancyMaxActiveBlocksPerMultiprocessor");
+  return processors * blocks;
+}
+
 }  // namespace segsim::renderer::cuda

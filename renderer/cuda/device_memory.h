@@ -16,6 +16,14 @@ namespace segsim::renderer::cuda {
 ///     device, old driver, lost device) what to do about it.
 void throw_on_error(cudaError_t status, const char* call);
 
+/// @throws GpuError if there is no device that our kernels run on.
+void check_device();
+
+/// Blocks of a kernel that the present device holds at once.
+/// @param shared_bytes  Asked for at launch.
+[[nodiscard]] int resident_blocks(const void* kernel, int threads,
+                                  std::size_t shared_bytes = 0);
+
 /// Uninitialised elements in device memory; it only grows.
 template <class T>
 class DeviceArray {

@@ -139,6 +139,7 @@ void DeviceScene::upload_field(const PanopticField& field) {
   field_.class_id = keep_ids(field.class_id);
   field_.class_is_thing = class_is_thing_.data();
   field_.query_id = keep_ids(field.instance_id);
+  if (!field.instance_class.empty()) field_.query_class = keep_ids(field.instance_class);
 }
 
 }  // namespace segsim::renderer::cuda

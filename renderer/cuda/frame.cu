@@ -172,19 +172,19 @@ __global__ void store_cameras(CameraBlock block, int first, int count, ViewCamer
   camera[first + i] = block.camera[i];
 }
 
-ViewCamera view_camera(const ProjectionCamera<float>& c, const FrameView& frame) {
+}  // namespace
+
+ViewCamera view_camera(const ProjectionCamera<float>& c, int width_px, int height_px) {
   ViewCamera view{c, {}, {}};
   view.slope[0] = (-kFrustumMarginPx - c.cx_px) / c.fx_px;
-  view.slope[1] = (static_cast<float>(frame.width_px) + kFrustumMarginPx - c.cx_px) / c.fx_px;
+  view.slope[1] = (static_cast<float>(width_px) + kFrustumMarginPx - c.cx_px) / c.fx_px;
   view.slope[2] = (-kFrustumMarginPx - c.cy_px) / c.fy_px;
-  view.slope[3] = (static_cast<float>(frame.height_px) + kFrustumMarginPx - c.cy_px) / c.fy_px;
+  view.slope[3] = (static_cast<float>(height_px) + kFrustumMarginPx - c.cy_px) / c.fy_px;
   for (int side = 0; side < 4; ++side) {
     view.norm[side] = std::sqrt(1.0F + view.slope[side] * view.slope[side]);
   }
   return view;
 }
-
-}  // namespace
 
 void launch_store_cameras(const ProjectionCamera<float>* cameras, int count,
                           const FrameView& frame, cudaStream_t stream) {
@@ -192,7 +192,8 @@ void launch_store_cameras(const ProjectionCamera<float>* cameras, int count,
   CameraBlock block;
   for (int first = 0; first < count; first += kCamerasALaunch) {
     const int here = count - first < kCamerasALaunch ? count - first : kCamerasALaunch;
-    for (int i = 0; i < here; ++i) block.camera[i] = view_camera(cameras[first + i], frame);
+    for (int i = 0; i < here; ++i)
+      block.camera[i] = view_camera(cameras[first + i], frame.width_px, frame.height_px);
     store_cameras<<<1, kCamerasALaunch, 0, stream>>>(
         block, first, here, const_cast<ViewCamera*>(frame.camera),
         const_cast<ViewCamera*>(frame.previous_camera));

@@ -10,6 +10,10 @@ namespace segsim::renderer::cuda {
 
 inline constexpr int kCamerasALaunch = 32;
 
+/// @param width_px, height_px  Of the image.
+[[nodiscard]] ViewCamera view_camera(const ProjectionCamera<float>& c, int width_px,
+                                     int height_px);
+
 /// Makes the present cameras the previous ones.
 void launch_store_cameras(const ProjectionCamera<float>* cameras, int count,
                           const FrameView& frame, cudaStream_t stream);

@@ -6,6 +6,8 @@
 #include <cuda_fp16.h>
 
 #include "renderer/cuda/kernels.h"
+#include "renderer/cuda/large_surfels.cuh"
+#include "renderer/cuda/screen_tiles.cuh"
 #include "renderer/cuda/tile_spans.cuh"
 #include "renderer/cuda/warp.cuh"
 #include "renderer/surfel_geometry.h"
@@ -13,45 +15,10 @@
 namespace segsim::renderer::cuda {
 namespace {
 
-/// Rounding of the projected centre and outline stays below this.
-constexpr float kPixelSlack = 1e-3F;
 constexpr float kHalfLog2E = 0.72134752F;
-
-constexpr int kProjectThreads = 128;
-
-__device__ bool cluster_in_view(const FrameView& frame, const ViewCamera& view,
-                                const float4& cluster) {
-  const ProjectionCamera<float>& c = view.pinhole;
-  const float r = cluster.w;
-  const Vec3<float> offset{cluster.x - c.centre_m.x, cluster.y - c.centre_m.y,
-                           cluster.z - c.centre_m.z};
-  const float z = dot(c.forward, offset);
-  const float x = dot(c.right, offset), y = dot(c.down, offset);
-  return z + r >= frame.near_m && view.slope[0] * z - x <= r * view.norm[0] &&
-         x - view.slope[1] * z <= r * view.norm[1] &&
-         view.slope[2] * z - y <= r * view.norm[2] &&
-         y - view.slope[3] * z <= r * view.norm[3];
-}
 
 __device__ int limited(float tile, int tiles) {
   return tile > 0.0F ? static_cast<int>(fminf(tile, static_cast<float>(tiles))) : 0;
-}
-
-/// Tiles with a pixel centre in the box; empty if there is none. What is not a number (a
-/// degenerate conic) means all.
-__device__ bool find_tiles(const FrameView& frame, const ScreenBox<float>& box,
-                           Candidate& out) {
-  const float x_lo = fmaxf(ceilf(box.x_min_px - 0.5F - kPixelSlack), 0.0F);
-  const float y_lo = fmaxf(ceilf(box.y_min_px - 0.5F - kPixelSlack), 0.0F);
-  const float x_hi =
-      fminf(floorf(box.x_max_px - 0.5F + kPixelSlack), static_cast<float>(frame.width_px - 1));
-  const float y_hi = fminf(floorf(box.y_max_px - 0.5F + kPixelSlack),
-                           static_cast<float>(frame.height_px - 1));
-  out.x_begin = static_cast<int>(x_lo) / kTilePx;
-  out.y_begin = static_cast<int>(y_lo) / kTilePx;
-  out.x_end = static_cast<int>(x_hi) / kTilePx + 1;
-  out.y_end = static_cast<int>(y_hi) / kTilePx + 1;
-  return x_lo <= x_hi && y_lo <= y_hi;
 }
 
 /// As the 2DGS code lists its square: tiles_of_square() of internal/compat_rules.h.
@@ -116,21 +83,8 @@ __device__ bool project(const FrameView& frame, const SceneView& scene,
   const auto s =
       project_surfel<float>(camera, position, {scene.ux_m[m], scene.uy_m[m], scene.uz_m[m]},
                             {scene.vx_m[m], scene.vy_m[m], scene.vz_m[m]});
-  const float k2_bound = k2 * kBoundSlack;
-  const bool clipped = crosses_near_plane(s, k2_bound, frame.near_m);
-  ScreenBox<float> box;
-  if (clipped) {
-    box = with_low_pass(box_of_clipped_disc(s, k2_bound, frame.near_m), s, k2_bound);
-    // Offsets can be many thousand pixels here, so float rounding exceeds kPixelSlack.
-    const float slack =
-        1e-5F * fmaxf(box.x_max_px - box.x_min_px, box.y_max_px - box.y_min_px);
-    box = {box.x_min_px - slack, box.x_max_px + slack, box.y_min_px - slack,
-           box.y_max_px + slack};
-    out.outline = {s.x0_px, s.y0_px, 0.0F, 0.0F, -1.0F};
-  } else {
-    out.outline = outline_of_disc(s, k2_bound);
-    box = with_low_pass(box_of(out.outline), s, k2_bound);
-  }
+  const bool clipped = crosses_near_plane(s, k2 * kBoundSlack, frame.near_m);
+  const ScreenBox<float> box = bound_on_screen(s, k2, frame.near_m, clipped, out.outline);
   out.rule =
       clipped || frame.bounds == BoundsRule::kSnugBox ? TilesRule::kAll : TilesRule::kQuarters;
   bool reached;
@@ -146,7 +100,7 @@ __device__ bool project(const FrameView& frame, const SceneView& scene,
   }
   if (!reached) return false;
   out.x0_px = s.x0_px, out.y0_px = s.y0_px;
-  out.low_pass_radius2 = 0.5F * k2_bound;
+  out.low_pass_radius2 = 0.5F * (k2 * kBoundSlack);
 
   const float root = 0.84932180F;  // sqrt(kHalfLog2E)
   const InverseDepthRange<float> range = inverse_depth_range(s, k2, frame.near_m);
@@ -160,70 +114,6 @@ __device__ bool project(const FrameView& frame, const SceneView& scene,
   record.flags =
       (clipped ? kCare : 0U) | (clipped || s.edge_on || low_pass_matters(s, k2) ? kThin : 0U);
   return true;
-}
-
-/// Of a surfel with many tiles: some of its rows, for one warp of bin_large().
-struct LargePart {
-  Candidate candidate;
-  std::uint32_t id;
-  int camera;
-};
-static_assert(sizeof(LargePart) == kLargePartBytes);
-
-/// A surfel whose box has more tiles than this would hold up its warp.
-constexpr int kLargeTiles = 48;
-constexpr int kRowsAPart = 8, kColumnsAPart = 32;
-
-/// Puts a surfel aside for bin_large(). @return  False if there is no room.
-__device__ bool put_aside(const FrameView& frame, int camera, const Candidate& c,
-                          std::uint32_t id) {
-  const int rows = (c.y_end - c.y_begin + kRowsAPart - 1) / kRowsAPart;
-  const int columns = (c.x_end - c.x_begin + kColumnsAPart - 1) / kColumnsAPart;
-  const auto parts = static_cast<std::uint32_t>(rows * columns);
-  const std::uint32_t at = atomicAdd(&frame.queue[3], parts);
-  if (at + parts > frame.large_capacity) return false;
-  atomicMax(&frame.queue[4], at + parts);
-  auto* part = reinterpret_cast<LargePart*>(frame.large) + at;
-  for (int y = 0; y < rows; ++y) {
-    for (int x = 0; x < columns; ++x) {
-      LargePart p{c, id, camera};
-      p.candidate.x_begin = c.x_begin + x * kColumnsAPart;
-      p.candidate.x_end = min(c.x_end, p.candidate.x_begin + kColumnsAPart);
-      p.candidate.y_begin = c.y_begin + y * kRowsAPart;
-      p.candidate.y_end = min(c.y_end, p.candidate.y_begin + kRowsAPart);
-      *part++ = p;
-    }
-  }
-  return true;
-}
-
-/// A warp takes four parts at a time, from four places of the list: neighbours there are of
-/// one surfel, or of surfels as large.
-template <bool kRedo>
-__global__ void __launch_bounds__(kProjectThreads) bin_large(FrameView frame) {
-  constexpr int kParts = kWarp / kRowsAPart;
-  // Without the parts that put_aside() refused: they came last.
-  const int count = static_cast<int>(frame.queue[4]);
-  const int groups = (count + kParts - 1) / kParts;
-  const int warps = static_cast<int>(gridDim.x * blockDim.x) / kWarp;
-  for (int group = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x) / kWarp;
-       group < groups; group += warps) {
-    const int at = group + lane_index() / kRowsAPart * groups;
-    Span span{0, 0, {0, 0}};
-    int row = 0;
-    float z0_m = 0.0F;
-    std::uint32_t id = 0;
-    int first_tile = 0;
-    if (at < count) {
-      const LargePart& part = reinterpret_cast<const LargePart*>(frame.large)[at];
-      row = part.candidate.y_begin + lane_index() % kRowsAPart;
-      z0_m = part.candidate.z0_m;
-      id = part.id;
-      first_tile = first_tile_of(frame, part.camera);
-      if (row < part.candidate.y_end) span = tiles_in_row(part.candidate, row);
-    }
-    emit_spans<kRedo>(frame, first_tile, span, row, z0_m, id);
-  }
 }
 
 /// Can a surfel of the cluster be on the list of some tile? The whole warp asks.
@@ -294,7 +184,7 @@ __global__ void __launch_bounds__(kProjectThreads)
   const int camera_index = static_cast<int>(blockIdx.y);
   if (m >= scene.clusters * kClusterSurfels) return;
   const float4 cluster = reinterpret_cast<const float4*>(scene.cluster)[m / kClusterSurfels];
-  if (!cluster_in_view(frame, frame.camera[camera_index], cluster)) return;
+  if (!sphere_in_view(frame.near_m, frame.camera[camera_index], cluster)) return;
   const ProjectionCamera<float> camera = frame.camera[camera_index].pinhole;
   if (!cluster_wanted<kRedo>(frame, camera, cluster, camera_index)) return;
   Candidate candidate{};
@@ -308,10 +198,7 @@ __global__ void __launch_bounds__(kProjectThreads)
     const std::size_t place =
         static_cast<std::size_t>(camera_index) * scene.clusters * kClusterSurfels + m;
     frame.record[place] = record;
-    const int width = candidate.x_end - candidate.x_begin;
-    if (width * (candidate.y_end - candidate.y_begin) > kLargeTiles) {
-      drawn = !put_aside(frame, camera_index, candidate, id);
-    }
+    if (is_large(candidate)) drawn = !put_aside(frame, camera_index, candidate, id);
   }
   if (!kRedo && lane_index() == 0) {
     atomicAdd(&frame.status->surfels_projected,
@@ -329,9 +216,7 @@ void launch_project(const FrameView& frame, const SceneView& scene, cudaStream_t
                   static_cast<unsigned>(frame.cameras));
   project_and_bin<kRedo><<<grid, kProjectThreads, 0, stream>>>(frame, scene);
   throw_on_error(cudaGetLastError(), "project_and_bin");
-  constexpr unsigned kLargeBlocks = 132 * 16;
-  bin_large<kRedo><<<kLargeBlocks, kProjectThreads, 0, stream>>>(frame);
-  throw_on_error(cudaGetLastError(), "bin_large");
+  launch_bin_large<kRedo>(frame, stream);
 }
 
 }  // namespace

@@ -169,7 +169,7 @@ __device__ void draw_tile(const RasterJob& job, TileShared& shared, int tile) {
   bool live = __any_sync(kAllLanes, quarter.live());
   bool tile_live = true;
   while (tile_live) {
-    const int chunk = next_chunk(shared.list, list, count, done, next);
+    const int chunk = next_chunk<kTileThreads>(shared.list, list, count, done, next);
     if (chunk == 0) break;
     if (live) {
       const ListWalk walk{job.record + static_cast<std::size_t>(camera) * job.padded_surfels,
@@ -249,15 +249,8 @@ __global__ void __launch_bounds__(kTileThreads, (kResidentBlocks<kNormal, kKeys>
 template <bool kRgb, bool kNormal, int kKeys>
 void launch(const RasterJob& job, cudaStream_t stream) {
   const auto kernel = raster_tiles<kRgb, kNormal, kKeys>;
-  int device = 0, processors = 0, blocks = 0;
-  throw_on_error(cudaGetDevice(&device), "cudaGetDevice");
-  throw_on_error(cudaDeviceGetAttribute(&processors, cudaDevAttrMultiProcessorCount, device),
-                 "cudaDeviceGetAttribute");
-  throw_on_error(
-      cudaOccupancyMaxActiveBlocksPerMultiprocessor(&blocks, kernel, kTileThreads, 0),
-      "cudaOccupancyMaxActiveBlocksPerMultiprocessor");
   const int tiles = job.frame.tiles_x * job.frame.tiles_y * job.frame.cameras;
-  const int resident = processors * blocks;
+  const int resident = resident_blocks(reinterpret_cast<const void*>(kernel), kTileThreads);
   const int wanted = resident < tiles ? resident : tiles;
   // clang-format off
   kernel<<<wanted, kTileThreads, 0, stream>>>(job);

@@ -202,7 +202,11 @@ __device__ Label resolve_panoptic(const Selected<kCapacity>& selected,
   if (best_query.index != kNoIndex) {
     label.instance = field.query_id[best_query.index];
     label.instance_confidence = (base + best_query.sum) / selected.total;
+    if (field.query_class != nullptr && field.query_class[best_query.index] != 0) {
+      label.semantic = field.query_class[best_query.index];
+    }
   }
+  if (label.instance == 0 && field.query_class != nullptr) label.semantic = 0;
   return label;
 }
 

@@ -11,7 +11,7 @@
 
 namespace segsim::renderer::cuda {
 
-inline constexpr int kTileThreads = 128;
+inline constexpr int kTileThreads = 128;  ///< A block of the renderer; others may differ.
 /// Keys that are sorted together; of longer lists at most kSelectedKeys.
 inline constexpr int kSortKeys = 1024;
 inline constexpr int kSelectedKeys = 1024;
@@ -43,10 +43,10 @@ struct ListShared {
 constexpr int kPlaceBits = 10;
 static_assert(kSortKeys == 1 << kPlaceBits);
 
-/// Bitonic sort of rank[0 ... kTileThreads * kEach - 1]: a thread holds kEach neighbours.
-template <int kEach>
+/// Bitonic sort of rank[0 ... kThreads * kEach - 1]: a thread holds kEach neighbours.
+template <int kThreads, int kEach>
 __device__ void sort_ranks(std::uint32_t* rank) {
-  constexpr int kCount = kTileThreads * kEach;
+  constexpr int kCount = kThreads * kEach;
   const int thread = static_cast<int>(threadIdx.x);
   const int first = thread * kEach;
   std::uint32_t v[kEach];
@@ -59,11 +59,11 @@ __device__ void sort_ranks(std::uint32_t* rank) {
       const int other = thread ^ (stride / kEach);
       __syncthreads();
 #pragma unroll
-      for (int e = 0; e < kEach; ++e) rank[e * kTileThreads + thread] = v[e];
+      for (int e = 0; e < kEach; ++e) rank[e * kThreads + thread] = v[e];
       __syncthreads();
 #pragma unroll
       for (int e = 0; e < kEach; ++e) {
-        const std::uint32_t theirs = rank[e * kTileThreads + other];
+        const std::uint32_t theirs = rank[e * kThreads + other];
         v[e] = keeps_less ? min(v[e], theirs) : max(v[e], theirs);
       }
     }
@@ -95,13 +95,14 @@ __device__ void sort_ranks(std::uint32_t* rank) {
 }
 
 /// Puts right what fell into one depth step: neighbours change places until all are in order.
-__device__ inline void sort_within_steps(ListShared& shared, int count) {
+template <int kThreads>
+__device__ void sort_within_steps(ListShared& shared, int count) {
   const int thread = static_cast<int>(threadIdx.x);
   bool changed = true;
   while (changed) {
     bool mine = false;
     for (int parity = 0; parity < 2; ++parity) {
-      for (int i = 2 * thread + parity; i + 1 < count; i += 2 * kTileThreads) {
+      for (int i = 2 * thread + parity; i + 1 < count; i += 2 * kThreads) {
         const std::uint32_t a = shared.rank[i], b = shared.rank[i + 1];
         if (a >> kPlaceBits != b >> kPlaceBits) continue;
         if (shared.key[a & (kSortKeys - 1)] <= shared.key[b & (kSortKeys - 1)]) continue;
@@ -117,12 +118,13 @@ __device__ inline void sort_within_steps(ListShared& shared, int count) {
 
 /// Orders key[0 ... count - 1]. Depths are sorted in 2^22 steps between the least and the
 /// most, then exactly within a step, which is rarely needed.
-__device__ inline void sort_keys(ListShared& shared, int count) {
+template <int kThreads>
+__device__ void sort_keys(ListShared& shared, int count) {
   const int thread = static_cast<int>(threadIdx.x);
   if (thread == 0) shared.least = 0xFFFFFFFFU, shared.most = 0;
   __syncthreads();
   std::uint32_t least = 0xFFFFFFFFU, most = 0;
-  for (int i = thread; i < count; i += kTileThreads) {
+  for (int i = thread; i < count; i += kThreads) {
     const auto bits = static_cast<std::uint32_t>(shared.key[i] >> 32);
     least = min(least, bits);
     most = max(most, bits);
@@ -137,31 +139,32 @@ __device__ inline void sort_keys(ListShared& shared, int count) {
   least = shared.least;
   const int range_bits = 32 - __clz(static_cast<int>(shared.most - least));
   const int shift = max(0, range_bits - (32 - kPlaceBits));
-  int padded = kTileThreads;
+  int padded = kThreads;
   while (padded < count) padded *= 2;
-  for (int i = thread; i < padded; i += kTileThreads) {
+  for (int i = thread; i < padded; i += kThreads) {
     const auto bits = static_cast<std::uint32_t>(shared.key[i] >> 32);
     shared.rank[i] = i < count ? (bits - least) >> shift << kPlaceBits | i : 0xFFFFFFFFU;
   }
   __syncthreads();
-  switch (padded / kTileThreads) {
+  switch (padded / kThreads) {
     case 1:
-      sort_ranks<1>(shared.rank);
+      sort_ranks<kThreads, 1>(shared.rank);
       break;
     case 2:
-      sort_ranks<2>(shared.rank);
+      sort_ranks<kThreads, 2>(shared.rank);
       break;
     case 4:
-      sort_ranks<4>(shared.rank);
+      sort_ranks<kThreads, 4>(shared.rank);
       break;
     default:
-      sort_ranks<8>(shared.rank);
+      sort_ranks<kThreads, kSortKeys / kThreads>(shared.rank);
   }
-  sort_within_steps(shared, count);
+  sort_within_steps<kThreads>(shared, count);
 }
 
 /// The least key of a list; the largest goes to shared.last_key.
-__device__ inline ListKey find_ends(ListShared& shared, const ListKey* list, int count) {
+template <int kThreads>
+__device__ ListKey find_ends(ListShared& shared, const ListKey* list, int count) {
   const int thread = static_cast<int>(threadIdx.x);
   if (thread == 0) {
     shared.range_begin = kNoKey;
@@ -170,7 +173,7 @@ __device__ inline ListKey find_ends(ListShared& shared, const ListKey* list, int
   __syncthreads();
   ListKey least = kNoKey, most = 0;
 #pragma unroll 4
-  for (int i = thread; i < count; i += kTileThreads) {
+  for (int i = thread; i < count; i += kThreads) {
     least = min(least, list[i]);
     most = max(most, list[i]);
   }
@@ -191,8 +194,9 @@ __device__ inline ListKey find_ends(ListShared& shared, const ListKey* list, int
 
 /// Finds the last key of a range that starts at `begin` and holds 1 ... kSelectedKeys of the
 /// list's keys; some key must be >= begin.
-__device__ inline ListKey find_range(ListShared& shared, const ListKey* list, int count,
-                                     ListKey begin) {
+template <int kThreads>
+__device__ ListKey find_range(ListShared& shared, const ListKey* list, int count,
+                              ListKey begin) {
   const int thread = static_cast<int>(threadIdx.x);
   if (thread == 0) {
     shared.range_begin = begin;
@@ -204,10 +208,10 @@ __device__ inline ListKey find_range(ListShared& shared, const ListKey* list, in
     const ListKey first = shared.range_begin, last = shared.range_end;
     const int bits = 64 - __clzll(static_cast<long long>(last - first));
     const int shift = bits > 8 ? bits - 8 : 0;
-    for (int i = thread; i < 256; i += kTileThreads) shared.histogram[i] = 0;
+    for (int i = thread; i < 256; i += kThreads) shared.histogram[i] = 0;
     __syncthreads();
 #pragma unroll 4
-    for (int i = thread; i < count; i += kTileThreads) {
+    for (int i = thread; i < count; i += kThreads) {
       const ListKey key = list[i];
       if (key >= first && key <= last)
         atomicAdd(&shared.histogram[(key - first) >> shift], 1U);
@@ -248,26 +252,28 @@ __device__ inline ListKey find_range(ListShared& shared, const ListKey* list, in
 /// Makes the next chunk the shared one, in order.
 /// @param next  First key that was not in a chunk yet; moved past this one.
 /// @return  Keys of the chunk; 0 at the end of the list.
-__device__ inline int next_chunk(ListShared& shared, const ListKey* list, int count, int done,
-                                 ListKey& next) {
+/// @tparam kThreads  Of the block, which calls it together: 128 or 256.
+template <int kThreads>
+__device__ int next_chunk(ListShared& shared, const ListKey* list, int count, int done,
+                          ListKey& next) {
   const int thread = static_cast<int>(threadIdx.x);
   if (done >= count) return 0;
   if (count <= kSortKeys) {
-    for (int i = thread; i < count; i += kTileThreads) shared.key[i] = list[i];
-    sort_keys(shared, count);
+    for (int i = thread; i < count; i += kThreads) shared.key[i] = list[i];
+    sort_keys<kThreads>(shared, count);
     return count;
   }
   if (thread == 0) shared.gathered = 0;
-  if (done == 0) next = find_ends(shared, list, count);
-  const ListKey last = find_range(shared, list, count, next);
+  if (done == 0) next = find_ends<kThreads>(shared, list, count);
+  const ListKey last = find_range<kThreads>(shared, list, count, next);
 #pragma unroll 4
-  for (int i = thread; i < count; i += kTileThreads) {
+  for (int i = thread; i < count; i += kThreads) {
     const ListKey key = list[i];
     if (key >= next && key <= last) shared.key[atomicAdd(&shared.gathered, 1U)] = key;
   }
   __syncthreads();
   const int found = static_cast<int>(shared.gathered);
-  sort_keys(shared, found);
+  sort_keys<kThreads>(shared, found);
   next = last + 1;
   return found;
 }

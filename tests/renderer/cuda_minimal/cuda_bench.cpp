@@ -3,8 +3,8 @@
 /// The table goes to the error stream, JSON to the output.
 ///
 ///     cuda_bench [frames [part]]      240 frames a row without; part: quick (no 5 M surfels,
-///                                     no K = 24), one (the first row),
-///                                     batch (of 64)
+///                                     no rooms, no K = 24), one (the first row),
+///                                     batch (of 64), rooms (nine, eight of them behind walls)
 
 #include <algorithm>
 #include <chrono>
@@ -92,14 +92,17 @@ PanopticModel room_model(const SurfelCloud& cloud, int queries) {
   return model;
 }
 
-BenchScene make_scene(int surfels, double spread, bool field) {
+/// @param surfels  Of one room.
+BenchScene make_scene(int surfels, double spread, bool field, int rooms = 1) {
   RoomSceneOptions options;
   options.surfel_count = surfels;
   options.spread = spread;
   options.features = field;
+  options.rooms = rooms;
   BenchScene scene;
   char name[64];
-  std::snprintf(name, sizeof name, "%g M, spread %.1f", surfels * 1e-6, spread);
+  std::snprintf(name, sizeof name, rooms > 1 ? "%g M, spread %.1f x%d" : "%g M, spread %.1f",
+                surfels * 1e-6, spread, rooms);
   scene.name = name;
   SurfelCloud cloud = make_room_scene(options);
   if (field) {
@@ -182,13 +185,34 @@ void run(const Row& row, int frames, bool first) {
       s[0], s[1], s[2], s[3], s[4], projected, pairs, touched, evaluations, fixed);
 }
 
+/// What culling by termination depth is for: surfels behind walls.
+void run_rooms(const BenchScene& rooms, int frames, bool first) {
+  const Channels all = Channels::kAll;
+  run({"rooms, no culling", &rooms, 1296, 968, all, 1, {.skip_hidden = false}}, frames, first);
+  run({"rooms, culling if it pays", &rooms, 1296, 968}, frames, false);
+  run({"rooms, always culling", &rooms, 1296, 968, all, 1, {}, 0.0, true}, frames, false);
+}
+
 void run_all(int frames, const std::string& part) {
+  std::fprintf(stderr,
+               "%-30s %-18s %9s %4s %7s %7s %8s %6s | %5s %5s %5s %6s %5s | %6s %6s %6s %6s "
+               "%5s %4s\n",
+               "case", "scene", "size", "", "median", "p95", "image/s", "must", "begin",
+               "proj", "order", "raster", "redo", "M surf", "M pair", "M touch", "M eval",
+               "fixed", "%0");
+  if (part == "rooms") {
+    std::printf("[\n");
+    run_rooms(make_scene(500'000, 1.6, false, 9), frames, true);
+    std::printf("\n]\n");
+    return;
+  }
   const auto start = std::chrono::steady_clock::now();
-  auto dense_later = std::async(std::launch::async, make_scene, 1'000'000, 1.6, true);
-  auto plain_later = std::async(std::launch::async, make_scene, 1'000'000, 1.0, true);
-  std::future<BenchScene> large_later;
+  auto dense_later = std::async(std::launch::async, make_scene, 1'000'000, 1.6, true, 1);
+  auto plain_later = std::async(std::launch::async, make_scene, 1'000'000, 1.0, true, 1);
+  std::future<BenchScene> large_later, rooms_later;
   if (part.empty()) {
-    large_later = std::async(std::launch::async, make_scene, 5'000'000, 1.0, false);
+    rooms_later = std::async(std::launch::async, make_scene, 500'000, 1.6, false, 9);
+    large_later = std::async(std::launch::async, make_scene, 5'000'000, 1.0, false, 1);
   }
   const BenchScene dense = dense_later.get(), plain = plain_later.get();
   std::fprintf(
@@ -219,12 +243,6 @@ void run_all(int frames, const std::string& part) {
       {"K = 1", &dense, 1296, 968, Channels::kAll, 1, {.top_k = 1}},
       {"K = 24", &dense, 1296, 968, Channels::kAll, 1, {.top_k = 24}},
       {"all outputs", &dense, 3840, 2160}};
-  std::fprintf(stderr,
-               "%-30s %-18s %9s %4s %7s %7s %8s %6s | %5s %5s %5s %6s %5s | %6s %6s %6s %6s "
-               "%5s %4s\n",
-               "case", "scene", "size", "", "median", "p95", "image/s", "must", "begin",
-               "proj", "order", "raster", "redo", "M surf", "M pair", "M touch", "M eval",
-               "fixed", "%0");
   std::printf("[\n");
   bool first = true;
   for (const Row& row : rows) {
@@ -240,6 +258,7 @@ void run_all(int frames, const std::string& part) {
     run({"no culling", &large, 1280, 720, Channels::kAll, 1, {.skip_hidden = false}}, frames,
         false);
     run({"all outputs", &large, 3840, 2160}, frames, false);
+    run_rooms(rooms_later.get(), frames, false);
   }
   std::printf("\n]\n");
 }

@@ -1,0 +1,194 @@
+/// @file
+/// Training on a bare GPU machine: a training pack (renderer/training/training_pack.h) goes
+/// in, times and the quality on held-out views come out. What `segsim reconstruct --backend
+/// cuda` does, without the libraries that a recording needs.
+///
+///     train_pack PACK [--geometry 7000] [--labels 15000] [--head query] [--max-surfels N]
+///                [--masks PACK2]... [--sh 2] [--fixed-order]
+///
+/// --masks trains the labels once more with the masks of another pack of the same views.
+
+#include <chrono>
+#include <cstdio>
+#include <cstring>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/error.h"
+#include "experiments/training_evaluation.h"
+#include "renderer/cuda/cuda_renderer.h"
+#include "renderer/training/cuda/cuda_rasterizer.h"
+#include "renderer/training/geometry_training.h"
+#include "renderer/training/panoptic_training.h"
+#include "renderer/training/training_pack.h"
+#include "renderer/training/training_views.h"
+
+namespace segsim {
+
+// In place of training_device.cpp: the machine lacks what the CPU's rasterizer is made of.
+bool renderer::trains_on_gpu(const GeometryDevice&) { return true; }
+std::unique_ptr<renderer::DifferentiableRasterizer<float>> renderer::make_training_rasterizer(
+    const GeometryDevice& device) {
+  return make_cuda_rasterizer({.stream = nullptr, .deterministic = device.deterministic});
+}
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double seconds_since(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+struct Flags {
+  std::string pack, head = "query";
+  std::vector<std::string> masks;
+  renderer::GeometryConfig geometry;
+  std::int64_t label_iterations = 15000;
+  bool fixed_order = false;
+};
+
+Flags parse(int argc, char** argv) {
+  Flags flags;
+  flags.geometry.iterations = 7000;
+  for (int i = 1; i < argc; ++i) {
+    const std::string word = argv[i];
+    const auto value = [&]() -> std::string {
+      if (i + 1 >= argc) throw core::InputError::expected(word, "a value", "nothing");
+      return argv[++i];
+    };
+    if (word == "--geometry") {
+      flags.geometry.iterations = std::stoll(value());
+    } else if (word == "--labels") {
+      flags.label_iterations = std::stoll(value());
+    } else if (word == "--head") {
+      flags.head = value();
+    } else if (word == "--max-surfels") {
+      flags.geometry.densify.max_surfels = std::stoll(value());
+    } else if (word == "--sh") {
+      flags.geometry.sh_degree = std::stoi(value());
+    } else if (word == "--masks") {
+      flags.masks.push_back(value());
+    } else if (word == "--fixed-order") {
+      flags.fixed_order = true;
+    } else if (flags.pack.empty() && word.rfind("--", 0) != 0) {
+      flags.pack = word;
+    } else {
+      throw core::InputError::expected("command line", "an option of train_pack", word);
+    }
+  }
+  if (flags.pack.empty()) {
+    throw core::InputError::expected("command line", "a training pack", "none");
+  }
+  return flags;
+}
+
+renderer::SurfelCloud train_geometry(const renderer::TrainingPack& pack, const Flags& flags,
+                                     const renderer::GeometryDevice& device) {
+  renderer::GeometryTrainer trainer(pack.set, pack.start, flags.geometry, 1, device);
+  const Clock::time_point start = Clock::now();
+  renderer::GeometryStep step;
+  while (trainer.iteration() < flags.geometry.iterations) {
+    step = trainer.step();
+    if (step.iteration % 1000 == 0) {
+      std::printf("%6ld  %6.1f s  colour %.4f depth %.4f normal %.4f  %ld surfels\n",
+                  static_cast<long>(step.iteration), seconds_since(start), step.color,
+                  step.depth, step.normal, static_cast<long>(step.surfels));
+    }
+  }
+  const double seconds = seconds_since(start);
+  std::printf("geometry: %ld steps in %.1f s, %.1f steps/s\n",
+              static_cast<long>(step.iteration), seconds,
+              static_cast<double>(step.iteration) / seconds);
+  return trainer.surfels();
+}
+
+void print_quality(const char* name, const renderer::TrainingSet& set,
+                   const std::shared_ptr<const renderer::SurfelCloud>& surfels,
+                   const std::shared_ptr<const renderer::PanopticField>& field, int top_k) {
+  renderer::RenderOptions options;
+  options.top_k = top_k;
+  const auto gpu = renderer::make_cuda_renderer(surfels, options, field);
+  std::printf("%s, K = %d: %s\n", name, top_k,
+              experiments::held_out_quality(*gpu, set).text().c_str());
+}
+
+void train_labels(const renderer::TrainingSet& set,
+                  const std::shared_ptr<const renderer::SurfelCloud>& surfels,
+                  const Flags& flags, const renderer::GeometryDevice& device) {
+  renderer::PanopticTrainingConfig config;
+  config.iterations = flags.label_iterations;
+  const Clock::time_point start = Clock::now();
+  const auto views = renderer::make_training_views(set, *surfels, device);
+  renderer::PanopticHeadInputs inputs;
+  inputs.position_m = surfels->position_m;
+  inputs.classes = set.classes;
+  inputs.frames = views->count();
+  inputs.query_seed_m = renderer::seed_queries(*views, config, 1);
+  inputs.cuda_device = 0;
+  std::printf("%zu query seeds\n", inputs.query_seed_m.size());
+  const auto head = renderer::make_panoptic_head(flags.head, std::move(inputs), config, 1);
+  renderer::PanopticTrainingRun run;
+  run.config = config;
+  run.classes = set.classes;
+  run.seed = 1;
+  run.warp = flags.head == "panoptic-splatting";
+  run.on_progress = [&](const renderer::PanopticProgress& p) {
+    if (p.iteration % 1000 == 0) {
+      std::printf("%6ld  %6.1f s ", static_cast<long>(p.iteration), seconds_since(start));
+      for (const auto& loss : p.losses) std::printf(" %s %.4f", loss.name.c_str(), loss.value);
+      std::printf("\n");
+    }
+    return true;
+  };
+  renderer::train_panoptic(*views, *head, run);
+  std::printf("labels: %ld steps in %.1f s\n", static_cast<long>(config.iterations),
+              seconds_since(start));
+  renderer::PanopticResult result = head->result();
+  renderer::SurfelCloud labelled = *surfels;
+  labelled.semantic_feature = std::move(result.semantic_feature);
+  labelled.instance_feature = std::move(result.instance_feature);
+  const auto shared = std::make_shared<const renderer::SurfelCloud>(std::move(labelled));
+  const auto field = std::make_shared<const renderer::PanopticField>(std::move(result.field));
+  for (const int top_k : {24, 4, 3, 1}) print_quality("labels", set, shared, field, top_k);
+}
+
+void run(const Flags& flags) {
+  const Clock::time_point start = Clock::now();
+  renderer::TrainingPack pack = renderer::read_training_pack(flags.pack);
+  std::printf("%zu training views, %zu held out, %zu surfels, read in %.1f s\n",
+              pack.set.training.size(), pack.set.held_out.size(), pack.start.size(),
+              seconds_since(start));
+  const renderer::GeometryDevice device{.backend = renderer::Backend::kCuda,
+                                        .deterministic = flags.fixed_order};
+  print_quality("start", pack.set, std::make_shared<const renderer::SurfelCloud>(pack.start),
+                nullptr, 4);
+  const auto surfels =
+      std::make_shared<const renderer::SurfelCloud>(train_geometry(pack, flags, device));
+  print_quality("trained", pack.set, surfels, nullptr, 4);
+  if (flags.label_iterations <= 0) return;
+  train_labels(pack.set, surfels, flags, device);
+  for (const std::string& file : flags.masks) {
+    std::printf("masks of %s\n", file.c_str());
+    train_labels(renderer::read_training_pack(file).set, surfels, flags, device);
+  }
+}
+
+}  // namespace
+}  // namespace segsim
+
+int main(int argc, char** argv) {
+  std::setvbuf(stdout, nullptr, _IOLBF, 0);
+  try {
+    segsim::run(segsim::parse(argc, argv));
+    return 0;
+  } catch (const segsim::core::InputError& error) {
+    std::fprintf(stderr, "train_pack: %s\n", error.what());
+    return 2;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "train_pack: %s\n", error.what());
+    return 3;
+  }
+}
