@@ -241,15 +241,13 @@ void TrainingRun::save_head(const renderer::PanopticHead& head, std::int64_t ite
 
 std::shared_ptr<const renderer::PanopticField> TrainingRun::train_head(TrainedScene& scene) {
   const Clock::time_point start = Clock::now();
-  // The head's own work is small beside drawing; its tensors stay in host memory.
-  renderer::GeometryDevice device = options_.device;
-  device.backend = renderer::Backend::kCpu;
-  const auto views = renderer::make_training_views(set_, scene.surfels, device);
+  const auto views = renderer::make_training_views(set_, scene.surfels, options_.device);
   const renderer::PanopticTrainingConfig& config = options_.config.panoptic;
   renderer::PanopticHeadInputs inputs;
   inputs.position_m = scene.surfels.position_m;
   inputs.classes = set_.classes;
   inputs.frames = views->count();
+  inputs.cuda_device = renderer::trains_on_gpu(options_.device) ? 0 : -1;
   inputs.query_seed_m = renderer::seed_queries(*views, config, options_.seed);
   const auto head =
       renderer::make_panoptic_head(options_.head, std::move(inputs), config, options_.seed);

@@ -103,9 +103,6 @@ class GeometryTrainer::Impl {
     return static_cast<int>(std::min<double>(config_.sh_degree, grown));
   }
   [[nodiscard]] internal::SurfelRates rates() const;
-  [[nodiscard]] bool due(std::int64_t every) const {
-    return every > 0 && iteration_ > 0 && iteration_ % every == 0;
-  }
 
   Tensor loss_of(const ViewTensors& drawn, const Targets& targets, const Tensor& exposure,
                  const TrainingView& view, GeometryStep& step) const;
@@ -237,7 +234,9 @@ void GeometryTrainer::Impl::change_count() {
   const GeometryConfig::Densify& densify = config_.densify;
   const auto views = static_cast<std::int64_t>(set_.training.size());
   const bool in_time = progress() >= densify.from && progress() <= densify.until;
-  if (in_time && due(at_share(densify.every, config_.iterations))) {
+  // Not before every view had its say: splits in haste cost more than they give.
+  const std::int64_t wait = std::max(at_share(densify.every, config_.iterations), views);
+  if (in_time && statistics_views_ >= wait) {
     split(surfels_to_split(statistics(), densify));
     fill();
     forget_statistics();

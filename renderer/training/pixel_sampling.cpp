@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "core/check.h"
 
@@ -18,6 +19,13 @@ void draw(std::vector<std::int32_t>& from, std::size_t count, core::RandomStream
   }
 }
 
+/// Appends about `count` pixels, as many of each mask; small masks give all they have.
+void draw_evenly(std::map<std::uint16_t, std::vector<std::int32_t>>& masks, std::size_t count,
+                 core::RandomStream& random, std::vector<std::int32_t>& to) {
+  if (masks.empty()) return;
+  for (auto& [id, pixels] : masks) draw(pixels, count / masks.size(), random, to);
+}
+
 }  // namespace
 
 std::vector<std::int32_t> sample_pixels(const core::FrameMasks& masks,
@@ -32,6 +40,7 @@ std::vector<std::int32_t> sample_pixels(const core::FrameMasks& masks,
   for (const core::SceneClass& c : classes) is_thing[c.id] = c.thing;
 
   std::vector<std::int32_t> all, stuff, things;
+  std::map<std::uint16_t, std::vector<std::int32_t>> masks_of_things;
   for (std::size_t i = 0; i < count; ++i) {
     if (!depth_m.empty() && !(static_cast<double>(depth_m.data()[i]) > config.min_depth_m)) {
       continue;
@@ -40,14 +49,19 @@ std::vector<std::int32_t> sample_pixels(const core::FrameMasks& masks,
     const auto pixel = static_cast<std::int32_t>(i);
     all.push_back(pixel);
     if (id != 0 && !is_thing[id]) stuff.push_back(pixel);
-    if (id != 0 && is_thing[id] && masks.instance.data()[i] != 0) things.push_back(pixel);
+    const std::uint16_t instance = masks.instance.data()[i];
+    if (id == 0 || !is_thing[id] || instance == 0) continue;
+    things.push_back(pixel);
+    masks_of_things[instance].push_back(pixel);
   }
   const auto share = [&](double part) {
     return static_cast<std::size_t>(std::llround(part * config.pixels));
   };
   std::vector<std::int32_t> pixels;
   draw(stuff, share(config.stuff_share), random, pixels);
-  draw(things, share(config.instance_share), random, pixels);
+  const double even = config.instance_share * config.even_share;
+  draw(things, share(config.instance_share - even), random, pixels);
+  draw_evenly(masks_of_things, share(even), random, pixels);
   draw(all, static_cast<std::size_t>(config.pixels) - pixels.size(), random, pixels);
   std::sort(pixels.begin(), pixels.end());
   return pixels;

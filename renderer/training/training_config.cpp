@@ -146,7 +146,7 @@ TrainingConfig config_of(const ConfigNode& root) {
 
 PanopticTrainingConfig short_panoptic_config() {
   PanopticTrainingConfig config;
-  config.iterations = 900;
+  config.iterations = 600;
   config.sampling.pixels = 8192;
   config.rate.semantic_feature = 0.05;
   config.rate.instance_feature = 0.03;

@@ -39,9 +39,10 @@ struct GeometryConfig {
   } rate;
 
   struct Densify {
-    double from = 0.1, until = 0.6, every = 0.05;  ///< Shares of training.
-    double min_gradient = 4e-4;                    ///< Mean screen gradient of the split ones.
-    double max_growth = 0.05;                      ///< Of the count, each time.
+    /// Shares of training. Between two changes every view is drawn at least once.
+    double from = 0.1, until = 0.6, every = 0.05;
+    double min_gradient = 4e-4;  ///< Mean screen gradient of the split ones.
+    double max_growth = 0.05;    ///< Of the count, each time.
     std::int64_t max_surfels = 1'000'000;
     double min_scale_m = 0.003;     ///< Smaller surfels are not split.
     double min_opacity = 0.05;      ///< Fainter surfels go.

@@ -24,6 +24,7 @@ struct PixelSamplingConfig {
   int pixels = 16384;             ///< Of one image an iteration (ours; PR++: 10 x 1000).
   double stuff_share = 0.5;       ///< Drawn from pixels of stuff classes (PR++).
   double instance_share = 0.2;    ///< Drawn from pixels with an instance (PR++).
+  double even_share = 0.0;  ///< Of these: as many pixels of each mask (ours).
   int max_surfels_per_pixel = 0;  ///< The heaviest; 0 = all.
   double min_depth_m = 0.3;       ///< Nearer pixels are not used (PR++).
   double min_alpha = 0.5;         ///< Pixels that the surfels cover less are not used (ours).

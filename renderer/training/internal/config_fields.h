@@ -96,6 +96,7 @@ void visit_panoptic(PanopticTrainingConfig& p, Visitor& v) {
   v.integer("pixels", p.sampling.pixels, 1, 100'000'000);
   v.number("stuff_share", p.sampling.stuff_share, 0.0, 1.0);
   v.number("instance_share", p.sampling.instance_share, 0.0, 1.0);
+  v.number("even_share", p.sampling.even_share, 0.0, 1.0);
   v.integer("max_surfels_per_pixel", p.sampling.max_surfels_per_pixel, 0, 100'000);
   v.number("min_depth_m", p.sampling.min_depth_m, 0.0, kNoLimit);
   v.number("min_alpha", p.sampling.min_alpha, 0.0, 1.0);

@@ -4,9 +4,10 @@
 /// cuda` does, without the libraries that a recording needs.
 ///
 ///     train_pack PACK [--geometry 7000] [--labels 15000] [--head query] [--max-surfels N]
-///                [--masks PACK2]... [--sh 2] [--fixed-order]
+///                [--masks PACK2]... [--sh 2] [--fixed-order] [--start IN.ply] [--out OUT.ply]
 ///
-/// --masks trains the labels once more with the masks of another pack of the same views.
+/// --start takes other surfels than the pack's, --out keeps the trained ones; --masks trains
+/// the labels once more with the masks of another pack of the same views.
 
 #include <chrono>
 #include <cstdio>
@@ -19,6 +20,7 @@
 #include "core/error.h"
 #include "experiments/training_evaluation.h"
 #include "renderer/cuda/cuda_renderer.h"
+#include "renderer/ply_io.h"
 #include "renderer/training/cuda/cuda_rasterizer.h"
 #include "renderer/training/geometry_training.h"
 #include "renderer/training/panoptic_training.h"
@@ -43,7 +45,7 @@ double seconds_since(Clock::time_point start) {
 }
 
 struct Flags {
-  std::string pack, head = "query";
+  std::string pack, head = "query", start, out;
   std::vector<std::string> masks;
   renderer::GeometryConfig geometry;
   std::int64_t label_iterations = 15000;
@@ -71,6 +73,10 @@ Flags parse(int argc, char** argv) {
       flags.geometry.sh_degree = std::stoi(value());
     } else if (word == "--masks") {
       flags.masks.push_back(value());
+    } else if (word == "--start") {
+      flags.start = value();
+    } else if (word == "--out") {
+      flags.out = value();
     } else if (word == "--fixed-order") {
       flags.fixed_order = true;
     } else if (flags.pack.empty() && word.rfind("--", 0) != 0) {
@@ -158,6 +164,7 @@ void train_labels(const renderer::TrainingSet& set,
 void run(const Flags& flags) {
   const Clock::time_point start = Clock::now();
   renderer::TrainingPack pack = renderer::read_training_pack(flags.pack);
+  if (!flags.start.empty()) pack.start = renderer::read_surfels_ply(flags.start);
   std::printf("%zu training views, %zu held out, %zu surfels, read in %.1f s\n",
               pack.set.training.size(), pack.set.held_out.size(), pack.start.size(),
               seconds_since(start));
@@ -167,6 +174,7 @@ void run(const Flags& flags) {
                 nullptr, 4);
   const auto surfels =
       std::make_shared<const renderer::SurfelCloud>(train_geometry(pack, flags, device));
+  if (!flags.out.empty()) renderer::write_surfels_ply(flags.out, *surfels);
   print_quality("trained", pack.set, surfels, nullptr, 4);
   if (flags.label_iterations <= 0) return;
   train_labels(pack.set, surfels, flags, device);

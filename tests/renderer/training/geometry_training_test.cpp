@@ -107,7 +107,8 @@ TEST(GeometryTraining, ImprovesViewsItHasNotSeen) {
 }
 
 TEST(GeometryTraining, SplitsWithinTheBudget) {
-  const SmallRoom room;
+  SmallRoom room;
+  room.config_.densify.max_growth = 0.1;
   const auto trainer = room.make(2);
   std::int64_t surfels = 0, most = 0;
   while (trainer->iteration() < room.config_.iterations) {
