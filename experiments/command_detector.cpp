@@ -132,6 +132,8 @@ void add_detector_command(CLI::App& app) {
   add_pretrain(*detector);
   add_finetune(*detector);
   add_evaluate(*detector);
+  add_detector_import(*detector);
+  add_detector_forward(*detector);
 }
 
 }  // namespace segsim::experiments

@@ -19,6 +19,9 @@ void add_scene_command(CLI::App& app);
 void add_render_command(CLI::App& app);
 void add_label_command(CLI::App& app);
 void add_detector_command(CLI::App& app);
+/// `segsim detector import` and `segsim detector forward`, below `segsim detector`.
+void add_detector_import(CLI::App& detector);
+void add_detector_forward(CLI::App& detector);
 void add_masks_command(CLI::App& app);
 void add_bench_command(CLI::App& app);
 /// `segsim table 2`, below `segsim table`.

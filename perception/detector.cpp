@@ -8,7 +8,7 @@
 #include <opencv2/core/utility.hpp>
 
 #include "core/error.h"
-#include "perception/internal/network.h"
+#include "perception/internal/inference_network.h"
 #include "perception/internal/thread_count.h"
 #include "perception/letterbox.h"
 #include "perception/nms.h"
@@ -35,12 +35,10 @@ class LearnedDetector final : public core::Detector {
   LearnedDetector(const std::filesystem::path& file, const DetectorOptions& options)
       : options_(options) {
     DetectorWeights weights = read_weights(file);
-    class_names_ = std::move(weights.class_names);
     input_px_ = weights.input_px;
     score_threshold_ = options.score_threshold.value_or(weights.score_threshold);
-    network_ = TinyDetector(weights.width, static_cast<int>(class_names_.size()), input_px_);
-    import_tensors(*network_, weights.tensors, file.string());
-    network_->prepare_for_inference();
+    network_ = make_inference_network(weights, file.string());
+    class_names_ = std::move(weights.class_names);
     const Anchors anchors = make_anchors(input_px_, torch::kFloat32);
     const float* centres = anchors.centre_px.data_ptr<float>();
     const float* strides = anchors.stride_px.data_ptr<float>();
@@ -74,7 +72,7 @@ class LearnedDetector final : public core::Detector {
       const core::Image<core::Rgb8>& square) {
     apply_thread_count();
     const torch::InferenceMode inference;
-    const RawOutput output = network_->forward(to_tensor(square));
+    const RawOutput output = network_(to_tensor(square));
     const auto box = output.box.contiguous(), classes = output.classes.contiguous();
     const float* box_logits = box.data_ptr<float>();
     const float* class_logits = classes.data_ptr<float>();
@@ -120,7 +118,7 @@ class LearnedDetector final : public core::Detector {
   std::vector<std::string> class_names_;
   int input_px_ = 0;
   float score_threshold_ = 0.0F;
-  TinyDetector network_{nullptr};
+  InferenceNetwork network_;
   std::vector<Anchor> anchors_;
 };
 

@@ -1,8 +1,8 @@
 #pragma once
 
 /// @file
-/// The learned detector: a small anchor-free network (internal/network.h) behind
-/// core::Detector.
+/// The learned detector: a small anchor-free network (internal/network.h) or a YOLOv13
+/// (yolov13/model.h), as the weights say, behind core::Detector.
 ///
 ///     image -> letterbox (letterbox.h) -> network -> boxes per anchor -> NMS (nms.h)
 ///

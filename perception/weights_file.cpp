@@ -1,5 +1,6 @@
 #include "perception/weights_file.h"
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstring>
@@ -11,6 +12,7 @@
 #include "core/check.h"
 #include "core/error.h"
 #include "core/file_io.h"
+#include "perception/yolov13/scale.h"
 
 namespace segsim::perception {
 namespace {
@@ -40,9 +42,15 @@ std::string shape_text(const std::vector<std::int64_t>& shape) {
   return text + "]";
 }
 
+bool is_half_exactly(const std::vector<float>& values) {
+  return std::all_of(values.begin(), values.end(), [](float value) {
+    return std::isfinite(value) && from_half(to_half(value)) == value;
+  });
+}
+
 /// Appends the values as float16 or float32.
-void append_values(const NamedTensor& tensor, const std::string& place, std::string& data) {
-  const bool half = tensor.shape.size() >= 2;
+void append_values(const NamedTensor& tensor, bool half, const std::string& place,
+                   std::string& data) {
   for (const float value : tensor.values) {
     const std::uint16_t bits = to_half(value);
     if (!std::isfinite(value) || (half && !std::isfinite(from_half(bits)))) {
@@ -91,16 +99,6 @@ NamedTensor read_tensor(const Json& entry, const std::string& data, const std::s
   return tensor;
 }
 
-/// "<what> a, b, c and 4 more; "
-std::string list_some(const std::string& what, const std::vector<std::string>& names) {
-  if (names.empty()) return "";
-  std::string text = what + " ";
-  for (std::size_t i = 0; i < names.size() && i < 3; ++i)
-    text += (i == 0 ? "" : ", ") + names[i];
-  if (names.size() > 3) text += " and " + std::to_string(names.size() - 3) + " more";
-  return text + "; ";
-}
-
 void check_values(const DetectorWeights& weights, const std::string& place) {
   if (!(weights.width > 0.0 && weights.width <= 4.0)) {
     throw core::InputError::expected(place + ": width", "(0, 4]",
@@ -125,12 +123,16 @@ DetectorWeights parse(const Json& header, const std::string& data, const std::st
     if (wanted != found) throw core::InputError::expected(place + ": " + key, wanted, found);
   };
   require("schema", kSchema, header.at("schema").get<std::string>());
-  require("architecture", DetectorWeights::kArchitecture,
-          header.at("architecture").get<std::string>());
   require("data_bytes", std::to_string(header.at("data_bytes").get<std::uint64_t>()),
           std::to_string(data.size()));
   require("data_sha256", header.at("data_sha256").get<std::string>(), core::sha256_hex(data));
   DetectorWeights weights;
+  weights.architecture = header.at("architecture").get<std::string>();
+  if (yolov13::is_architecture(weights.architecture)) {
+    (void)yolov13::scale_of_architecture(weights.architecture, place);
+  } else {
+    require("architecture", DetectorWeights::kArchitecture, weights.architecture);
+  }
   weights.width = header.at("width").get<double>();
   weights.input_px = header.at("input_px").get<int>();
   weights.class_names = header.at("class_names").get<std::vector<std::string>>();
@@ -144,6 +146,15 @@ DetectorWeights parse(const Json& header, const std::string& data, const std::st
 }
 
 }  // namespace
+
+std::string list_some(const std::string& what, const std::vector<std::string>& names) {
+  if (names.empty()) return "";
+  std::string text = what + " ";
+  for (std::size_t i = 0; i < names.size() && i < 3; ++i)
+    text += (i == 0 ? "" : ", ") + names[i];
+  if (names.size() > 3) text += " and " + std::to_string(names.size() - 3) + " more";
+  return text + "; ";
+}
 
 std::uint16_t to_half(float value) {
   const auto bits = std::bit_cast<std::uint32_t>(value);
@@ -177,17 +188,20 @@ void write_weights(const std::filesystem::path& file, const DetectorWeights& wei
   check_values(weights, file.string());
   std::string data;
   Json tensors = Json::array();
+  const bool lossless = weights.architecture != DetectorWeights::kArchitecture;
   for (const NamedTensor& tensor : weights.tensors) {
     SEGSIM_CHECK(count_of(tensor.shape) == static_cast<std::int64_t>(tensor.values.size()),
                  tensor.name);
+    const bool half =
+        tensor.shape.size() >= 2 && (!lossless || is_half_exactly(tensor.values));
     tensors.push_back({{"name", tensor.name},
                        {"shape", tensor.shape},
-                       {"type", tensor.shape.size() >= 2 ? "float16" : "float32"},
+                       {"type", half ? "float16" : "float32"},
                        {"offset", data.size()}});
-    append_values(tensor, file.string(), data);
+    append_values(tensor, half, file.string(), data);
   }
   const Json header = {{"schema", kSchema},
-                       {"architecture", DetectorWeights::kArchitecture},
+                       {"architecture", weights.architecture},
                        {"width", weights.width},
                        {"input_px", weights.input_px},
                        {"class_names", weights.class_names},

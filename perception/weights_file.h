@@ -11,6 +11,7 @@
 ///
 /// Tensors of two or more dimensions are stored as float16, others (biases, batch-norm
 /// statistics: few, but of wide range) as float32. A 0.45 M parameter detector takes 0.9 MB.
+/// Networks of others are stored without loss: float16 only where every value is one.
 
 #include <cstdint>
 #include <filesystem>
@@ -26,18 +27,19 @@ struct NamedTensor {
 };
 
 struct DetectorWeights {
-  static constexpr const char* kArchitecture = "csp-pan-dfl/1";
+  static constexpr const char* kArchitecture = "csp-pan-dfl/1";  ///< internal/network.h
 
-  double width = 0.5;  ///< Channel multiplier.
-  int input_px = 256;  ///< Side of the square input.
+  std::string architecture = kArchitecture;  ///< Or one of yolov13/scale.h.
+  double width = 0.5;                        ///< Channel multiplier.
+  int input_px = 256;                        ///< Side of the square input.
   std::vector<std::string> class_names;
   float score_threshold = 0.25F;
   std::string training = "{}";  ///< JSON object: recipe, seed, hashes of the data.
   std::vector<NamedTensor> tensors;
 };
 
-/// @throws core::InputError if a value does not fit float16 or is not finite, or the place
-/// cannot be written.
+/// @throws core::InputError if a value does not fit float16 where it shall be one, or is not
+/// finite, or the place cannot be written.
 void write_weights(const std::filesystem::path& file, const DetectorWeights& weights);
 
 /// @throws core::InputError if the file is truncated, altered, or of another schema.
@@ -47,6 +49,10 @@ void write_weights(const std::filesystem::path& file, const DetectorWeights& wei
 /// they do not. At most three examples of each kind.
 [[nodiscard]] std::string describe_difference(const std::vector<NamedTensor>& found,
                                               const std::vector<NamedTensor>& wanted);
+
+/// "<what> a, b, c and 4 more; ", "" for none.
+[[nodiscard]] std::string list_some(const std::string& what,
+                                    const std::vector<std::string>& names);
 
 /// IEEE 754 binary16, round to nearest even; overflow gives infinity.
 [[nodiscard]] std::uint16_t to_half(float value);

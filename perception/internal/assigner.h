@@ -20,6 +20,17 @@ namespace segsim::perception {
 
 inline constexpr int kCandidatesPerBox = 10;
 
+/// Two points that the paper leaves open.
+struct AssignerRule {
+  /// Added to the max t of a box before the division.
+  double alignment_eps = 0.0;
+  /// A contested anchor goes to the highest CIoU of all boxes around its centre, also of those
+  /// that did not take it.
+  bool all_boxes_contest = false;
+};
+/// As the trainers of the YOLO family decide them.
+inline constexpr AssignerRule kYoloRule{1e-9, true};
+
 /// One image. Boxes and centres in pixels of the network's input.
 struct AssignerInput {
   int class_count = 0;
@@ -35,6 +46,7 @@ struct Assignment {
   std::vector<std::uint8_t> class_weight;  ///< [anchors * class_count], 0 = not judged
 };
 
-[[nodiscard]] Assignment assign_anchors(const AssignerInput& input);
+[[nodiscard]] Assignment assign_anchors(const AssignerInput& input,
+                                        const AssignerRule& rule = {});
 
 }  // namespace segsim::perception

@@ -2,7 +2,6 @@
 
 #include <numbers>
 
-#include "perception/internal/assigner.h"
 #include "perception/internal/ciou.h"
 
 namespace segsim::perception {
@@ -19,7 +18,8 @@ struct Targets {
 };
 
 Targets make_targets(const RawOutput& output, const Anchors& anchors,
-                     const std::vector<std::vector<LabeledBox>>& truth) {
+                     const std::vector<std::vector<LabeledBox>>& truth,
+                     const AssignerRule& rule) {
   torch::NoGradGuard no_grad;
   const auto scores = output.classes.sigmoid().to(torch::kCPU).contiguous();
   const auto boxes = decode_boxes(output.box, anchors).to(torch::kCPU).contiguous();
@@ -39,7 +39,8 @@ Targets make_targets(const RawOutput& output, const Anchors& anchors,
     const Assignment assigned =
         assign_anchors({static_cast<int>(classes), span_of(centres, 0, count * 2),
                         span_of(scores, image * count * classes, count * classes),
-                        span_of(boxes, image * count * 4, count * 4), objects});
+                        span_of(boxes, image * count * 4, count * 4), objects},
+                       rule);
     float* weight_out = class_weight.data_ptr<float>() + image * count * classes;
     for (std::size_t i = 0; i < assigned.class_weight.size(); ++i) {
       weight_out[i] = static_cast<float>(assigned.class_weight[i]);
@@ -99,8 +100,9 @@ torch::Tensor bin_loss_rows(const torch::Tensor& logits, const torch::Tensor& di
 }
 
 LossParts detection_loss(const RawOutput& output, const Anchors& anchors,
-                         const std::vector<std::vector<LabeledBox>>& truth) {
-  const Targets targets = make_targets(output, anchors, truth);
+                         const std::vector<std::vector<LabeledBox>>& truth,
+                         const AssignerRule& rule) {
+  const Targets targets = make_targets(output, anchors, truth, rule);
   const double divisor = std::max(targets.score_sum, 1.0);
 
   // max(x, 0) - x y + log(1 + e^-|x|), summed over the entries that are judged.

@@ -4,6 +4,7 @@
 
 #include <vector>
 
+#include "perception/internal/assigner.h"
 #include "perception/internal/network.h"
 #include "perception/labeled_box.h"
 
@@ -34,6 +35,7 @@ struct LossParts {
 /// Loss of one batch (assigner.h makes the targets from the present predictions).
 /// @param truth  Per image, boxes in pixels of the input square.
 [[nodiscard]] LossParts detection_loss(const RawOutput& output, const Anchors& anchors,
-                                       const std::vector<std::vector<LabeledBox>>& truth);
+                                       const std::vector<std::vector<LabeledBox>>& truth,
+                                       const AssignerRule& rule = {});
 
 }  // namespace segsim::perception

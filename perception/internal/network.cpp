@@ -14,18 +14,6 @@ int scaled_channels(int channels, double width) {
   return 8 * std::max(1, static_cast<int>(std::ceil(channels * width / 8.0 - 1e-9)));
 }
 
-torch::Tensor upsample2(const torch::Tensor& x) {
-  namespace F = torch::nn::functional;
-  return F::interpolate(x, F::InterpolateFuncOptions()
-                               .size(std::vector<int64_t>{2 * x.size(2), 2 * x.size(3)})
-                               .mode(torch::kNearest));
-}
-
-/// [batch, channels, h, w] -> [batch, h * w, channels]
-torch::Tensor rows_of_anchors(const torch::Tensor& map) {
-  return map.flatten(2).transpose(1, 2);
-}
-
 }  // namespace
 
 ConvBlockImpl::ConvBlockImpl(int in, int out, int kernel, int stride) {
@@ -46,10 +34,7 @@ torch::Tensor ConvBlockImpl::forward(const torch::Tensor& x) {
 }
 
 void ConvBlockImpl::fold() {
-  torch::NoGradGuard no_grad;
-  const auto gain = norm_->weight / torch::sqrt(norm_->running_var + norm_->options.eps());
-  folded_weight_ = (conv_->weight * gain.view({-1, 1, 1, 1})).contiguous();
-  folded_bias_ = (norm_->bias - norm_->running_mean * gain).contiguous();
+  std::tie(folded_weight_, folded_bias_) = fold_norm(conv_->weight, norm_);
 }
 
 CspBlockImpl::CspBlockImpl(int in, int out, bool shortcut) : shortcut_(shortcut) {
@@ -144,13 +129,7 @@ void TinyDetectorImpl::initialize(std::uint64_t seed) {
     auto value = item.value();
     if (value.dim() < 2) continue;  // Batch norms start at 1 and 0, as constructed.
     const double bound = 1.0 / std::sqrt(static_cast<double>(value[0].numel()));
-    core::RandomStream random(seed, "init/" + item.key());
-    auto numbers = torch::empty(value.sizes(), torch::kFloat32);
-    float* out = numbers.data_ptr<float>();
-    for (int64_t i = 0; i < numbers.numel(); ++i) {
-      out[i] = static_cast<float>(random.uniform(-bound, bound));
-    }
-    value.copy_(numbers);
+    fill_uniform(value, bound, seed, item.key());
   }
   // Every anchor begins with a low score: five objects per 640 px image, spread over all
   // anchors.
@@ -162,12 +141,46 @@ void TinyDetectorImpl::initialize(std::uint64_t seed) {
   }
 }
 
+torch::Tensor rows_of_anchors(const torch::Tensor& map) {
+  return map.flatten(2).transpose(1, 2);
+}
+
+torch::Tensor upsample2(const torch::Tensor& x) {
+  namespace F = torch::nn::functional;
+  return F::interpolate(x, F::InterpolateFuncOptions()
+                               .size(std::vector<int64_t>{2 * x.size(2), 2 * x.size(3)})
+                               .mode(torch::kNearest));
+}
+
+std::pair<torch::Tensor, torch::Tensor> fold_norm(const torch::Tensor& weight,
+                                                  const torch::nn::BatchNorm2d& norm) {
+  const torch::NoGradGuard no_grad;
+  const auto gain = norm->weight / torch::sqrt(norm->running_var + norm->options.eps());
+  return {(weight * gain.view({-1, 1, 1, 1})).contiguous(),
+          (norm->bias - norm->running_mean * gain).contiguous()};
+}
+
+void fill_uniform(torch::Tensor value, double bound, std::uint64_t seed,
+                  const std::string& name) {
+  const torch::NoGradGuard no_grad;
+  core::RandomStream random(seed, "init/" + name);
+  auto numbers = torch::empty(value.sizes(), torch::kFloat32);
+  float* out = numbers.data_ptr<float>();
+  for (int64_t i = 0; i < numbers.numel(); ++i) {
+    out[i] = static_cast<float>(random.uniform(-bound, bound));
+  }
+  value.copy_(numbers);
+}
+
 Anchors make_anchors(int input_px, const torch::TensorOptions& options) {
+  return make_anchors(input_px, input_px, options);
+}
+
+Anchors make_anchors(int height_px, int width_px, const torch::TensorOptions& options) {
   std::vector<float> centres, strides;
   for (const int stride : kStrides) {
-    const int cells = input_px / stride;
-    for (int y = 0; y < cells; ++y) {
-      for (int x = 0; x < cells; ++x) {
+    for (int y = 0; y < height_px / stride; ++y) {
+      for (int x = 0; x < width_px / stride; ++x) {
         centres.push_back((static_cast<float>(x) + 0.5F) * static_cast<float>(stride));
         centres.push_back((static_cast<float>(y) + 0.5F) * static_cast<float>(stride));
         strides.push_back(static_cast<float>(stride));

@@ -18,6 +18,7 @@
 #include <torch/torch.h>
 
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "perception/weights_file.h"
@@ -96,10 +97,27 @@ class TinyDetectorImpl : public torch::nn::Module {
 };
 TORCH_MODULE(TinyDetector);
 
+/// [batch, channels, h, w] -> [batch, h * w, channels]
+[[nodiscard]] torch::Tensor rows_of_anchors(const torch::Tensor& map);
+
+/// Nearest neighbour, twice the sides.
+[[nodiscard]] torch::Tensor upsample2(const torch::Tensor& x);
+
+/// Weight and bias of the convolution that does the work of both: for inference only.
+[[nodiscard]] std::pair<torch::Tensor, torch::Tensor> fold_norm(
+    const torch::Tensor& weight, const torch::nn::BatchNorm2d& norm);
+
+/// Uniform in [-bound, bound), keyed by seed and name.
+void fill_uniform(torch::Tensor value, double bound, std::uint64_t seed,
+                  const std::string& name);
+
 /// Anchor centres [anchors, 2] in pixels and strides [anchors, 1], in RawOutput's order.
 struct Anchors {
   torch::Tensor centre_px, stride_px;
 };
+[[nodiscard]] Anchors make_anchors(int height_px, int width_px,
+                                   const torch::TensorOptions& options);
+/// Of a square.
 [[nodiscard]] Anchors make_anchors(int input_px, const torch::TensorOptions& options);
 
 /// Corners (x0, y0, x1, y1) in pixels. @param box_logits  [..., anchors, 4 * kRegBins].

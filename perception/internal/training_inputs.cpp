@@ -77,6 +77,12 @@ TrainingInputs read_training_inputs(const TrainOptions& options) {
   in.class_names = options.class_names;
   if (!options.initial_weights.empty()) {
     in.initial = read_weights(options.initial_weights);
+    if (in.initial->architecture != DetectorWeights::kArchitecture) {
+      throw core::InputError::expected(options.initial_weights.string() + ": architecture",
+                                       std::string("one that training knows: ") +
+                                           DetectorWeights::kArchitecture,
+                                       in.initial->architecture);
+    }
     in.width = in.initial->width;
     in.input_px = in.initial->input_px;
     if (in.class_names.empty()) in.class_names = in.initial->class_names;

@@ -7,6 +7,8 @@
 #include "perception/detector.h"
 #include "perception/image_file.h"
 #include "perception/training.h"
+#include "perception/yolov13/coco_names.h"
+#include "perception/yolov13/model.h"
 
 // One camera image of 640 x 480 -> detections, on one thread. The weights come from one
 // training step: speed does not depend on how good they are.
@@ -56,6 +58,28 @@ BENCHMARK(detect)
     ->Args({256, 50})
     ->Args({256, 100})
     ->Unit(benchmark::kMillisecond);
+
+/// The same with a YOLOv13-n of 80 classes and random weights.
+void yolov13_n(benchmark::State& state) {
+  const auto file = std::filesystem::temp_directory_path() / "segsim_yolov13_bench.weights";
+  const yolov13::Model model(yolov13::Scale::kN, 80);
+  DetectorWeights weights;
+  weights.architecture = yolov13::architecture_of(model.scale());
+  weights.width = yolov13::table_of(model.scale()).width;
+  weights.input_px = static_cast<int>(state.range(0));
+  weights.class_names = yolov13::coco_names();
+  weights.tensors = model.tensors();
+  write_weights(file, weights);
+  const auto detector = load_detector(file);
+  const auto image = noise_image();
+  core::Observation observation;
+  observation.rgb = &image;
+  (void)detector->detect(observation);
+  for (auto _ : state) benchmark::DoNotOptimize(detector->detect(observation));
+  std::filesystem::remove(file);
+}
+BENCHMARK(yolov13_n)->Name("yolov13")->Arg(64)->Arg(320)->Arg(416)->Arg(640)->Unit(
+    benchmark::kMillisecond);
 
 }  // namespace
 }  // namespace segsim::perception

@@ -1,0 +1,29 @@
+#include "perception/internal/inference_network.h"
+
+#include "perception/yolov13/internal/network.h"
+#include "perception/yolov13/scale.h"
+
+namespace segsim::perception {
+namespace {
+
+template <class Network>
+InferenceNetwork prepare(Network network, const DetectorWeights& weights,
+                         const std::string& place) {
+  import_tensors(*network, weights.tensors, place);
+  network->prepare_for_inference();
+  return [network](const torch::Tensor& x) mutable { return network->forward(x); };
+}
+
+}  // namespace
+
+InferenceNetwork make_inference_network(const DetectorWeights& weights,
+                                        const std::string& place) {
+  const int class_count = static_cast<int>(weights.class_names.size());
+  if (!yolov13::is_architecture(weights.architecture)) {
+    return prepare(TinyDetector(weights.width, class_count, weights.input_px), weights, place);
+  }
+  const auto scale = yolov13::scale_of_architecture(weights.architecture, place);
+  return prepare(yolov13::Network(scale, class_count), weights, place);
+}
+
+}  // namespace segsim::perception

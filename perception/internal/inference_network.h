@@ -1,0 +1,19 @@
+#pragma once
+
+#include <functional>
+#include <string>
+
+#include "perception/internal/network.h"
+#include "perception/weights_file.h"
+
+namespace segsim::perception {
+
+/// Forward pass of one network in inference mode: [batch, 3, h, w] -> logits of all anchors.
+using InferenceNetwork = std::function<RawOutput(const torch::Tensor&)>;
+
+/// The network that the weights are for, with their tensors.
+/// @throws core::InputError that starts with `place` if they do not fit.
+[[nodiscard]] InferenceNetwork make_inference_network(const DetectorWeights& weights,
+                                                      const std::string& place);
+
+}  // namespace segsim::perception

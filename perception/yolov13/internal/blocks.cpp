@@ -1,0 +1,165 @@
+#include "perception/yolov13/internal/blocks.h"
+
+#include <string>
+
+#include "core/check.h"
+#include "perception/internal/network.h"
+
+namespace segsim::perception::yolov13 {
+namespace {
+
+thread_local std::int64_t* counted_macs = nullptr;
+
+constexpr double kNormEps = 1e-3;
+/// Of the second convolution of a bottleneck wherever YOLOv13 uses one.
+constexpr int kWideKernel = 7;
+
+torch::nn::Conv2d make_conv(int in, int out, int kernel, int stride, int groups) {
+  return torch::nn::Conv2d(torch::nn::Conv2dOptions(in, out, kernel)
+                               .stride(stride)
+                               .padding(kernel / 2)
+                               .groups(groups)
+                               .bias(false));
+}
+
+torch::nn::BatchNorm2d make_norm(int channels) {
+  return torch::nn::BatchNorm2d(
+      torch::nn::BatchNorm2dOptions(channels).eps(kNormEps).momentum(kNormMomentum));
+}
+
+/// Convolution with the layer's geometry but given weight and bias.
+torch::Tensor convolve(const torch::Tensor& x, const torch::nn::Conv2d& like,
+                       const torch::Tensor& weight, const torch::Tensor& bias) {
+  const auto stride = like->options.stride();
+  const int64_t padding = weight.size(2) / 2, groups = like->options.groups();
+  // On one thread libtorch gives 1 x 1 convolutions to the BLAS library. Where that does not
+  // know the processor (OpenBLAS 0.3.21 takes its SSE3 kernels on Emerald Rapids) it took
+  // nearly half of a frame; oneDNN has its own code for all.
+  auto y = runs_on_onednn(x)
+               ? at::mkldnn_convolution(x.contiguous(), weight, bias, {padding, padding},
+                                        stride, {1, 1}, groups)
+               : torch::conv2d(x, weight, bias, stride, padding, 1, groups);
+  MacCounter::add(y.numel() * weight[0].numel());
+  return y;
+}
+
+}  // namespace
+
+MacCounter::MacCounter() {
+  SEGSIM_CHECK(counted_macs == nullptr, "another counter lives in this thread");
+  counted_macs = &macs_;
+}
+
+MacCounter::~MacCounter() { counted_macs = nullptr; }
+
+bool runs_on_onednn(const torch::Tensor& x) {
+  return x.is_cpu() && x.scalar_type() == torch::kFloat32 && !torch::GradMode::is_enabled() &&
+         at::globalContext().hasMKLDNN();
+}
+
+void MacCounter::add(std::int64_t macs) {
+  if (counted_macs != nullptr) *counted_macs += macs;
+}
+
+Chain::Chain(std::vector<std::shared_ptr<Block>> blocks) : blocks_(std::move(blocks)) {
+  for (std::size_t i = 0; i < blocks_.size(); ++i) {
+    register_module(std::to_string(i), blocks_[i]);
+  }
+}
+
+torch::Tensor Chain::forward(const torch::Tensor& x) {
+  torch::Tensor y = x;
+  for (const auto& block : blocks_) y = block->forward(y);
+  return y;
+}
+
+Conv::Conv(int in, int out, int kernel, int stride, int groups, bool activate)
+    : activate_(activate) {
+  conv_ = register_module("conv", make_conv(in, out, kernel, stride, groups));
+  norm_ = register_module("bn", make_norm(out));
+}
+
+torch::Tensor Conv::forward(const torch::Tensor& x) {
+  const bool folded = folded_weight_.defined();
+  auto y = folded ? convolve(x, conv_, folded_weight_, folded_bias_)
+                  : norm_(convolve(x, conv_, conv_->weight, {}));
+  if (!activate_) return y;
+  return folded ? torch::silu_(y) : torch::silu(y);
+}
+
+void Conv::fold() { std::tie(folded_weight_, folded_bias_) = fold_norm(conv_->weight, norm_); }
+
+DsConv::DsConv(int in, int out, int kernel, int stride) {
+  depthwise_ = register_module("dw", make_conv(in, in, kernel, stride, in));
+  pointwise_ = register_module("pw", make_conv(in, out, 1, 1, 1));
+  norm_ = register_module("bn", make_norm(out));
+}
+
+torch::Tensor DsConv::forward(const torch::Tensor& x) {
+  const auto between = convolve(x, depthwise_, depthwise_->weight, {});
+  if (!folded_weight_.defined()) {
+    return torch::silu(norm_(convolve(between, pointwise_, pointwise_->weight, {})));
+  }
+  auto y = convolve(between, pointwise_, folded_weight_, folded_bias_);
+  return torch::silu_(y);
+}
+
+void DsConv::fold() {
+  std::tie(folded_weight_, folded_bias_) = fold_norm(pointwise_->weight, norm_);
+}
+
+OutputConv::OutputConv(int in, int out) {
+  weight_ = register_parameter("weight", torch::zeros({out, in, 1, 1}));
+  bias_ = register_parameter("bias", torch::zeros({out}));
+}
+
+torch::Tensor OutputConv::forward(const torch::Tensor& x) {
+  auto y = torch::conv2d(x, weight_, bias_);
+  MacCounter::add(y.numel() * weight_.size(1));
+  return y;
+}
+
+DsBottleneck::DsBottleneck(int channels, int kernel) {
+  first_ = register_module("cv1", std::make_shared<DsConv>(channels, channels, 3));
+  second_ = register_module("cv2", std::make_shared<DsConv>(channels, channels, kernel));
+}
+
+torch::Tensor DsBottleneck::forward(const torch::Tensor& x) {
+  return x + second_->forward(first_->forward(x));
+}
+
+DsC3k::DsC3k(int channels, int hidden) {
+  cv1_ = register_module("cv1", std::make_shared<Conv>(channels, hidden, 1));
+  cv2_ = register_module("cv2", std::make_shared<Conv>(channels, hidden, 1));
+  cv3_ = register_module("cv3", std::make_shared<Conv>(2 * hidden, channels, 1));
+  std::vector<std::shared_ptr<Block>> two;
+  for (int i = 0; i < 2; ++i)
+    two.push_back(std::make_shared<DsBottleneck>(hidden, kWideKernel));
+  inner_ = register_module("m", std::make_shared<Chain>(std::move(two)));
+}
+
+torch::Tensor DsC3k::forward(const torch::Tensor& x) {
+  return cv3_->forward(torch::cat({inner_->forward(cv1_->forward(x)), cv2_->forward(x)}, 1));
+}
+
+DsC3k2::DsC3k2(int in, int out, int repeats, bool deep, double expansion) {
+  const int channels = static_cast<int>(out * expansion);
+  cv1_ = register_module("cv1", std::make_shared<Conv>(in, 2 * channels, 1));
+  cv2_ = register_module("cv2", std::make_shared<Conv>((2 + repeats) * channels, out, 1));
+  for (int i = 0; i < repeats; ++i) {
+    if (deep) {
+      inner_.push_back(std::make_shared<DsC3k>(channels, channels));
+    } else {
+      inner_.push_back(std::make_shared<DsBottleneck>(channels, kWideKernel));
+    }
+  }
+  register_list(*this, "m", inner_);
+}
+
+torch::Tensor DsC3k2::forward(const torch::Tensor& x) {
+  std::vector<torch::Tensor> parts = cv1_->forward(x).chunk(2, 1);
+  for (const auto& block : inner_) parts.push_back(block->forward(parts.back()));
+  return cv2_->forward(torch::cat(parts, 1));
+}
+
+}  // namespace segsim::perception::yolov13
