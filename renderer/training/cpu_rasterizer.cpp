@@ -10,6 +10,7 @@
 #include "renderer/training/differentiable_rasterizer.h"
 #include "renderer/training/internal/pair_order.h"
 #include "renderer/training/internal/pixel_weights.h"
+#include "renderer/training/internal/rasterizer_checks.h"
 #include "renderer/training/internal/tile_images.h"
 #include "renderer/training/internal/training_tile.h"
 #include "renderer/training/internal/view_surfels.h"
@@ -23,20 +24,6 @@ constexpr std::size_t kSurfelsPerTask = 1024;
 constexpr std::size_t kCells = internal::kCellsAcross * internal::kCellsAcross;
 
 template <class Real>
-void check_surfels(const SurfelParameters<Real>& s) {
-  SEGSIM_CHECK(s.count >= 0 && s.count < (std::int64_t{1} << 31U),
-               std::to_string(s.count) + " surfels");
-  SEGSIM_CHECK(
-      0 <= s.active_sh_degree && s.active_sh_degree <= s.sh_degree && s.sh_degree <= 3,
-      "SH degree " + std::to_string(s.active_sh_degree) + " of " +
-          std::to_string(s.sh_degree));
-  SEGSIM_CHECK(
-      s.count == 0 || (s.position_m != nullptr && s.log_scale != nullptr &&
-                       s.rotation != nullptr && s.opacity_logit != nullptr && s.sh != nullptr),
-      "a surfel array is null");
-}
-
-template <class Real>
 class CpuRasterizer final : public DifferentiableRasterizer<Real> {
  public:
   explicit CpuRasterizer(const DifferentiableRasterizerOptions& options)
@@ -45,17 +32,7 @@ class CpuRasterizer final : public DifferentiableRasterizer<Real> {
   void forward(const SurfelParameters<Real>& surfels, const core::CameraIntrinsics& camera,
                const core::CameraPose& T_world_camera, const TrainingImages<Real>& images,
                Real* max_weight) override {
-    internal::check_intrinsics(camera);
-    check_surfels(surfels);
-    SEGSIM_CHECK(images.width_px == camera.width_px && images.height_px == camera.height_px,
-                 "images of " + std::to_string(images.width_px) + " x " +
-                     std::to_string(images.height_px) + " for a camera of " +
-                     std::to_string(camera.width_px) + " x " +
-                     std::to_string(camera.height_px));
-    SEGSIM_CHECK(images.rgb != nullptr && images.depth_m != nullptr &&
-                     images.alpha != nullptr && images.normal != nullptr &&
-                     images.median_m != nullptr,
-                 "an image is null");
+    internal::check_view(surfels, camera, images);
     camera_ = {internal::projection_camera<double>(T_world_camera, camera),
                internal::projection_camera<float>(T_world_camera, camera), camera.width_px,
                camera.height_px};
@@ -81,18 +58,8 @@ class CpuRasterizer final : public DifferentiableRasterizer<Real> {
 
   void backward(const SurfelParameters<Real>& surfels, const TrainingImages<const Real>& loss,
                 const SurfelGradients<Real>& gradients) override {
-    check_drawn();
-    check_surfels(surfels);
-    SEGSIM_CHECK(surfels.count == surfel_count_, std::to_string(surfels.count) +
-                                                     " surfels, forward had " +
-                                                     std::to_string(surfel_count_));
-    SEGSIM_CHECK(loss.width_px == camera_.width_px && loss.height_px == camera_.height_px,
-                 "derivatives of another size than the images");
-    SEGSIM_CHECK(surfels.count == 0 ||
-                     (gradients.position_m != nullptr && gradients.log_scale != nullptr &&
-                      gradients.rotation != nullptr && gradients.opacity_logit != nullptr &&
-                      gradients.sh != nullptr),
-                 "a gradient array is null");
+    internal::check_derivatives(surfels, loss, gradients, surfel_count_, camera_.width_px,
+                                camera_.height_px);
     number_pairs();
     workers_.for_each(bins_.tile_count(), [&](std::size_t tile) {
       if (first_pair_[tile + 1] == first_pair_[tile]) return;
