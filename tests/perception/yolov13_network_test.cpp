@@ -52,6 +52,8 @@ TEST(Yolov13Network, EveryParameterIsTrained) {
     Network network(scale, 3);
     network->initialize(1);
     network->train();
+    // With open gates derivatives of this start reach 1e20 and more: a float may overflow.
+    network->to(torch::kFloat64);
     {
       // Closed gates hide the hyperedges from the loss.
       const torch::NoGradGuard no_grad;
@@ -60,7 +62,7 @@ TEST(Yolov13Network, EveryParameterIsTrained) {
       }
     }
     torch::manual_seed(1);
-    const RawOutput raw = network->forward(torch::rand({2, 3, 64, 64}));
+    const RawOutput raw = network->forward(torch::rand({2, 3, 64, 64}, torch::kFloat64));
     (raw.box.square().sum() + raw.classes.square().sum()).backward();
     for (const auto& item : network->named_parameters()) {
       const bool constant = item.key() == "model.32.dfl.conv.weight";
@@ -69,8 +71,7 @@ TEST(Yolov13Network, EveryParameterIsTrained) {
       EXPECT_EQ(item.value().requires_grad(), !constant) << item.key();
       if (constant || without_effect) continue;
       ASSERT_TRUE(item.value().grad().defined()) << item.key();
-      // Reached, whatever the value: derivatives of this start can exceed a float.
-      EXPECT_TRUE(item.value().grad().ne(0).any().item<bool>()) << item.key();
+      EXPECT_GT(item.value().grad().abs().sum().item<double>(), 0.0) << item.key();
     }
   }
 }
