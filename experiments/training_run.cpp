@@ -248,7 +248,7 @@ std::shared_ptr<const renderer::PanopticField> TrainingRun::train_head(TrainedSc
   inputs.classes = set_.classes;
   inputs.frames = views->count();
   inputs.cuda_device = renderer::trains_on_gpu(options_.device) ? 0 : -1;
-  inputs.query_seed_m = renderer::seed_queries(*views, config, options_.seed);
+  inputs.query_seeds = renderer::seed_queries(*views, config, options_.seed);
   const auto head =
       renderer::make_panoptic_head(options_.head, std::move(inputs), config, options_.seed);
 

@@ -7,6 +7,7 @@
 #include "core/check.h"
 #include "core/error.h"
 #include "core/random.h"
+#include "renderer/training/mask_association.h"
 #include "renderer/training/pixel_sampling.h"
 #include "renderer/training/query_seeding.h"
 
@@ -86,8 +87,9 @@ std::vector<NamedLoss> train_once(PanopticViews& views, PanopticHead& head,
   core::RandomStream random(run.seed, "panoptic_pixels",
                             static_cast<std::uint64_t>(iteration));
   const core::FrameMasks& masks = views.masks(view);
-  const std::vector<std::int32_t> pixels =
+  const PixelSample sample =
       sample_pixels(masks, views.depth_m(view), run.classes, run.config.sampling, random);
+  const std::vector<std::int32_t>& pixels = sample.pixels;
   if (pixels.empty()) return {{"total", 0.0}};
   const SampledLabels labels(masks, pixels);
   PanopticBatch batch;
@@ -97,6 +99,7 @@ std::vector<NamedLoss> train_once(PanopticViews& views, PanopticHead& head,
   batch.semantic = labels.semantic.data();
   batch.instance = labels.instance.data();
   batch.confidence = labels.confidence.data();
+  if (run.config.sampling.by_importance) batch.importance = sample.importance.data();
   WarpedRows warped;
   if (run.warp && views.count() > 1 && !views.depth_m(view).empty()) {
     warped = warped_rows(views, view, pixels, run.config);
@@ -108,16 +111,33 @@ std::vector<NamedLoss> train_once(PanopticViews& views, PanopticHead& head,
 
 }  // namespace
 
-std::vector<glm::vec3> seed_queries(PanopticViews& views, const PanopticTrainingConfig& config,
+std::vector<QuerySeed> seed_queries(PanopticViews& views, const PanopticTrainingConfig& config,
                                     std::uint64_t seed) {
-  QuerySeeder seeder(config, seed);
+  QuerySeeder points(config, seed);
+  MaskAssociation objects(config.association);
+  const bool from_objects = config.query.seeding == QuerySeeding::kObjects;
   for (std::int64_t view = 0; view < views.count(); ++view) {
     const core::Image<float>& depth_m = views.depth_m(view);
     if (depth_m.empty()) continue;
-    seeder.add_frame(view, views.masks(view), depth_m, views.intrinsics(view),
-                     views.T_world_camera(view));
+    const core::FrameMasks& masks = views.masks(view);
+    if (from_objects) {
+      objects.add_view(masks, depth_m, views.intrinsics(view), views.T_world_camera(view));
+    } else {
+      points.add_frame(view, masks, depth_m, views.intrinsics(view),
+                       views.T_world_camera(view));
+    }
   }
-  return seeder.seeds_m();
+  std::vector<QuerySeed> seeds;
+  if (from_objects) {
+    const auto factor = static_cast<float>(config.query.object_sigma);
+    for (const AssociatedObject& object : objects.objects()) {
+      seeds.push_back({object.mean_m, factor * object.sigma_m});
+    }
+  } else {
+    const glm::vec3 sigma_m(static_cast<float>(config.query.initial_sigma_m));
+    for (const glm::vec3& point_m : points.seeds_m()) seeds.push_back({point_m, sigma_m});
+  }
+  return seeds;
 }
 
 std::int64_t train_panoptic(PanopticViews& views, PanopticHead& head,

@@ -44,8 +44,8 @@ class PanopticViews {
                                              int max_per_pixel, int slot) = 0;
 };
 
-/// Where queries begin: points of the masks of all views with depth (query_seeding.h).
-[[nodiscard]] std::vector<glm::vec3> seed_queries(PanopticViews& views,
+/// Where queries begin, by config.query.seeding, from the masks of all views with depth.
+[[nodiscard]] std::vector<QuerySeed> seed_queries(PanopticViews& views,
                                                   const PanopticTrainingConfig& config,
                                                   std::uint64_t seed);
 

@@ -15,11 +15,18 @@
 
 namespace segsim::renderer {
 
-/// Pixels y * width + x, ascending; a pixel may come twice. Fewer than config.pixels if the
-/// image has fewer to offer, none if no pixel has a depth.
+struct PixelSample {
+  std::vector<std::int32_t> pixels;  ///< y * width + x, ascending; a pixel may come twice.
+  /// [pixels], mean 1: 1 / how often a pixel like this is drawn. A mean with these weights is
+  /// one over the image, whatever was drawn more often. Without them masks that are drawn
+  /// often grow over their borders.
+  std::vector<float> importance;
+};
+
+/// Fewer than config.pixels if the image has fewer to offer, none if no pixel has a depth.
 /// @param depth_m  Empty, or of the masks' size: pixels that are not farther than min_depth_m
 ///     are never drawn, nor are those of unknown depth.
-[[nodiscard]] std::vector<std::int32_t> sample_pixels(
+[[nodiscard]] PixelSample sample_pixels(
     const core::FrameMasks& masks, const core::Image<float>& depth_m,
     std::span<const core::SceneClass> classes, const PixelSamplingConfig& config,
     core::RandomStream& random);

@@ -1,7 +1,7 @@
 # Files that need libtorch and no other library of the project's: also what a bare GPU machine
 # builds (tests/renderer/cuda_minimal). Relative to this folder.
 set(SEGSIM_LABEL_TRAINING_SOURCES
-  assignment.cpp panoptic_training.cpp pixel_sampling.cpp query_pruning.cpp query_seeding.cpp
+  assignment.cpp mask_association.cpp panoptic_training.cpp pixel_sampling.cpp query_pruning.cpp query_seeding.cpp
   heads/panoptic_head.cpp heads/panoptic_lifting.cpp heads/panoptic_splatting.cpp heads/query_head.cpp
   heads/internal/adam.cpp heads/internal/attention.cpp heads/internal/batch_targets.cpp
   heads/internal/head_support.cpp heads/internal/label_losses.cpp heads/internal/query_matching.cpp

@@ -148,18 +148,7 @@ PanopticTrainingConfig short_panoptic_config() {
   PanopticTrainingConfig config;
   config.iterations = 600;
   config.sampling.pixels = 8192;
-  config.rate.semantic_feature = 0.05;
-  config.rate.instance_feature = 0.03;
-  config.rate.decoder = 0.01;
-  config.rate.class_head = 0.004;
-  config.rate.query_feature = 0.02;
-  config.rate.query_class_feature = 0.04;
-  config.rate.query_position_m = 0.01;
-  config.rate.query_log_sigma = 0.02;
-  config.rate.query_rotation = 0.004;
-  config.query.prune_from = 0.6;
-  config.query.prune_every = 0.3;
-  config.query.min_frames = 2;
+  config.rate.scale = 3.0;
   return config;
 }
 

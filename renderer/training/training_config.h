@@ -53,9 +53,8 @@ struct GeometryConfig {
   } densify;
 };
 
-/// Head training as short as geometry's: a surfel is in view a few dozen times instead of a
-/// thousand, so its features move faster; and queries are pruned late, when every view has
-/// been seen twice.
+/// Head training for two cores: a fifth of the images and half of the pixels, so everything
+/// moves faster.
 [[nodiscard]] PanopticTrainingConfig short_panoptic_config();
 
 struct TrainingConfig {

@@ -9,6 +9,8 @@
 
 #include <cstdint>
 
+#include <glm/vec3.hpp>
+
 #include "renderer/panoptic_field.h"
 
 namespace segsim::renderer {
@@ -21,10 +23,12 @@ enum class VoidPolicy : std::uint8_t {
 
 /// Which pixels of an image are trained on. The rest of the samples is uniform.
 struct PixelSamplingConfig {
-  int pixels = 16384;             ///< Of one image an iteration (ours; PR++: 10 x 1000).
-  double stuff_share = 0.5;       ///< Drawn from pixels of stuff classes (PR++).
-  double instance_share = 0.2;    ///< Drawn from pixels with an instance (PR++).
-  double even_share = 0.0;  ///< Of these: as many pixels of each mask (ours).
+  int pixels = 16384;           ///< Of one image an iteration (ours; PR++: 10 x 1000).
+  double stuff_share = 0.5;     ///< Drawn from pixels of stuff classes (PR++).
+  double instance_share = 0.2;  ///< Drawn from pixels with an instance (PR++).
+  double even_share = 0.5;      ///< Of these: as many pixels of each mask (ours).
+  /// Pixels weigh in losses as if they had been drawn evenly over the image (ours).
+  bool by_importance = true;
   int max_surfels_per_pixel = 0;  ///< The heaviest; 0 = all.
   double min_depth_m = 0.3;       ///< Nearer pixels are not used (PR++).
   double min_alpha = 0.5;         ///< Pixels that the surfels cover less are not used (ours).
@@ -47,18 +51,44 @@ struct HeadLossConfig {
 
 /// Learning rates (Adam, betas 0.9 and 0.999).
 struct HeadRateConfig {
-  double semantic_feature = 2.5e-3;   ///< GG, identity encoding.
-  double instance_feature = 2.5e-3;   ///< GG.
-  double decoder = 5e-4;              ///< GG, classifier.
+  double semantic_feature = 0.02;     ///< Ours (GG, identity encoding: 0.0025).
+  double instance_feature = 6e-3;     ///< Ours (GG: 0.0025).
+  double decoder = 4e-3;              ///< Ours (GG, classifier: 5e-4).
   double class_head = 1e-3;           ///< PR++, instance head; also the query embedding.
   double query_feature = 5e-3;        ///< PR++.
   double query_class_feature = 1e-2;  ///< PR++.
-  double query_position_m = 0.02;     ///< PR++ 5e-3 in a scene of 4 m scaled to 1.
-  double query_log_sigma = 1e-2;      ///< PR++.
-  double query_rotation = 2e-3;       ///< PR++.
-  double final_factor = 0.1;          ///< Exponential decay to this factor (ours) ...
-  double decay_from = 0.33;           ///< ... from this share of training on.
-  double scale = 1.0;  ///< Of all rates: > 1 for runs shorter than 15 000 (ours).
+  /// Ours (PR++: 0.02 m, which is 5e-3 in a scene of 4 m scaled to 1, and 0.01): Adam moves
+  /// queries that nothing pulls at full speed, and objects are a good start.
+  double query_position_m = 5e-4, query_log_sigma = 1e-3;
+  double query_rotation = 2e-3;  ///< PR++.
+  double final_factor = 0.1;     ///< Exponential decay to this factor (ours) ...
+  double decay_from = 0.33;      ///< ... from this share of training on.
+  double scale = 1.0;            ///< Of all rates: > 1 for runs shorter than 3000 (ours).
+};
+
+/// Which masks of different views show one object (mask_association.h). All ours.
+struct AssociationConfig {
+  double voxel_m = 0.05;       ///< Surfaces are compared in voxels of this size.
+  int pixels = 20000;          ///< Of a view, on a grid.
+  double min_depth_m = 0.3;    ///< Nearer pixels are not used.
+  double min_visible = 0.3;    ///< Of a mask's voxels, in a view that has a say.
+  double min_inside = 0.5;     ///< Of those: then the mask lies in one of the view's.
+  double min_consensus = 0.4;  ///< Of the views that see two masks, to join them.
+  int min_views = 3;           ///< An object has masks in so many views, ...
+  int min_voxels = 5;          ///< ... wins so many voxels, ...
+  double min_won = 0.2;        ///< ... and this share of those that its masks cover.
+};
+
+/// Where queries begin.
+enum class QuerySeeding : std::uint8_t {
+  kObjects,  ///< At the objects that masks of several views agree on (mask_association.h).
+  kGrid,     ///< At points of the masks, thinned by a grid (PR++, query_seeding.h).
+};
+
+/// Position and standard deviation along the axes of the world that a query begins with.
+struct QuerySeed {
+  glm::vec3 position_m{0.0F}, sigma_m{0.5F};
+  bool operator==(const QuerySeed&) const = default;
 };
 
 struct QueryConfig {
@@ -70,7 +100,9 @@ struct QueryConfig {
   double min_sigma_m = 0.05, max_sigma_m = 2.0;  ///< Ours.
   double feature_noise = 0.01;  ///< Initial features N(0, this): repulsion needs it (ours).
 
-  // Seeding (PR++).
+  QuerySeeding seeding = QuerySeeding::kObjects;
+  double object_sigma = 2.0;  ///< kObjects: standard deviations of the object (ours).
+  // kGrid (PR++).
   int seeds_per_mask = 3;     ///< Pixels of every mask of every frame.
   double seed_voxel_m = 0.8;  ///< Grid in which seeds are thinned, one for every class.
   int max_queries = 150;
@@ -78,9 +110,12 @@ struct QueryConfig {
 
   // Matching (PR++).
   double class_cost = 0.5;  ///< Beside dice + bce.
-  double max_dice = 0.9;    ///< A match with a larger dice loss is none ...
+  double max_dice = 0.7;    ///< A match with a larger dice loss is none (PR++ 0.9) ...
   double gate_from = 0.2;   ///< ... from this share of training on (ours).
   int min_mask_pixels = 5;  ///< Samples of a mask that takes part (ours).
+  /// Pixels of a mask that got no query say nothing to the queries of others (ours; PR++:
+  /// they are not theirs).
+  bool ignore_unmatched = true;
   double visible_share =
       0.002;  ///< Of the samples: a query that wins less is not seen (ours).
 
@@ -103,7 +138,7 @@ struct PanopticLiftingConfig {
 };
 
 struct PanopticTrainingConfig {
-  std::int64_t iterations = 15000;  ///< Head iterations, one image each (ours).
+  std::int64_t iterations = 3000;  ///< Head iterations, one image each (ours).
   VoidPolicy void_policy = VoidPolicy::kIgnored;
   bool use_confidence = true;            ///< Scores of masks multiply pixel losses (PL).
   double max_warp_depth_error_m = 0.05;  ///< Depths agree for warping (ours, after PS).
@@ -111,6 +146,7 @@ struct PanopticTrainingConfig {
   HeadLossConfig loss;
   HeadRateConfig rate;
   QueryConfig query;
+  AssociationConfig association;
   PanopticLiftingConfig panoptic_lifting;
 };
 

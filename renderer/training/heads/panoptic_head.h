@@ -38,6 +38,8 @@ struct PanopticBatch {
   const std::uint16_t* semantic = nullptr;   ///< [pixels], host; class id, 0 = void.
   const std::uint16_t* instance = nullptr;   ///< [pixels], host; id of this frame, 0 = none.
   const float* confidence = nullptr;         ///< [pixels], host, [0, 1]; null = 1.
+  /// [pixels], host, mean 1: PixelSample::importance; null = 1.
+  const float* importance = nullptr;
 };
 
 struct NamedLoss {
@@ -59,7 +61,7 @@ struct PanopticHeadInputs {
   std::vector<glm::vec3> position_m;  ///< [surfels], world frame, frozen.
   std::vector<core::SceneClass> classes;
   /// Query heads: where queries begin (query_seeding.h).
-  std::vector<glm::vec3> query_seed_m;
+  std::vector<QuerySeed> query_seeds;
   std::int64_t frames = 1;  ///< Images in the training set.
   int cuda_device = -1;     ///< -1 = CPU.
 };

@@ -40,13 +40,11 @@ SparseScores scores_of_logits(const Tensor& logits) {
   return scores;
 }
 
-/// Mean over pixels of the confidence times -log of the target's probability, where rows of
+/// Mean over pixels of the weight times -log of the target's probability, where rows of
 /// `probability` are renormalised over the classes.
-Tensor cross_entropy(const Tensor& probability, const Tensor& target,
-                     const Tensor& confidence) {
+Tensor cross_entropy(const Tensor& probability, const Tensor& target, const Tensor& weight) {
   const Tensor normalised = probability / probability.sum(1, true).clamp_min(1e-6);
-  return negative_log_likelihood(normalised.gather(1, target.unsqueeze(1)).squeeze(1),
-                                 confidence);
+  return negative_log_likelihood(normalised.gather(1, target.unsqueeze(1)).squeeze(1), weight);
 }
 
 class PanopticLiftingHead : public PanopticHead {
@@ -79,7 +77,7 @@ class PanopticLiftingHead : public PanopticHead {
     const Tensor label = device_tensor(targets.class_index, torch::kInt64, device_)
                              .index_select(0, masks.pixels);
     LossSum sum;
-    sum.add("semantic", weights.semantic, cross_entropy(classes, label, masks.confidence));
+    sum.add("semantic", weights.semantic, cross_entropy(classes, label, masks.weight));
     if (!targets.masks.empty() && progress >= weights.segment_from) {
       add_segment_loss(sum, classes, masks);
     }
@@ -158,7 +156,7 @@ class PanopticLiftingHead : public PanopticHead {
     const Tensor mask_of = masks.one_hot.index_select(0, inside).argmax(1);
     sum.add("segment", config_.panoptic_lifting.segment,
             cross_entropy(classes.index_select(0, inside), target.index_select(0, mask_of),
-                          masks.confidence.index_select(0, inside)));
+                          masks.weight.index_select(0, inside)));
   }
 
   /// Masks take the slots that their pixels agree with most; masks beyond the slots are left
@@ -188,7 +186,7 @@ class PanopticLiftingHead : public PanopticHead {
                              .gather(1, slot.index_select(0, inside).unsqueeze(1))
                              .squeeze(1);
     sum.add("instance", config_.panoptic_lifting.instance,
-            -(log_p * masks.confidence.index_select(0, inside)).mean());
+            -(log_p * masks.weight.index_select(0, inside)).mean());
   }
 
   PanopticHeadInputs inputs_;

@@ -50,7 +50,7 @@ class QueryHead : public PanopticHead {
         decoder_weight_(linear_weight(class_count(), core::kSemanticFeatureSize, seed,
                                       "semantic_decoder", device_)),
         decoder_bias_(torch::zeros({class_count()}, decoder_weight_.value().options())),
-        queries_(inputs_.query_seed_m, static_cast<int>(classes_.things.size()), config, seed,
+        queries_(inputs_.query_seeds, static_cast<int>(classes_.things.size()), config, seed,
                  device_) {}
 
   std::vector<NamedLoss> step(const PanopticBatch& batch, std::int64_t iteration) override {
@@ -67,11 +67,16 @@ class QueryHead : public PanopticHead {
     const Rendered rendered = render(matrix);
     const std::vector<std::int64_t>& instance_pixels =
         config_.void_policy == VoidPolicy::kNegative ? targets.valid : targets.labelled;
-    const MaskTargets masks = mask_targets(targets, instance_pixels, device_);
+    const MaskTargets all_masks = mask_targets(targets, instance_pixels, device_);
     const Matching matching = match_queries(
-        rendered.masks.index_select(0, masks.pixels), rendered.class_logits, targets, masks,
-        classes_, config_.query, progress >= config_.query.gate_from);
+        rendered.masks.index_select(0, all_masks.pixels), rendered.class_logits, targets,
+        all_masks, classes_, config_.query, progress >= config_.query.gate_from);
     for (const std::int64_t query : matching.queries) queries_.count_match(query, batch.frame);
+    const MaskTargets masks =
+        config_.query.ignore_unmatched
+            ? mask_targets(targets, without_unmatched(instance_pixels, targets, matching),
+                           device_)
+            : all_masks;
 
     LossSum sum;
     const Tensor class_probability = add_semantic_loss(sum, matrix, rendered, targets);
@@ -133,11 +138,24 @@ class QueryHead : public PanopticHead {
     Tensor at = blend_channel(matrix, rendered.classes,
                               padded_indices(targets.class_index, matrix.pixels, device_));
     const Tensor labelled = device_tensor(targets.labelled, torch::kInt64, device_);
-    const Tensor confidence = device_tensor(targets.confidence, torch::kFloat32, device_);
+    const Tensor weight = device_tensor(targets.weight, torch::kFloat32, device_);
     sum.add("semantic", config_.loss.semantic,
             negative_log_likelihood(at.index_select(0, labelled),
-                                    confidence.index_select(0, labelled)));
+                                    weight.index_select(0, labelled)));
     return at;
+  }
+
+  /// Pixels but those of masks that got no query.
+  [[nodiscard]] static std::vector<std::int64_t> without_unmatched(
+      const std::vector<std::int64_t>& pixels, const BatchTargets& targets,
+      const Matching& matching) {
+    std::vector<std::int64_t> kept;
+    for (const std::int64_t pixel : pixels) {
+      const std::int64_t mask = targets.mask_index[static_cast<std::size_t>(pixel)];
+      if (mask < 0 || matching.query_of[static_cast<std::size_t>(mask)] >= 0)
+        kept.push_back(pixel);
+    }
+    return kept;
   }
 
   void add_instance_losses(LossSum& sum, const Rendered& rendered, const Matching& matching,
@@ -148,8 +166,8 @@ class QueryHead : public PanopticHead {
             .index_select(0, masks.pixels);
     const Tensor target =
         masks.one_hot.index_select(1, device_tensor(matching.masks, torch::kInt64, device_));
-    sum.add("dice", config_.loss.dice, dice_losses(mask, target).mean());
-    sum.add("bce", config_.loss.bce, bce_losses(mask, target, masks.confidence).mean());
+    sum.add("dice", config_.loss.dice, dice_losses(mask, target, masks.importance).mean());
+    sum.add("bce", config_.loss.bce, bce_losses(mask, target, masks.weight).mean());
   }
 
   /// Matched queries learn the class of their mask; unmatched ones that win pixels here learn
@@ -212,11 +230,11 @@ class QueryHead : public PanopticHead {
                                           1.0 - stuff_rows(rendered).sum(1));
     const Tensor pixels = device_tensor(used, torch::kInt64, device_);
     const Tensor stuff = device_tensor(is_stuff, torch::kFloat32, device_);
-    const Tensor confidence = device_tensor(targets.confidence, torch::kFloat32, device_);
+    const Tensor weight = device_tensor(targets.weight, torch::kFloat32, device_);
     sum.add("panoptic", config_.loss.panoptic,
             negative_log_likelihood(class_probability.index_select(0, pixels) * stuff +
                                         of_query.index_select(0, pixels),
-                                    confidence.index_select(0, pixels)));
+                                    weight.index_select(0, pixels)));
   }
 
   /// The rows below the batch's own show points of it in a neighbouring frame.

@@ -68,6 +68,8 @@ void visit_query(QueryConfig& q, Visitor& v) {
   v.number("min_sigma_m", q.min_sigma_m, 1e-6, kNoLimit);
   v.number("max_sigma_m", q.max_sigma_m, 1e-6, kNoLimit);
   v.number("feature_noise", q.feature_noise, 0.0, kNoLimit);
+  v.choice("seeding", q.seeding, {"objects", "grid"});
+  v.number("object_sigma", q.object_sigma, 1e-6, kNoLimit);
   v.integer("seeds_per_mask", q.seeds_per_mask, 1, 1'000'000);
   v.number("seed_voxel_m", q.seed_voxel_m, 1e-6, kNoLimit);
   v.integer("max_queries", q.max_queries, 1, 65534);
@@ -76,12 +78,28 @@ void visit_query(QueryConfig& q, Visitor& v) {
   v.number("max_dice", q.max_dice, 0.0, 1.0);
   v.number("gate_from", q.gate_from, 0.0, 1.0);
   v.integer("min_mask_pixels", q.min_mask_pixels, 0, 1'000'000);
+  v.flag("ignore_unmatched", q.ignore_unmatched);
   v.number("visible_share", q.visible_share, 0.0, 1.0);
   v.number("prune_from", q.prune_from, 0.0, 1.0);
   v.number("prune_every", q.prune_every, 1e-6, 1.0);
   v.integer("min_frames", q.min_frames, 1, 64);
   v.number("overlap_score", q.overlap_score, 0.0, 1.0);
   v.number("max_overlap", q.max_overlap, 0.0, 1.0);
+  v.leave();
+}
+
+template <class Visitor>
+void visit_association(AssociationConfig& a, Visitor& v) {
+  v.enter("association");
+  v.number("voxel_m", a.voxel_m, 1e-6, kNoLimit);
+  v.integer("pixels", a.pixels, 1, 100'000'000);
+  v.number("min_depth_m", a.min_depth_m, 0.0, kNoLimit);
+  v.number("min_visible", a.min_visible, 0.0, 1.0);
+  v.number("min_inside", a.min_inside, 0.0, 1.0);
+  v.number("min_consensus", a.min_consensus, 1e-9, 1.0);
+  v.integer("min_views", a.min_views, 1, 1'000'000);
+  v.integer("min_voxels", a.min_voxels, 1, 1'000'000);
+  v.number("min_won", a.min_won, 0.0, 1.0);
   v.leave();
 }
 
@@ -97,6 +115,7 @@ void visit_panoptic(PanopticTrainingConfig& p, Visitor& v) {
   v.number("stuff_share", p.sampling.stuff_share, 0.0, 1.0);
   v.number("instance_share", p.sampling.instance_share, 0.0, 1.0);
   v.number("even_share", p.sampling.even_share, 0.0, 1.0);
+  v.flag("by_importance", p.sampling.by_importance);
   v.integer("max_surfels_per_pixel", p.sampling.max_surfels_per_pixel, 0, 100'000);
   v.number("min_depth_m", p.sampling.min_depth_m, 0.0, kNoLimit);
   v.number("min_alpha", p.sampling.min_alpha, 0.0, 1.0);
@@ -129,6 +148,7 @@ void visit_panoptic(PanopticTrainingConfig& p, Visitor& v) {
   v.number("scale", p.rate.scale, 1e-9, kNoLimit);
   v.leave();
   visit_query(p.query, v);
+  visit_association(p.association, v);
   v.enter("panoptic_lifting");
   v.integer("slots", p.panoptic_lifting.slots, 1, 65534);
   v.number("semantic", p.panoptic_lifting.semantic, 0.0, kNoLimit);

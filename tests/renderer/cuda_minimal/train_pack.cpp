@@ -132,9 +132,9 @@ void train_labels(const renderer::TrainingSet& set,
   inputs.position_m = surfels->position_m;
   inputs.classes = set.classes;
   inputs.frames = views->count();
-  inputs.query_seed_m = renderer::seed_queries(*views, config, 1);
+  inputs.query_seeds = renderer::seed_queries(*views, config, 1);
   inputs.cuda_device = 0;
-  std::printf("%zu query seeds\n", inputs.query_seed_m.size());
+  std::printf("%zu query seeds\n", inputs.query_seeds.size());
   const auto head = renderer::make_panoptic_head(flags.head, std::move(inputs), config, 1);
   renderer::PanopticTrainingRun run;
   run.config = config;

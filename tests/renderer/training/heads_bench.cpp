@@ -53,7 +53,7 @@ PanopticHeadInputs inputs(int queries) {
   }
   for (std::uint16_t c = 1; c <= 10; ++c) in.classes.push_back({c, std::to_string(c), c > 1});
   for (int q = 0; q < queries; ++q) {
-    in.query_seed_m.emplace_back(random.uniform(0.0, 12.0), random.uniform(0.0, 6.0), 1.0);
+    in.query_seeds.push_back({{random.uniform(0.0, 12.0), random.uniform(0.0, 6.0), 1.0}, glm::vec3(0.5F)});
   }
   return in;
 }

@@ -22,6 +22,7 @@ using testing::tensor_of;
 using Inputs = std::vector<at::Tensor>;
 
 const at::Tensor kTwoMasks = tensor_of({1, 0, 1, 1, 0, 0, 0, 1}, {4, 2});
+const at::Tensor kEven = tensor_of({1, 1, 1, 1}, {4});
 
 TEST(LabelLosses, NegativeLogLikelihoodByHand) {
   // Half of the second pixel counts: (-log 0.5 - 0.5 log 0.25) / 2 = 1.5 log(2) ... / 2.
@@ -36,11 +37,15 @@ TEST(LabelLosses, NegativeLogLikelihoodByHand) {
 
 TEST(LabelLosses, DiceByHand) {
   const at::Tensor mask = tensor_of({1, 0.2, 1, 0.4, 0, 0.6, 0, 0.8}, {4, 2});
-  const at::Tensor dice = dice_losses(mask, kTwoMasks);
+  const at::Tensor dice = dice_losses(mask, kTwoMasks, kEven);
   EXPECT_NEAR(dice[0].item<double>(), 0.0, 1e-6);
   // 2 (0.4 + 0.8) / (2.0 + 2) = 0.6.
   EXPECT_NEAR(dice[1].item<double>(), 0.4, 1e-6);
-  EXPECT_NEAR(dice_losses(1.0 - kTwoMasks, kTwoMasks)[0].item<double>(), 1.0, 1e-6);
+  EXPECT_NEAR(dice_losses(1.0 - kTwoMasks, kTwoMasks, kEven)[0].item<double>(), 1.0, 1e-6);
+  // Two pixels drawn twice as often count half: 2 (0.4 / 2 + 0.8) / (0.2 / 2 + 0.4 / 2 + 0.6 +
+  // 0.8 + 1 / 2 + 1) = 0.625.
+  const at::Tensor often = dice_losses(mask, kTwoMasks, tensor_of({0.5, 0.5, 1, 1}, {4}));
+  EXPECT_NEAR(often[1].item<double>(), 0.375, 1e-6);
 }
 
 TEST(LabelLosses, BceByHand) {
@@ -60,22 +65,24 @@ TEST(LabelLosses, BestDiceOfTheLiteralSoftmaxIsThePapersProblem) {
   at::Tensor target = torch::zeros({1000, 1}, torch::kFloat64);
   mask.slice(0, 0, 100).fill_(inside);
   target.slice(0, 0, 100).fill_(1.0);
-  EXPECT_NEAR(dice_losses(mask, target).item<double>(), 0.914, 1e-3);
+  EXPECT_NEAR(dice_losses(mask, target, at::ones({1000}, torch::kFloat64)).item<double>(),
+              0.914, 1e-3);
   EXPECT_NEAR(-std::log(inside), 2.95, 5e-3);
 }
 
 TEST(LabelLosses, CostsOfAllPairsAreTheLossesOfEachPair) {
   const at::Tensor mask = random_tensor({40, 6}, 1, 0.0, 1.0);
   const at::Tensor target = random_tensor({40, 3}, 2).gt(0.0).to(torch::kFloat64);
-  const at::Tensor confidence = random_tensor({40}, 3, 0.0, 1.0);
-  const auto costs = mask_costs(mask, target, confidence);
+  const at::Tensor importance = random_tensor({40}, 4, 0.5, 2.0);
+  const at::Tensor weight = importance * random_tensor({40}, 3, 0.0, 1.0);
+  const auto costs = mask_costs(mask, target, importance, weight);
   for (std::int64_t q = 0; q < 6; ++q) {
     for (std::int64_t m = 0; m < 3; ++m) {
       const at::Tensor one = mask.slice(1, q, q + 1), other = target.slice(1, m, m + 1);
-      EXPECT_NEAR(costs.dice[q][m].item<double>(), dice_losses(one, other).item<double>(),
-                  1e-12);
+      EXPECT_NEAR(costs.dice[q][m].item<double>(),
+                  dice_losses(one, other, importance).item<double>(), 1e-12);
       EXPECT_NEAR(costs.bce[q][m].item<double>(),
-                  bce_losses(one, other, confidence).item<double>(), 1e-12);
+                  bce_losses(one, other, weight).item<double>(), 1e-12);
     }
   }
 }
@@ -116,7 +123,8 @@ TEST(LabelLosses, DerivativesAreThoseOfFiniteDifferences) {
   expect_derivatives(
       [&](const Inputs& x) { return negative_log_likelihood(x[0], confidence); },
       {mask.select(1, 0).contiguous()});
-  expect_derivatives([&](const Inputs& x) { return dice_losses(x[0], target).sum(); }, {mask});
+  expect_derivatives(
+      [&](const Inputs& x) { return dice_losses(x[0], target, confidence).sum(); }, {mask});
   expect_derivatives(
       [&](const Inputs& x) { return bce_losses(x[0], target, confidence).sum(); }, {mask});
   const at::Tensor classes =

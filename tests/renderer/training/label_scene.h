@@ -171,7 +171,7 @@ class LabelScene : public PanopticViews {
     config.iterations = 150;
     config.sampling.pixels = 1500;
     config.sampling.max_surfels_per_pixel = 8;
-    config.rate.scale = 8.0;
+    config.rate.scale = 6.0;
     return config;
   }
 
@@ -179,7 +179,7 @@ class LabelScene : public PanopticViews {
                                           std::uint64_t seed) {
     return {.position_m = cloud_->position_m,
             .classes = label_scene_classes(),
-            .query_seed_m = seed_queries(*this, config, seed),
+            .query_seeds = seed_queries(*this, config, seed),
             .frames = kViews};
   }
 

@@ -126,7 +126,7 @@ class PixelSampling : public ::testing::Test {
   }
   std::vector<std::int32_t> draw(const core::Image<float>& depth_m = {}) {
     core::RandomStream random(1, "pixels");
-    return sample_pixels(masks_, depth_m, classes_, config_, random);
+    return sample_pixels(masks_, depth_m, classes_, config_, random).pixels;
   }
   core::FrameMasks masks_;
   std::vector<core::SceneClass> classes_{{1, "floor", false}, {3, "chair", true}};
@@ -145,6 +145,25 @@ TEST_F(PixelSampling, SharesAreThoseAskedFor) {
   // 500 and 200, and of 300 uniform ones 60 % and 5 %.
   EXPECT_NEAR(stuff, 500 + 180, 40);
   EXPECT_NEAR(things, 200 + 15, 15);
+}
+
+TEST_F(PixelSampling, ImportanceTakesTheSharesBackOut) {
+  config_.even_share = 0.5;
+  double chair = 0.0, sum = 0.0, void_sum = 0.0;
+  for (std::uint64_t i = 0; i < 20; ++i) {
+    core::RandomStream random(i, "pixels");
+    const PixelSample sample = sample_pixels(masks_, {}, classes_, config_, random);
+    ASSERT_EQ(sample.importance.size(), sample.pixels.size());
+    for (std::size_t k = 0; k < sample.pixels.size(); ++k) {
+      const int x = sample.pixels[k] % 100;
+      sum += static_cast<double>(sample.importance[k]);
+      if (x >= 60 && x < 65) chair += static_cast<double>(sample.importance[k]);
+      if (x >= 65) void_sum += static_cast<double>(sample.importance[k]);
+    }
+  }
+  EXPECT_NEAR(sum, 20'000.0, 1.0);          // Mean 1 ...
+  EXPECT_NEAR(chair / sum, 0.05, 0.002);    // ... and areas as in the image, though 215 of
+  EXPECT_NEAR(void_sum / sum, 0.35, 0.03);  // 1000 samples are of the chair.
 }
 
 TEST_F(PixelSampling, WhatIsMissingIsDrawnAnywhere) {

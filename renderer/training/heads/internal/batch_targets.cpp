@@ -54,7 +54,11 @@ BatchTargets make_targets(const PanopticBatch& batch, const float* alpha,
   BatchTargets targets;
   targets.class_index.assign(count, -1);
   targets.mask_index.assign(count, -1);
-  targets.confidence.assign(count, 1.0F);
+  targets.importance.assign(count, 1.0F);
+  if (batch.importance != nullptr) {
+    targets.importance.assign(batch.importance, batch.importance + count);
+  }
+  targets.weight = targets.importance;
   std::map<std::uint16_t, Votes> votes;
   for (std::size_t p = 0; p < count; ++p) {
     const auto pixel = static_cast<std::int64_t>(p);
@@ -65,7 +69,7 @@ BatchTargets make_targets(const PanopticBatch& batch, const float* alpha,
     targets.class_index[p] = c;
     targets.labelled.push_back(pixel);
     if (config.use_confidence && batch.confidence != nullptr) {
-      targets.confidence[p] = batch.confidence[p];
+      targets.weight[p] *= batch.confidence[p];
     }
     if (batch.instance[p] == 0 || !classes[static_cast<std::size_t>(c)].thing) continue;
     Votes& vote = votes[batch.instance[p]];

@@ -24,10 +24,11 @@ struct TargetMask {
 struct BatchTargets {
   std::vector<std::int64_t> class_index;
   std::vector<std::int64_t> mask_index;  ///< In `masks`, or -1.
-  std::vector<float> confidence;
-  std::vector<std::int64_t> labelled;  ///< Pixels with a class, ascending.
-  std::vector<std::int64_t> valid;     ///< Pixels that are covered, ascending.
-  std::vector<TargetMask> masks;       ///< Ascending by id.
+  std::vector<float> importance;         ///< Of the sample.
+  std::vector<float> weight;             ///< Confidence of the mask times importance.
+  std::vector<std::int64_t> labelled;    ///< Pixels with a class, ascending.
+  std::vector<std::int64_t> valid;       ///< Pixels that are covered, ascending.
+  std::vector<TargetMask> masks;         ///< Ascending by id.
 };
 
 /// @param alpha  [pixels], on the host.

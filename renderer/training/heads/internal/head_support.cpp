@@ -50,15 +50,17 @@ MaskTargets mask_targets(const BatchTargets& targets, const std::vector<std::int
   const auto count = static_cast<std::int64_t>(pixels.size());
   const auto masks = static_cast<std::int64_t>(targets.masks.size());
   Tensor one_hot = torch::zeros({count, masks}, torch::TensorOptions().dtype(torch::kFloat32));
-  std::vector<float> confidence;
+  std::vector<float> importance, weight;
   for (std::int64_t i = 0; i < count; ++i) {
     const auto p = static_cast<std::size_t>(pixels[static_cast<std::size_t>(i)]);
-    confidence.push_back(targets.confidence[p]);
+    importance.push_back(targets.importance[p]);
+    weight.push_back(targets.weight[p]);
     const std::int64_t mask = targets.mask_index[p];
     if (mask >= 0) one_hot.data_ptr<float>()[i * masks + mask] = 1.0F;
   }
   return {device_tensor(pixels, torch::kInt64, device), one_hot.to(device),
-          device_tensor(confidence, torch::kFloat32, device)};
+          device_tensor(importance, torch::kFloat32, device),
+          device_tensor(weight, torch::kFloat32, device)};
 }
 
 void LossSum::add(const std::string& name, double factor, const Tensor& loss) {

@@ -35,7 +35,8 @@ struct ClassSplit {
 struct MaskTargets {
   Tensor pixels;      ///< [n] int64.
   Tensor one_hot;     ///< [n, masks] float.
-  Tensor confidence;  ///< [n] float.
+  Tensor importance;  ///< [n] float, of the sample.
+  Tensor weight;      ///< [n] float, times the confidence of the mask.
 };
 [[nodiscard]] MaskTargets mask_targets(const BatchTargets& targets,
                                        const std::vector<std::int64_t>& pixels,

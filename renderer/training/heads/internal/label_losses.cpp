@@ -2,29 +2,33 @@
 
 namespace segsim::renderer::internal {
 
-Tensor negative_log_likelihood(const Tensor& probability, const Tensor& confidence) {
-  return -(torch::log(probability + kLogFloor) * confidence).mean();
+Tensor negative_log_likelihood(const Tensor& probability, const Tensor& weight) {
+  return -(torch::log(probability + kLogFloor) * weight).mean();
 }
 
-Tensor dice_losses(const Tensor& mask, const Tensor& target) {
-  const Tensor both = (mask * target).sum(0);
-  return 1.0 - (2.0 * both + kDiceSmooth) / (mask.sum(0) + target.sum(0) + kDiceSmooth);
+Tensor dice_losses(const Tensor& mask, const Tensor& target, const Tensor& importance) {
+  const Tensor counted = target * importance.unsqueeze(1);
+  const Tensor both = (mask * counted).sum(0);
+  const Tensor sizes = (mask * importance.unsqueeze(1)).sum(0) + counted.sum(0);
+  return 1.0 - (2.0 * both + kDiceSmooth) / (sizes + kDiceSmooth);
 }
 
-Tensor bce_losses(const Tensor& mask, const Tensor& target, const Tensor& confidence) {
+Tensor bce_losses(const Tensor& mask, const Tensor& target, const Tensor& weight) {
   const Tensor m = mask.clamp(kLogFloor, 1.0 - kLogFloor);
   const Tensor each = target * torch::log(m) + (1.0 - target) * torch::log1p(-m);
-  return -(each * confidence.unsqueeze(1)).mean(0);
+  return -(each * weight.unsqueeze(1)).mean(0);
 }
 
-MaskCosts mask_costs(const Tensor& mask, const Tensor& target, const Tensor& confidence) {
+MaskCosts mask_costs(const Tensor& mask, const Tensor& target, const Tensor& importance,
+                     const Tensor& weight) {
   const at::NoGradGuard no_grad;
   const auto pixels = static_cast<double>(mask.size(0));
-  const Tensor both = mask.t().matmul(target);
-  const Tensor sizes = mask.sum(0).unsqueeze(1) + target.sum(0).unsqueeze(0);
+  const Tensor counted = mask * importance.unsqueeze(1);
+  const Tensor both = counted.t().matmul(target);
+  const Tensor sizes = counted.sum(0).unsqueeze(1) + importance.unsqueeze(0).matmul(target);
   const Tensor m = mask.clamp(kLogFloor, 1.0 - kLogFloor);
-  const Tensor log_out = torch::log1p(-m).mul_(confidence.unsqueeze(1));
-  const Tensor log_in = torch::log(m).mul_(confidence.unsqueeze(1));
+  const Tensor log_out = torch::log1p(-m).mul_(weight.unsqueeze(1));
+  const Tensor log_in = torch::log(m).mul_(weight.unsqueeze(1));
   // sum c (t log M + (1 - t) log(1 - M)) = sum c log(1 - M) + t . c (log M - log(1 - M)).
   const Tensor bce = log_out.sum(0).unsqueeze(1) + (log_in - log_out).t().matmul(target);
   return {1.0 - (2.0 * both + kDiceSmooth) / (sizes + kDiceSmooth), bce / -pixels};

@@ -12,28 +12,29 @@ namespace segsim::renderer::internal {
 inline constexpr double kLogFloor = 1e-6;    ///< Of probabilities in logarithms.
 inline constexpr double kDiceSmooth = 1e-6;  ///< Of numerator and denominator.
 
-/// mean_p c_p (-log(P_p + 1e-6)).
-/// @param probability  [pixels], of the target.  @param confidence  [pixels].
-[[nodiscard]] Tensor negative_log_likelihood(const Tensor& probability,
-                                             const Tensor& confidence);
+/// mean_p w_p (-log(P_p + 1e-6)).
+/// @param probability  [pixels], of the target.  @param weight  [pixels].
+[[nodiscard]] Tensor negative_log_likelihood(const Tensor& probability, const Tensor& weight);
 
-/// 1 - (2 sum M t + s) / (sum M + sum t + s) of each mask.
+/// 1 - (2 sum v M t + s) / (sum v M + sum v t + s) of each mask.
 /// @param mask  [pixels, masks], in [0, 1].  @param target  The same shape, 0 or 1.
+/// @param importance  [pixels], v.
 /// @return  [masks].
-[[nodiscard]] Tensor dice_losses(const Tensor& mask, const Tensor& target);
+[[nodiscard]] Tensor dice_losses(const Tensor& mask, const Tensor& target,
+                                 const Tensor& importance);
 
-/// mean_p c_p (-t log M - (1 - t) log(1 - M)) of each mask, M clamped to [1e-6, 1 - 1e-6].
+/// mean_p w_p (-t log M - (1 - t) log(1 - M)) of each mask, M clamped to [1e-6, 1 - 1e-6].
 /// @return  [masks].
 [[nodiscard]] Tensor bce_losses(const Tensor& mask, const Tensor& target,
-                                const Tensor& confidence);
+                                const Tensor& weight);
 
-/// Dice + BCE of every mask with every target, without derivatives.
+/// Dice and BCE of every mask with every target, without derivatives.
 /// @param mask  [pixels, queries].  @param target  [pixels, instances].
 struct MaskCosts {
   Tensor dice, bce;  ///< [queries, instances].
 };
 [[nodiscard]] MaskCosts mask_costs(const Tensor& mask, const Tensor& target,
-                                   const Tensor& confidence);
+                                   const Tensor& importance, const Tensor& weight);
 
 /// sum_i w_i (-log softmax(logits_i)[target_i]) / sum_i w_i; 0 without weight.
 /// @param logits  [rows, classes].  @param target  [rows] int64.  @param weight  [rows].

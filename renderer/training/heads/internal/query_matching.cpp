@@ -40,7 +40,7 @@ Matching match_queries(const Tensor& mask, const Tensor& class_logits,
   }
   if (targets.masks.empty() || count == 0) return matching;
 
-  const MaskCosts costs = mask_costs(mask, masks.one_hot, masks.confidence);
+  const MaskCosts costs = mask_costs(mask, masks.one_hot, masks.importance, masks.weight);
   const Tensor cost = pair_costs(costs, class_logits, targets, classes, config.class_cost);
   const std::vector<int> query_of =
       assign({cost.data_ptr<double>(), static_cast<std::size_t>(cost.numel())},

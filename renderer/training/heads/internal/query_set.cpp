@@ -1,5 +1,6 @@
 #include "renderer/training/heads/internal/query_set.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <ATen/ops/layer_norm.h>
@@ -42,19 +43,26 @@ Tensor linear_weight(std::int64_t out, std::int64_t in, std::uint64_t seed,
   return device_tensor(values, torch::kFloat32, device).view({out, in});
 }
 
-QuerySet::QuerySet(const std::vector<glm::vec3>& seed_m, int thing_classes,
+QuerySet::QuerySet(const std::vector<QuerySeed>& seeds, int thing_classes,
                    const PanopticTrainingConfig& config, std::uint64_t seed,
                    const at::Device& device)
     : config_(config.query),
-      matches_(seed_m.size()),
-      recent_(seed_m.size()),
-      frames_(seed_m.size()) {
-  const auto count = static_cast<std::int64_t>(seed_m.size());
+      matches_(seeds.size()),
+      recent_(seeds.size()),
+      frames_(seeds.size()) {
+  const auto count = static_cast<std::int64_t>(seeds.size());
   const auto options = torch::TensorOptions().dtype(torch::kFloat32).device(device);
-  std::vector<float> positions;
-  for (const glm::vec3& p : seed_m) positions.insert(positions.end(), {p.x, p.y, p.z});
-  position_m_ = AdamTensor(device_tensor(positions, torch::kFloat32, device).view({count, 3}));
-  log_sigma_ = AdamTensor(torch::full({count, 3}, std::log(config_.initial_sigma_m), options));
+  std::vector<float> position, log_sigma;
+  for (const QuerySeed& seed_of_query : seeds) {
+    for (int axis = 0; axis < 3; ++axis) {
+      position.push_back(seed_of_query.position_m[axis]);
+      log_sigma.push_back(std::log(std::clamp(seed_of_query.sigma_m[axis],
+                                              static_cast<float>(config_.min_sigma_m),
+                                              static_cast<float>(config_.max_sigma_m))));
+    }
+  }
+  position_m_ = AdamTensor(device_tensor(position, torch::kFloat32, device).view({count, 3}));
+  log_sigma_ = AdamTensor(device_tensor(log_sigma, torch::kFloat32, device).view({count, 3}));
   Tensor rotation = torch::zeros({count, 4}, options);
   rotation.select(1, 0).fill_(1.0);
   rotation_ = AdamTensor(rotation);

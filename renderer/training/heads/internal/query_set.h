@@ -23,8 +23,8 @@ namespace segsim::renderer::internal {
 
 class QuerySet {
  public:
-  /// @param seed_m  Places, one for each query.
-  QuerySet(const std::vector<glm::vec3>& seed_m, int thing_classes,
+  /// @param seeds  One for each query.
+  QuerySet(const std::vector<QuerySeed>& seeds, int thing_classes,
            const PanopticTrainingConfig& config, std::uint64_t seed, const at::Device& device);
 
   [[nodiscard]] std::int64_t size() const { return feature_.value().size(0); }
