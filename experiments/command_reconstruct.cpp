@@ -19,7 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 
 struct Flags {
-  fs::path sequence, boxes, label_map, out, config;
+  fs::path sequence, boxes, label_map, out, config, start;
   std::string layout = "auto", up = "auto", on_bad_frame = "refuse", robot = "jackal-gentle";
   std::string backend = "cpu";
   double floor_height_m = 0.0;
@@ -36,6 +36,15 @@ renderer::TrainingConfig config_of(const Flags& flags) {
   if (flags.iterations >= 0) config.geometry.iterations = flags.iterations;
   if (flags.label_iterations >= 0) config.panoptic.iterations = flags.label_iterations;
   return config;
+}
+
+/// So many points find the floor.
+std::vector<glm::vec3> thinned(const std::vector<glm::vec3>& points_m) {
+  constexpr std::size_t kMost = 100'000;
+  const std::size_t step = points_m.size() / kMost + 1;
+  std::vector<glm::vec3> few;
+  for (std::size_t i = 0; i < points_m.size(); i += step) few.push_back(points_m[i]);
+  return few;
 }
 
 void check_head(const std::string& head) {
@@ -61,6 +70,10 @@ void reconstruct(Flags flags) {
   options.on_bad_frame = renderer::parse_on_bad_frame(flags.on_bad_frame, "--on-bad-frame");
   options.label_map = flags.label_map;
   if (flags.floor_given) options.floor_height_m = flags.floor_height_m;
+  if (!flags.start.empty()) {
+    flags.reconstruct.start = renderer::read_point_cloud(flags.start);
+    options.floor_points_m = thinned(flags.reconstruct.start->position_m);
+  }
   const auto sequence = open_recording(flags.sequence, flags.boxes, options);
   for (const std::string& note : sequence->notes()) std::printf("%s\n", note.c_str());
 
@@ -100,6 +113,9 @@ void add_training_options(CLI::App& command, const std::shared_ptr<Flags>& flags
                   "Every n-th frame tests the result and is not trained on; 0: none")
       ->check(CLI::Range(0, 1'000'000))
       ->capture_default_str();
+  command.add_flag("--align-held-out", training.align_held_out,
+                   "Test also at held-out poses that fit the trained surfels best; both "
+                   "figures are reported");
   command.add_option("--backend", flags->backend, "cpu | cuda | auto")->capture_default_str();
   command.add_option("--threads", training.device.threads, "Of the CPU; 0: all")
       ->check(CLI::Range(0, 4096))
@@ -146,6 +162,9 @@ void add_reconstruct_command(CLI::App& app) {
       ->add_option("--floor-height", flags->floor_height_m,
                    "Floor along the up axis of the recording [m]; default: fitted")
       ->each([flags](const std::string&) { flags->floor_given = true; });
+  command->add_option("--start", flags->start,
+                      "Point cloud (PCD or PLY, in the coordinates of the recording's poses) "
+                      "to start from instead of the frames' depth");
   renderer::LiftOptions& lift = flags->reconstruct.lift;
   command->add_option("--voxel", lift.voxel_m, "Spacing of the surfels [m]")
       ->check(CLI::Range(0.002, 0.5))

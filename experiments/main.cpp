@@ -1,5 +1,6 @@
 #include <cstdio>
 #include <exception>
+#include <new>
 
 #include <CLI/CLI.hpp>
 
@@ -25,7 +26,9 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", core::version());
   app.require_subcommand(1);
   app.footer(
-      "Exit codes: 0 done, 1 an expectation failed, 2 bad input, 3 internal error.\n"
+      "Exit codes: 0 done, 1 an expectation failed, 2 bad input or too little memory, 3 "
+      "internal "
+      "error.\n"
       "Each subcommand has its own --help.");
   experiments::add_run_command(app);
   experiments::add_table_command(app);
@@ -49,6 +52,9 @@ int main(int argc, char** argv) {
   } catch (const core::CheckFailed& error) {
     std::fprintf(stderr, "segsim: %s\n", error.what());
     return kCheckFailedExit;
+  } catch (const std::bad_alloc&) {
+    std::fprintf(stderr, "segsim: expected memory for the scene and its images, found none\n");
+    return kInputErrorExit;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "segsim: internal error: %s\n", error.what());
     return kInternalErrorExit;

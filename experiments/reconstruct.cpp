@@ -11,6 +11,7 @@
 #include "core/progress.h"
 #include "core/version.h"
 #include "experiments/coverage.h"
+#include "renderer/cloud_start.h"
 #include "renderer/cpu_renderer.h"
 #include "renderer/ply_io.h"
 #include "sim/bundle_files.h"
@@ -21,18 +22,26 @@ namespace {
 
 namespace fs = std::filesystem;
 
-renderer::LiftResult lift_with_progress(const renderer::RgbdSequence& sequence,
-                                        const renderer::LiftOptions& options) {
+/// Surfels to start from: the cloud's, or those of the frames' depth.
+renderer::LiftResult start_surfels(const renderer::RgbdSequence& sequence,
+                                   const std::optional<renderer::PointCloud>& cloud,
+                                   const renderer::LiftOptions& options) {
   std::unique_ptr<core::Progress> progress;
   std::string current;
-  return renderer::lift(
-      sequence, options, [&](const std::string& stage, std::int64_t done, std::int64_t total) {
-        if (stage != current) {
-          current = stage;
-          progress = std::make_unique<core::Progress>("lift: " + stage, total);
-        }
-        progress->update(done);
-      });
+  const auto report = [&](const std::string& stage, std::int64_t done, std::int64_t total) {
+    if (stage != current) {
+      current = stage;
+      progress = std::make_unique<core::Progress>("lift: " + stage, total);
+    }
+    progress->update(done);
+  };
+  if (cloud) return renderer::start_from_cloud(*cloud, sequence, options, report);
+  if (!sequence.has_depth()) {
+    throw core::InputError::expected(sequence.name(),
+                                     "frames with depth, or a cloud to start from (--start)",
+                                     "colour alone");
+  }
+  return renderer::lift(sequence, options, report);
 }
 
 std::vector<glm::vec3> surfel_normals(const renderer::SurfelCloud& surfels) {
@@ -65,6 +74,9 @@ Scene trained(const renderer::RgbdSequence& sequence, const renderer::LiftResult
   const renderer::TrainingSet set = load_set(sequence, training);
   TrainedScene result = train_scene(set, lifted.surfels, training);
   std::printf("%s\n", result.quality.text().c_str());
+  if (result.aligned_quality) {
+    std::printf("at aligned poses: %s\n", result.aligned_quality->text().c_str());
+  }
   Scene scene{std::move(result.surfels), std::move(result.model), std::move(result.classes),
               std::move(result.instances), lifted.statistics.listing()};
   if (!scene.surfels.has_labels()) {
@@ -99,16 +111,10 @@ core::SceneBundle reconstruct_bundle(const renderer::RgbdSequence& sequence,
   }
   renderer::LiftOptions lift_options = options.lift;
   if (options.training) {
-    if (!sequence.has_depth()) {
-      throw core::InputError::expected(sequence.name(),
-                                       "frames with depth: training starts "
-                                       "from lifted surfels",
-                                       "colour alone");
-    }
     lift_options.held_out_every = options.training->set.held_out_every;
     lift_options.frame_step = options.training->set.frame_step;
   }
-  renderer::LiftResult lifted = lift_with_progress(sequence, lift_options);
+  renderer::LiftResult lifted = start_surfels(sequence, options.start, lift_options);
   const std::vector<glm::vec3> lifted_points_m = lifted.surfels.position_m;
   const std::vector<glm::vec3> lifted_normals = surfel_normals(lifted.surfels);
   Scene scene;

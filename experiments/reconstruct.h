@@ -10,6 +10,7 @@
 
 #include "core/scene_bundle.h"
 #include "experiments/training_run.h"
+#include "renderer/datasets/point_cloud_file.h"
 #include "renderer/datasets/rgbd_sequence.h"
 #include "renderer/lifting.h"
 #include "sim/collision_mesh.h"
@@ -22,6 +23,8 @@ struct ReconstructOptions {
   std::string source;         ///< Where the recording comes from, in words.
   std::string source_sha256;  ///< Of the recipe that made the recording; may be empty.
   renderer::LiftOptions lift;
+  /// Surfels begin with this cloud (renderer/cloud_start.h) instead of the frames' depth.
+  std::optional<renderer::PointCloud> start;
   /// None: lifting alone. Its `set` decides about held-out frames; `lift` follows it. Its
   /// `work` is filled in (<folder>.training) if empty.
   std::optional<TrainingOptions> training;
@@ -36,8 +39,8 @@ struct ReconstructOptions {
 /// Makes the bundle in a temporary folder beside `folder` and renames it: a bundle is there
 /// wholly or not at all. An existing bundle is replaced. Without training, frames held out by
 /// `lift` are not looked at; with it, the manifest tells the quality on them.
-/// @throws core::InputError if frames cannot be read, or no floor or room for the robot is
-/// left.
+/// @throws core::InputError if frames cannot be read or have no depth to start from, or no
+/// floor or room for the robot is left.
 core::SceneBundle reconstruct_bundle(const renderer::RgbdSequence& sequence,
                                      const ReconstructOptions& options,
                                      const std::filesystem::path& folder);

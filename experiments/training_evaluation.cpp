@@ -3,26 +3,28 @@
 #include <cstdio>
 #include <numbers>
 
+#include "core/check.h"
 #include "core/progress.h"
 #include "renderer/depth_normal.h"
 #include "renderer/evaluation/semantic_quality.h"
 
 namespace segsim::experiments {
 
-std::vector<std::pair<std::string, double>> HeldOutQuality::listing() const {
+std::vector<std::pair<std::string, double>> HeldOutQuality::listing(
+    const std::string& prefix) const {
   if (color.views() == 0) return {};
   std::vector<std::pair<std::string, double>> list{
-      {"held_out_views", static_cast<double>(color.views())},
-      {"held_out_psnr_db", color.psnr_db()},
-      {"held_out_ssim", color.ssim()},
-      {"held_out_depth_l1_m", depth.mean_abs_m()},
-      {"held_out_depth_completeness", depth.completeness()},
-      {"held_out_normal_error_deg", normal.mean_rad() * 180.0 / std::numbers::pi}};
+      {prefix + "views", static_cast<double>(color.views())},
+      {prefix + "psnr_db", color.psnr_db()},
+      {prefix + "ssim", color.ssim()},
+      {prefix + "depth_l1_m", depth.mean_abs_m()},
+      {prefix + "depth_completeness", depth.completeness()},
+      {prefix + "normal_error_deg", normal.mean_rad() * 180.0 / std::numbers::pi}};
   if (labels.frame_count() > 0) {
-    list.insert(list.end(), {{"held_out_strict_pq", panoptic.pq},
-                             {"held_out_strict_sq", panoptic.sq},
-                             {"held_out_strict_rq", panoptic.rq},
-                             {"held_out_mean_iou", mean_iou}});
+    list.insert(list.end(), {{prefix + "strict_pq", panoptic.pq},
+                             {prefix + "strict_sq", panoptic.sq},
+                             {prefix + "strict_rq", panoptic.rq},
+                             {prefix + "mean_iou", mean_iou}});
   }
   return list;
 }
@@ -47,18 +49,23 @@ std::string HeldOutQuality::text() const {
   return text;
 }
 
-HeldOutQuality held_out_quality(core::Renderer& renderer, const renderer::TrainingSet& set) {
+HeldOutQuality held_out_quality(core::Renderer& renderer, const renderer::TrainingSet& set,
+                                std::span<const core::CameraPose> poses) {
+  SEGSIM_CHECK(poses.empty() || poses.size() == set.held_out.size(),
+               std::to_string(poses.size()) + " poses");
   HeldOutQuality quality;
   core::Progress progress("held-out views", static_cast<std::int64_t>(set.held_out.size()));
   core::Frame frame;
   std::int64_t done = 0;
   for (const renderer::TrainingView& view : set.held_out) {
-    renderer.render(view.T_world_camera, set.intrinsics, core::Channels::kAll, frame);
+    const core::CameraPose T_world_camera =
+        poses.empty() ? view.T_world_camera : poses[static_cast<std::size_t>(done)];
+    renderer.render(T_world_camera, set.intrinsics, core::Channels::kAll, frame);
     quality.color.add(frame.rgb, view.rgb);
     if (!view.depth_m.empty()) {
       quality.depth.add(frame.depth_m, view.depth_m);
-      quality.normal.add(frame.normal, renderer::depth_normals(view.depth_m, set.intrinsics,
-                                                               view.T_world_camera));
+      quality.normal.add(
+          frame.normal, renderer::depth_normals(view.depth_m, set.intrinsics, T_world_camera));
     }
     if (!view.masks.semantic.empty() && !frame.semantic.empty()) {
       quality.labels.add_frame({view.masks.semantic, view.masks.instance},

@@ -3,6 +3,7 @@
 /// @file
 /// How good a reconstruction is on views that it has not seen.
 
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -23,14 +24,17 @@ struct HeldOutQuality {
   renderer::PanopticQuality panoptic;  ///< Strict rules, of the whole scene.
   double mean_iou = 0.0;               ///< Pooled over the views.
 
-  /// For the manifest: "held_out_psnr_db", ...; empty without held-out views.
-  [[nodiscard]] std::vector<std::pair<std::string, double>> listing() const;
+  /// For the manifest: prefix + "psnr_db", ...; empty without held-out views.
+  [[nodiscard]] std::vector<std::pair<std::string, double>> listing(
+      const std::string& prefix = "held_out_") const;
   /// One line for people.
   [[nodiscard]] std::string text() const;
 };
 
 /// Draws every held-out view of the set.
+/// @param poses  Of these views; empty: as recorded.
 [[nodiscard]] HeldOutQuality held_out_quality(core::Renderer& renderer,
-                                              const renderer::TrainingSet& set);
+                                              const renderer::TrainingSet& set,
+                                              std::span<const core::CameraPose> poses = {});
 
 }  // namespace segsim::experiments

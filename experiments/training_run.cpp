@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <fstream>
 #include <memory>
+#include <numbers>
 #include <utility>
 
 #include "core/error.h"
@@ -15,7 +16,9 @@
 #include "renderer/cpu_renderer.h"
 #include "renderer/datasets/mask_files.h"
 #include "renderer/training/panoptic_training.h"
+#include "renderer/training/pose_alignment.h"
 #include "renderer/training/surfel_labels.h"
+#include "renderer/training/training_memory.h"
 #include "renderer/training/training_views.h"
 
 namespace segsim::experiments {
@@ -29,6 +32,7 @@ using renderer::TrainingSet;
 constexpr const char* kGeometryState = "geometry.state";
 constexpr const char* kHeadState = "head.state";
 constexpr const char* kHeadMark = "head.iteration";
+constexpr const char* kRefinedPoses = "poses_refined.txt";
 constexpr double kGeometryShare = 0.6;  ///< Of a time limit.
 
 double seconds_since(Clock::time_point start) {
@@ -91,16 +95,19 @@ void write_preview(const fs::path& file, const TrainingSet& set,
   perception::write_image(file, picture);
 }
 
-/// What a state belongs to: other settings, frames or seeds are another run.
-std::string identity_of(const TrainingOptions& options, const TrainingSet& set,
-                        const SurfelCloud& start) {
-  std::string text = renderer::training_config_text(options.config);
-  text += options.head + " seed " + std::to_string(options.seed) + " start " +
-          std::to_string(start.size()) + " masks " + options.masks.filename().string() +
-          " size " + std::to_string(set.intrinsics.width_px) + " x " +
-          std::to_string(set.intrinsics.height_px);
-  for (const auto& view : set.training) text += ' ' + view.name;
-  return core::sha256_hex(text);
+/// A line for every training view, in TUM's order of numbers.
+void write_poses(const fs::path& file, const TrainingSet& set,
+                 const std::vector<core::CameraPose>& poses) {
+  core::write_file_atomically(file, [&](std::ostream& out) {
+    out << "# T_world_camera: frame x_m y_m z_m qx qy qz qw\n";
+    out.precision(12);
+    for (std::size_t i = 0; i < poses.size(); ++i) {
+      const glm::dvec3& p_m = poses[i].translation_m();
+      const glm::dquat& q = poses[i].rotation();
+      out << set.training[i].name << ' ' << p_m.x << ' ' << p_m.y << ' ' << p_m.z << ' ' << q.x
+          << ' ' << q.y << ' ' << q.z << ' ' << q.w << '\n';
+    }
+  });
 }
 
 /// The two stages and what they have in common.
@@ -110,7 +117,7 @@ class TrainingRun {
       : set_(set),
         start_(start),
         options_(options),
-        identity_(identity_of(options, set, start)),
+        identity_(training_identity(options, set, start)),
         preview_due_(options.preview_every_s),
         checkpoint_due_(options.checkpoint_every_s) {
     fs::create_directories(options.work);
@@ -123,11 +130,15 @@ class TrainingRun {
 
   TrainedScene run() {
     TrainedScene scene;
-    scene.surfels = train_geometry();
+    renderer::with_memory_errors(
+        "training shape and colour", [&] { return geometry_advice(); },
+        [&] { scene.surfels = train_geometry(); });
     scene.classes = set_.classes;
     std::shared_ptr<const renderer::PanopticField> field;
     if (options_.head != "none" && !set_.classes.empty()) {
-      field = train_head(scene);
+      renderer::with_memory_errors(
+          "training labels", [&] { return head_advice(); },
+          [&] { field = train_head(scene); });
     } else if (start_.has_labels() && start_.size() == scene.surfels.size()) {
       scene.surfels.semantic_id = start_.semantic_id;
       scene.surfels.instance_id = start_.instance_id;
@@ -139,13 +150,31 @@ class TrainingRun {
     draw.threads = options_.device.threads;
     const auto renderer = renderer::make_cpu_renderer(surfels, draw, field);
     scene.quality = held_out_quality(*renderer, set_);
-    scene.statistics = std::move(statistics_);
     const auto quality = scene.quality.listing();
-    scene.statistics.insert(scene.statistics.end(), quality.begin(), quality.end());
+    statistics_.insert(statistics_.end(), quality.begin(), quality.end());
+    if (options_.align_held_out && !set_.held_out.empty()) {
+      scene.aligned_quality = aligned_quality(*renderer, scene.surfels);
+    }
+    scene.statistics = std::move(statistics_);
     return scene;
   }
 
  private:
+  [[nodiscard]] std::string kept_state() const {
+    return fs::exists(geometry_state())
+               ? "the state in " + options_.work.string() + " is kept: --resume goes on there"
+               : "there was no state to keep yet";
+  }
+  [[nodiscard]] std::string geometry_advice() const {
+    return "fewer surfels: --voxel, geometry.densify.max_surfels; fewer frames: --frame-step; "
+           "smaller images; " +
+           kept_state();
+  }
+  [[nodiscard]] std::string head_advice() const {
+    return "less at once: panoptic.sampling.pixels, max_surfels_per_pixel, "
+           "panoptic.query.max_queries; " +
+           kept_state();
+  }
   [[nodiscard]] fs::path geometry_state() const { return options_.work / kGeometryState; }
   [[nodiscard]] fs::path head_state() const { return options_.work / kHeadState; }
   [[nodiscard]] fs::path head_mark() const { return options_.work / kHeadMark; }
@@ -156,6 +185,20 @@ class TrainingRun {
   }
 
   SurfelCloud train_geometry();
+  /// An error of the input, such as a loss that is not finite, tells where the state is.
+  template <class Action>
+  auto naming_state(const Action& action) const {
+    try {
+      return action();
+    } catch (const core::InputError& error) {
+      throw core::InputError(std::string(error.what()) + "; " + kept_state());
+    }
+  }
+  /// Takes the training views' poses from the trainer, and writes them, if they were moved.
+  void keep_poses(const renderer::GeometryTrainer& trainer);
+  [[nodiscard]] HeldOutQuality aligned_quality(core::Renderer& renderer,
+                                               const SurfelCloud& surfels);
+  void add_change(const std::string& prefix, const renderer::PoseChange& change);
   std::shared_ptr<const renderer::PanopticField> train_head(TrainedScene& scene);
   /// @return  Iterations that the loaded head has behind it; 0 without a state.
   std::int64_t load_head(renderer::PanopticHead& head);
@@ -169,6 +212,7 @@ class TrainingRun {
   Clock::time_point begin_ = Clock::now();
   std::unique_ptr<LossTable> losses_;
   std::vector<std::pair<std::string, double>> statistics_;
+  std::vector<core::CameraPose> poses_;  ///< Of the training views; empty: as recorded.
 };
 
 SurfelCloud TrainingRun::train_geometry() {
@@ -183,7 +227,7 @@ SurfelCloud TrainingRun::train_geometry() {
   core::Progress progress("train shape and colour", config.iterations);
   std::int64_t done_here = 0;
   while (trainer.iteration() < config.iterations && !out_of_time(kGeometryShare)) {
-    const renderer::GeometryStep step = trainer.step();
+    const renderer::GeometryStep step = naming_state([&] { return trainer.step(); });
     ++done_here;
     char note[96];
     std::snprintf(note, sizeof note, "colour %.4f depth %.4f normal %.4f, %ld k surfels",
@@ -214,7 +258,44 @@ SurfelCloud TrainingRun::train_geometry() {
     statistics_.emplace_back("geometry_steps_per_second",
                              static_cast<double>(done_here) / seconds);
   }
+  keep_poses(trainer);
   return trainer.surfels();
+}
+
+void TrainingRun::keep_poses(const renderer::GeometryTrainer& trainer) {
+  const auto& rate = options_.config.geometry.rate;
+  if (rate.pose_rotation <= 0.0 && rate.pose_translation <= 0.0) return;
+  poses_ = trainer.poses();
+  std::vector<core::CameraPose> recorded;
+  for (const auto& view : set_.training) recorded.push_back(view.T_world_camera);
+  write_poses(options_.work / kRefinedPoses, set_, poses_);
+  add_change("pose", renderer::pose_change(recorded, poses_));
+}
+
+HeldOutQuality TrainingRun::aligned_quality(core::Renderer& renderer,
+                                            const SurfelCloud& surfels) {
+  core::Progress progress("align held-out views",
+                          static_cast<std::int64_t>(set_.held_out.size()));
+  const std::vector<core::CameraPose> poses = renderer::align_views(
+      set_.held_out, set_.intrinsics, surfels, options_.config.geometry, options_.device,
+      [&](std::int64_t done, std::int64_t) { progress.update(done); });
+  progress.finish();
+  std::vector<core::CameraPose> recorded;
+  for (const auto& view : set_.held_out) recorded.push_back(view.T_world_camera);
+  add_change("held_out_pose", renderer::pose_change(recorded, poses));
+  HeldOutQuality quality = held_out_quality(renderer, set_, poses);
+  const auto listing = quality.listing("held_out_aligned_");
+  statistics_.insert(statistics_.end(), listing.begin(), listing.end());
+  return quality;
+}
+
+void TrainingRun::add_change(const std::string& prefix, const renderer::PoseChange& change) {
+  const double degrees = 180.0 / std::numbers::pi;
+  statistics_.insert(statistics_.end(),
+                     {{prefix + "_mean_shift_m", change.mean_m},
+                      {prefix + "_largest_shift_m", change.largest_m},
+                      {prefix + "_mean_turn_deg", change.mean_rad * degrees},
+                      {prefix + "_largest_turn_deg", change.largest_rad * degrees}});
 }
 
 std::int64_t TrainingRun::load_head(renderer::PanopticHead& head) {
@@ -241,7 +322,8 @@ void TrainingRun::save_head(const renderer::PanopticHead& head, std::int64_t ite
 
 std::shared_ptr<const renderer::PanopticField> TrainingRun::train_head(TrainedScene& scene) {
   const Clock::time_point start = Clock::now();
-  const auto views = renderer::make_training_views(set_, scene.surfels, options_.device);
+  const auto views =
+      renderer::make_training_views(set_, scene.surfels, options_.device, poses_);
   const renderer::PanopticTrainingConfig& config = options_.config.panoptic;
   renderer::PanopticHeadInputs inputs;
   inputs.position_m = scene.surfels.position_m;
@@ -279,7 +361,8 @@ std::shared_ptr<const renderer::PanopticField> TrainingRun::train_head(TrainedSc
     }
     return !out_of_time(1.0);
   };
-  const std::int64_t iterations = train_panoptic(*views, *head, run);
+  const std::int64_t iterations =
+      naming_state([&] { return train_panoptic(*views, *head, run); });
   progress.finish();
   save_head(*head, iterations);
 
@@ -300,11 +383,26 @@ TrainingSet load_set(const renderer::RgbdSequence& recording, const TrainingOpti
   std::unique_ptr<renderer::MaskSet> masks;
   if (!options.masks.empty()) masks = renderer::open_masks(options.masks, recording.classes());
   std::unique_ptr<core::Progress> progress;
-  return renderer::load_training_set(
+  renderer::TrainingSet set = renderer::load_training_set(
       recording, masks.get(), options.set, [&](std::int64_t done, std::int64_t total) {
         if (!progress) progress = std::make_unique<core::Progress>("load frames", total);
         progress->update(done);
       });
+  for (const std::string& warning : set.warnings) {
+    std::fprintf(stderr, "warning: %s\n", warning.c_str());
+  }
+  return set;
+}
+
+std::string training_identity(const TrainingOptions& options, const TrainingSet& set,
+                              const SurfelCloud& start) {
+  std::string text = renderer::training_config_text(options.config);
+  text += options.head + " seed " + std::to_string(options.seed) + " start " +
+          std::to_string(start.size()) + " masks " + options.masks.filename().string() +
+          " size " + std::to_string(set.intrinsics.width_px) + " x " +
+          std::to_string(set.intrinsics.height_px);
+  for (const auto& view : set.training) text += ' ' + view.name;
+  return core::sha256_hex(text);
 }
 
 void remove_training_state(const fs::path& work) {

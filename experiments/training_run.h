@@ -7,6 +7,7 @@
 ///     <work>/geometry.state, <work>/head.state   everything that training needs to go on
 ///     <work>/preview.png                         rendered | recorded | panoptic, every few s
 ///     <work>/losses.csv                          iteration, losses, surfels, seconds
+///     <work>/poses_refined.txt                   of the training frames, if they were moved
 
 #include <cstdint>
 #include <filesystem>
@@ -33,9 +34,10 @@ struct TrainingOptions {
   renderer::TrainingSetOptions set;
   renderer::GeometryDevice device;
   std::uint64_t seed = 1;
-  std::filesystem::path work;  ///< Folder of the state.
-  bool resume = false;         ///< Go on from the state if there is one; else begin anew.
-  double time_limit_s = 0.0;   ///< > 0: geometry may use 60 % of it, the head the rest.
+  std::filesystem::path work;   ///< Folder of the state.
+  bool resume = false;          ///< Go on from the state if there is one; else begin anew.
+  bool align_held_out = false;  ///< Also test at poses that fit the surfels best.
+  double time_limit_s = 0.0;    ///< > 0: geometry may use 60 % of it, the head the rest.
   double checkpoint_every_s = 60.0, preview_every_s = 15.0;
 };
 
@@ -45,6 +47,7 @@ struct TrainedScene {
   std::vector<core::SceneClass> classes;
   std::vector<core::SceneInstance> instances;
   HeldOutQuality quality;
+  std::optional<HeldOutQuality> aligned_quality;           ///< With align_held_out.
   std::vector<std::pair<std::string, double>> statistics;  ///< For the manifest.
 };
 
@@ -52,12 +55,17 @@ struct TrainedScene {
 [[nodiscard]] renderer::TrainingSet load_set(const renderer::RgbdSequence& recording,
                                              const TrainingOptions& options);
 
-/// @param start  From lift() of the training frames.
-/// @throws core::InputError: a state of another run, a loss that is not finite (the last state
-///     is kept), no GPU.
+/// @param start  From lift() of the training frames, or start_from_cloud().
+/// @throws core::InputError: a state of another run, no GPU; a loss that is not finite or too
+///     little memory, with the last state kept.
 [[nodiscard]] TrainedScene train_scene(const renderer::TrainingSet& set,
                                        const renderer::SurfelCloud& start,
                                        const TrainingOptions& options);
+
+/// What a state belongs to: other settings, frames or seeds are another run.
+[[nodiscard]] std::string training_identity(const TrainingOptions& options,
+                                            const renderer::TrainingSet& set,
+                                            const renderer::SurfelCloud& start);
 
 /// Removes what is only good for going on; pictures and losses stay.
 void remove_training_state(const std::filesystem::path& work);

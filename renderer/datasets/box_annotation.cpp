@@ -155,6 +155,10 @@ class BoxLabelledSequence final : public RgbdSequence {
   std::size_t frame_count() const override { return inner_->frame_count(); }
   const std::string& frame_name(std::size_t i) const override { return inner_->frame_name(i); }
   const core::CameraPose& pose(std::size_t i) const override { return inner_->pose(i); }
+  core::Transform<core::frame::World, core::frame::World> T_world_source() const override {
+    return inner_->T_world_source();
+  }
+  bool has_depth() const override { return inner_->has_depth(); }
   bool has_masks() const override { return true; }
   const std::vector<core::SceneClass>& classes() const override { return annotation_.classes; }
   const std::vector<core::SceneInstance>& instances() const override {
@@ -233,6 +237,11 @@ std::unique_ptr<RgbdSequence> with_box_labels(std::unique_ptr<RgbdSequence> sequ
                                               const std::filesystem::path& boxes_file,
                                               const BoxOptions& options) {
   SEGSIM_CHECK(sequence != nullptr, "with_box_labels");
+  if (!sequence->has_depth()) {
+    throw InputError::expected(sequence->name(),
+                               "depth in every frame: boxes label the points of pixels",
+                               "frames without depth");
+  }
   return std::make_unique<BoxLabelledSequence>(std::move(sequence),
                                                read_box_annotation(boxes_file), options);
 }

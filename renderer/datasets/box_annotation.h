@@ -63,7 +63,7 @@ struct BoxOptions {
 /// Adds masks to `sequence`: a point on a floor slab is floor; else it belongs to the smallest
 /// object box (or part) that holds it, else to the smallest slab, else to nothing. Pixels
 /// without depth stay 0. Slabs have a class and no instance.
-/// @throws InputError as read_box_annotation.
+/// @throws InputError as read_box_annotation, and for frames without depth.
 [[nodiscard]] std::unique_ptr<RgbdSequence> with_box_labels(
     std::unique_ptr<RgbdSequence> sequence, const std::filesystem::path& boxes_file,
     const BoxOptions& options = {});

@@ -88,10 +88,8 @@ std::unique_ptr<RgbdSequence> open_hololens(const fs::path& folder,
   parts.notes.emplace_back(
       "layout: hololens; K.txt means integer pixel centres: 0.5 px added");
 
-  WorldConvention convention;
-  convention.up = options.up_axis == UpAxis::kAuto ? UpAxis::kY : options.up_axis;
-  convention.floor_height_m = options.floor_height_m;
-  return finish_sequence(std::move(parts), folder, convention, options.on_bad_frame);
+  return finish_sequence(std::move(parts), folder, convention_of(options, UpAxis::kY),
+                         options.on_bad_frame);
 }
 
 }  // namespace segsim::renderer::internal

@@ -27,6 +27,8 @@
 #include <string>
 #include <vector>
 
+#include <glm/vec3.hpp>
+
 #include "core/camera.h"
 #include "core/frames.h"
 #include "core/image.h"
@@ -74,6 +76,9 @@ struct SequenceOptions {
   /// it the floor is fitted to the depth of a few frames. Ignored, like up_axis, if
   /// labels.yaml is there.
   std::optional<double> floor_height_m;
+  /// What else was measured there (a LiDAR cloud), in the source's world: the floor is fitted
+  /// to it if no frame has depth.
+  std::vector<glm::vec3> floor_points_m;
   /// Classes of the label images of a data set (label_map.h). Empty: the data set's own table,
   /// if it has one; else its label images are left alone, with a warning.
   std::filesystem::path label_map;
@@ -95,6 +100,12 @@ class RgbdSequence {
   [[nodiscard]] virtual const core::CameraPose& pose(std::size_t i) const = 0;
   /// @throws InputError if the files changed or broke since the sequence was opened.
   [[nodiscard]] virtual RgbdFrame load(std::size_t i) const = 0;
+  /// From the coordinates of the source's poses to the world frame: the way that other
+  /// measurements of the place (a LiDAR cloud) take.
+  [[nodiscard]] virtual core::Transform<core::frame::World, core::frame::World>
+  T_world_source() const {
+    return {};
+  }
   /// False if frames lack depth: such a sequence can be trained on, but not lifted.
   [[nodiscard]] virtual bool has_depth() const { return true; }
   /// True if load() delivers semantic and instance images.
@@ -111,7 +122,8 @@ class RgbdSequence {
 
 /// Opens a recording and checks it: intrinsics, every pose (finite, rotation orthonormal
 /// within 1e-2 and right-handed; then re-orthonormalised), and every image file (complete, PNG
-/// checksums, size). Frames are in ascending order of their names.
+/// checksums, size). A single pose far from those before and after is a broken frame; other
+/// jumps of the path are warnings. Frames are in ascending order of their names.
 /// @throws InputError naming the file, what was expected and what was found; with
 /// OnBadFrame::kSkip only for faults of the whole sequence, and if no frame is left.
 [[nodiscard]] std::unique_ptr<RgbdSequence> open_sequence(const std::filesystem::path& folder,

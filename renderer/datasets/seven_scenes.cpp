@@ -101,9 +101,7 @@ std::unique_ptr<RgbdSequence> open_seven_scenes(const fs::path& folder,
   SequenceParts parts;
   parts.name = sequence_name(folder);
 
-  WorldConvention convention;
-  convention.up = options.up_axis == UpAxis::kAuto ? UpAxis::kZ : options.up_axis;
-  convention.floor_height_m = options.floor_height_m;
+  WorldConvention convention = convention_of(options, UpAxis::kZ);
   double center_offset_px = 0.5;
   const fs::path labels_path = folder / "labels.yaml";
   if (fs::exists(labels_path)) {
@@ -112,7 +110,7 @@ std::unique_ptr<RgbdSequence> open_seven_scenes(const fs::path& folder,
     parts.instances = std::move(labels.instances);
     parts.has_masks = !parts.classes.empty();
     center_offset_px = 0.5 - labels.pixel_center;
-    convention = {labels.up, false, std::nullopt};
+    convention = {labels.up, false, std::nullopt, {}};
     parts.notes.push_back("labels.yaml: " + labels.source);
   } else if (!find_one(table.begin()->second, {"semantic.png", "instance.png"}).empty()) {
     parts.warnings.emplace_back("masks without labels.yaml are ignored");

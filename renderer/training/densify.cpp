@@ -124,7 +124,8 @@ void HoleFiller::add(const glm::vec3& position_m, const glm::vec3& normal, doubl
   pending_.sh.resize(pending_.sh.size() + 3 * (coefficients - 1), 0.0F);
 }
 
-void HoleFiller::add_view(const TrainingView& view, const core::CameraIntrinsics& intrinsics,
+void HoleFiller::add_view(const TrainingView& view, const core::CameraPose& T_world_camera,
+                          const core::CameraIntrinsics& intrinsics,
                           std::span<const float> alpha, double min_depth_m,
                           double max_depth_m) {
   if (view.depth_m.empty()) return;
@@ -142,18 +143,18 @@ void HoleFiller::add_view(const TrainingView& view, const core::CameraIntrinsics
         continue;
       }
       const glm::vec3 place_m(
-          (view.T_world_camera * core::Point<core::frame::Camera>{intrinsics.back_project(
-                                     {x + 0.5, y + 0.5}, depth_m)})
+          (T_world_camera * core::Point<core::frame::Camera>{intrinsics.back_project(
+                                {x + 0.5, y + 0.5}, depth_m)})
               .xyz_m);
       if (!places_.insert(voxel_key(place_m, voxel_m_)).second) continue;
       if (normals.empty()) normals = {view.depth_m.width_px(), view.depth_m.height_px()};
       if (!row_is_known) {
-        depth_normal_rows(view.depth_m, intrinsics, view.T_world_camera, y, y + 1, normals);
+        depth_normal_rows(view.depth_m, intrinsics, T_world_camera, y, y + 1, normals);
         row_is_known = true;
       }
       glm::vec3 normal = normals(x, y);
       if (normal == glm::vec3(0.0F)) {
-        normal = glm::normalize(glm::vec3(view.T_world_camera.translation_m()) - place_m);
+        normal = glm::normalize(glm::vec3(T_world_camera.translation_m()) - place_m);
       }
       add(place_m, normal, 0.5 * kHoleStep_px * depth_m / intrinsics.fx_px, view.rgb(x, y));
     }

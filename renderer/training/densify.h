@@ -60,9 +60,11 @@ class HoleFiller {
   /// Every second pixel of every second row with alpha < kHoleAlpha and a depth in (min, max)
   /// gives a surfel: where the depth says, facing as the depth's normals say, as large as the
   /// pixels.
+  /// @param T_world_camera  Of the view: training may have moved it.
   /// @param alpha  [height, width] of the view as drawn.
-  void add_view(const TrainingView& view, const core::CameraIntrinsics& intrinsics,
-                std::span<const float> alpha, double min_depth_m, double max_depth_m);
+  void add_view(const TrainingView& view, const core::CameraPose& T_world_camera,
+                const core::CameraIntrinsics& intrinsics, std::span<const float> alpha,
+                double min_depth_m, double max_depth_m);
 
   /// What was collected since the last take().
   [[nodiscard]] const RawSurfels& pending() const { return pending_; }

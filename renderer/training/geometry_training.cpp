@@ -13,6 +13,8 @@
 #include "renderer/training/densify.h"
 #include "renderer/training/internal/geometry_losses.h"
 #include "renderer/training/internal/surfel_state.h"
+#include "renderer/training/internal/training_poses.h"
+#include "renderer/training/internal/view_loss.h"
 
 namespace segsim::renderer {
 namespace {
@@ -22,7 +24,8 @@ using internal::Tensor;
 using internal::ViewTensors;
 
 constexpr double kHoleVoxel_m = 0.02;
-constexpr float kNeeded = 1.0F;  ///< Stands for a weight that is not known yet.
+constexpr double kFinalPoseRate = 0.01;  ///< Of the first, exponential between.
+constexpr float kNeeded = 1.0F;          ///< Stands for a weight that is not known yet.
 
 std::int64_t at_share(double share, std::int64_t iterations) {
   return static_cast<std::int64_t>(std::llround(share * static_cast<double>(iterations)));
@@ -34,31 +37,10 @@ std::vector<float> host(const Tensor& tensor) {
   return {first, first + values.numel()};
 }
 
-/// A view's images as tensors.
-struct Targets {
-  Tensor rgb;      ///< [height, width, 3] in [0, 1].
-  Tensor depth_m;  ///< [height, width], NaN = unknown; or undefined.
-  Tensor valid;    ///< [height, width] bool, or undefined.
-};
-
-Targets targets_of(const TrainingView& view, const at::Device& device) {
-  const std::int64_t height = view.rgb.height_px(), width = view.rgb.width_px();
-  // from_blob() only reads here; it has no variant for const memory.
-  const auto borrow = [&](const void* data, std::vector<std::int64_t> shape,
-                          at::ScalarType type) {
-    return torch::from_blob(const_cast<void*>(data), shape, torch::TensorOptions().dtype(type))
-        .to(device);
-  };
-  Targets targets;
-  targets.rgb =
-      borrow(view.rgb.data(), {height, width, 3}, torch::kUInt8).to(torch::kFloat32) / 255.0F;
-  if (!view.depth_m.empty()) {
-    targets.depth_m = borrow(view.depth_m.data(), {height, width}, torch::kFloat32);
-  }
-  if (!view.valid.empty()) {
-    targets.valid = borrow(view.valid.data(), {height, width}, torch::kUInt8).ne(0);
-  }
-  return targets;
+std::vector<core::CameraPose> recorded_poses(const TrainingSet& set) {
+  std::vector<core::CameraPose> poses;
+  for (const TrainingView& view : set.training) poses.push_back(view.T_world_camera);
+  return poses;
 }
 
 }  // namespace
@@ -75,6 +57,7 @@ class GeometryTrainer::Impl {
                 trains_on_gpu(device) ? at::Device(torch::kCUDA, 0) : at::Device(torch::kCPU)),
         state_(start, config.sh_degree, raster_.device()),
         rays_(internal::camera_rays(set.intrinsics, raster_.device())),
+        poses_(recorded_poses(set)),
         holes_(kHoleVoxel_m, config.sh_degree) {
     SEGSIM_CHECK(!set.training.empty(), "no training views");
     forget_statistics();
@@ -87,6 +70,7 @@ class GeometryTrainer::Impl {
   [[nodiscard]] SurfelCloud surfels() const {
     return surfel_cloud(state_.tail(state_.count()));
   }
+  [[nodiscard]] const std::vector<core::CameraPose>& poses() const { return poses_.now(); }
 
   GeometryStep step();
   void save(const std::filesystem::path& file, const std::string& identity) const;
@@ -103,10 +87,13 @@ class GeometryTrainer::Impl {
     return static_cast<int>(std::min<double>(config_.sh_degree, grown));
   }
   [[nodiscard]] internal::SurfelRates rates() const;
+  [[nodiscard]] bool refines_poses() const {
+    return config_.rate.pose_rotation > 0.0 || config_.rate.pose_translation > 0.0;
+  }
 
-  Tensor loss_of(const ViewTensors& drawn, const Targets& targets, const Tensor& exposure,
-                 const TrainingView& view, GeometryStep& step) const;
-  void gather(const ViewTensors& drawn, const Tensor& rows, const TrainingView& view);
+  void move_pose(std::size_t view, const SurfelTensors& leaves, const Tensor& rows);
+  void gather(const ViewTensors& drawn, const Tensor& rows, const TrainingView& view,
+              const core::CameraPose& T_world_camera);
   void change_count();
   void forget_statistics();
   [[nodiscard]] SurfelStatistics statistics() const;
@@ -121,6 +108,7 @@ class GeometryTrainer::Impl {
   internal::RasterFunction raster_;
   internal::SurfelState state_;
   Tensor rays_;
+  internal::TrainingPoses poses_;
   internal::AdamTensor exposure_;  ///< [views, (log gain, offset), rgb].
   HoleFiller holes_;
   std::int64_t iteration_ = 0;
@@ -143,53 +131,25 @@ internal::SurfelRates GeometryTrainer::Impl::rates() const {
   return rates;
 }
 
-Tensor GeometryTrainer::Impl::loss_of(const ViewTensors& drawn, const Targets& targets,
-                                      const Tensor& exposure, const TrainingView& view,
-                                      GeometryStep& step) const {
-  const GeometryConfig::Loss& weight = config_.loss;
-  Tensor rgb = drawn.rgb;
-  if (exposure.defined()) rgb = rgb * exposure.select(0, 0).exp() + exposure.select(0, 1);
-  Tensor total = internal::photometric_loss(rgb, targets.rgb, targets.valid, weight.ssim);
-  step.color = total.item<double>();
-  const auto add = [&](double factor, const Tensor& loss, double& value) {
-    const Tensor scaled = factor * loss;
-    value = scaled.item<double>();
-    total = total + scaled;
-  };
-  if (weight.depth > 0.0 && targets.depth_m.defined()) {
-    add(weight.depth,
-        internal::depth_loss(drawn.depth_m, drawn.alpha, targets.depth_m, weight.min_depth_m,
-                             weight.max_depth_m),
-        step.depth);
-  }
-  if (weight.normal > 0.0 && progress() >= weight.normal_from) {
-    add(weight.normal,
-        internal::normal_consistency(drawn.normal, drawn.depth_m, drawn.alpha, rays_,
-                                     view.T_world_camera),
-        step.normal);
-  }
-  if (drawn.distortion.defined()) {
-    add(weight.distortion, drawn.distortion.mean(), step.distortion);
-  }
-  return total;
-}
-
 GeometryStep GeometryTrainer::Impl::step() {
   const std::size_t index = view_of_iteration(iteration_, set_.training.size(), seed_);
   const TrainingView& view = set_.training[index];
-  const Targets targets = targets_of(view, raster_.device());
+  const core::CameraPose T_world_camera = poses_.now()[index];
+  const internal::ViewTargets targets = internal::view_targets(view, raster_.device());
   const SurfelTensors leaves = state_.leaves();
   const bool distorts =
       config_.loss.distortion > 0.0 && progress() >= config_.loss.distortion_from;
   const ViewTensors drawn =
-      raster_.draw(leaves, active_sh_degree(), set_.intrinsics, view.T_world_camera, distorts);
+      raster_.draw(leaves, active_sh_degree(), set_.intrinsics, T_world_camera, distorts);
   Tensor exposure;
   const auto exposure_row = static_cast<std::int64_t>(index);
   if (config_.rate.exposure > 0.0) {
     exposure = exposure_.value().select(0, exposure_row).detach().clone().requires_grad_(true);
   }
   GeometryStep step;
-  const Tensor loss = loss_of(drawn, targets, exposure, view, step);
+  const Tensor rays = progress() >= config_.loss.normal_from ? rays_ : Tensor();
+  const Tensor loss =
+      internal::view_loss(drawn, targets, config_.loss, exposure, rays, T_world_camera, step);
   if (!std::isfinite(step.total())) {
     throw core::InputError::expected(
         "geometry training: loss at iteration " + std::to_string(iteration_ + 1) + ", frame " +
@@ -199,12 +159,13 @@ GeometryStep GeometryTrainer::Impl::step() {
   loss.backward();
 
   const Tensor rows = drawn.max_weight.gt(0).nonzero().squeeze(1);
+  if (refines_poses()) move_pose(index, leaves, rows);
   state_.step(leaves, rows, active_sh_degree(), rates());
   if (exposure.defined()) {
     exposure_.step_rows(torch::full({1}, exposure_row, rows.options()),
                         exposure.grad().unsqueeze(0), config_.rate.exposure);
   }
-  gather(drawn, rows, view);
+  gather(drawn, rows, view, T_world_camera);
   ++iteration_;
   change_count();
   step.iteration = iteration_;
@@ -212,8 +173,24 @@ GeometryStep GeometryTrainer::Impl::step() {
   return step;
 }
 
+void GeometryTrainer::Impl::move_pose(std::size_t view, const SurfelTensors& leaves,
+                                      const Tensor& rows) {
+  const SurfelTensors all = internal::gradients_of(leaves);
+  const auto in_view = [&](const SurfelTensors& s) {
+    const at::NoGradGuard no_grad;
+    const auto of = [&](const Tensor& t) { return t.index_select(0, rows); };
+    return SurfelTensors{of(s.position_m), {}, of(s.rotation), {}, of(s.sh)};
+  };
+  const double factor = std::pow(kFinalPoseRate, progress());
+  poses_.step(view,
+              internal::camera_gradient(in_view(leaves), in_view(all), poses_.now()[view]),
+              factor * config_.rate.pose_translation, factor * config_.rate.pose_rotation);
+  poses_.keep_mean();
+}
+
 void GeometryTrainer::Impl::gather(const ViewTensors& drawn, const Tensor& rows,
-                                   const TrainingView& view) {
+                                   const TrainingView& view,
+                                   const core::CameraPose& T_world_camera) {
   const at::NoGradGuard no_grad;
   gradient_sum_.add_(drawn.screen);
   gradient_views_.index_add_(0, rows, torch::ones_like(rows).to(torch::kFloat32));
@@ -224,7 +201,7 @@ void GeometryTrainer::Impl::gather(const ViewTensors& drawn, const Tensor& rows,
   if (densify.fill_holes && progress() <= densify.until &&
       drawn.alpha.detach().lt(HoleFiller::kHoleAlpha).any().item<bool>()) {
     const std::vector<float> alpha = host(drawn.alpha.detach());
-    holes_.add_view(view, set_.intrinsics, alpha, config_.loss.min_depth_m,
+    holes_.add_view(view, T_world_camera, set_.intrinsics, alpha, config_.loss.min_depth_m,
                     config_.loss.max_depth_m);
   }
 }
@@ -310,9 +287,10 @@ void GeometryTrainer::Impl::fill() {
 
 void GeometryTrainer::Impl::save(const std::filesystem::path& file,
                                  const std::string& identity) const {
-  internal::StateWriter out("geometry/1 " + identity);
+  internal::StateWriter out("geometry/2 " + identity);
   state_.save(out);
   exposure_.save(out, "exposure");
+  poses_.save(out);
   out.put("gradient_sum", gradient_sum_);
   out.put("gradient_views", gradient_views_);
   out.put("max_weight", max_weight_);
@@ -331,9 +309,10 @@ void GeometryTrainer::Impl::save(const std::filesystem::path& file,
 
 void GeometryTrainer::Impl::load(const std::filesystem::path& file,
                                  const std::string& identity) {
-  const internal::StateReader in(file, "geometry/1 " + identity);
+  const internal::StateReader in(file, "geometry/2 " + identity);
   state_.load(in);
   exposure_.load(in, "exposure");
+  poses_.load(in);
   in.expect_rows("exposure", static_cast<std::int64_t>(set_.training.size()));
   const std::vector<std::int64_t> counts = in.integers("counts");
   in.expect_rows("counts", 2);
@@ -376,6 +355,7 @@ GeometryTrainer::~GeometryTrainer() = default;
 std::int64_t GeometryTrainer::iteration() const { return impl_->iteration(); }
 GeometryStep GeometryTrainer::step() { return impl_->step(); }
 SurfelCloud GeometryTrainer::surfels() const { return impl_->surfels(); }
+const std::vector<core::CameraPose>& GeometryTrainer::poses() const { return impl_->poses(); }
 void GeometryTrainer::save(const std::filesystem::path& file,
                            const std::string& identity) const {
   impl_->save(file, identity);

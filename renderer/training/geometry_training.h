@@ -6,7 +6,8 @@
 /// (panoptic_training.h).
 ///
 ///     view -> draw -> (1-s) L1 + s (1-SSIM) + depth + normals + distortion -> gradients
-///          -> Adam on the surfels in view -> now and then split, fill, prune (densify.h)
+///          -> Adam on the surfels in view, and on the view's pose -> now and then split,
+///          fill, prune (densify.h)
 ///
 /// Everything that happens in an iteration follows from (seed, iteration) and the state, so
 /// training that is loaded goes on as if it had never stopped. On the CPU equal inputs give
@@ -16,7 +17,9 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <vector>
 
+#include "core/frames.h"
 #include "renderer/renderer_backend.h"
 #include "renderer/surfels.h"
 #include "renderer/training/differentiable_rasterizer.h"
@@ -64,6 +67,9 @@ class GeometryTrainer {
   GeometryStep step();
 
   [[nodiscard]] SurfelCloud surfels() const;
+  /// T_world_camera of the training views: as recorded, unless the configuration has rates for
+  /// poses. The cameras' mean place and rotation stay as recorded.
+  [[nodiscard]] const std::vector<core::CameraPose>& poses() const;
 
   /// The whole state, written atomically.
   /// @param identity  What the state belongs to: load() asks for the same.

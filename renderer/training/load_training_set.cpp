@@ -1,4 +1,6 @@
 #include <algorithm>
+#include <cmath>
+#include <map>
 #include <utility>
 
 #include "core/check.h"
@@ -60,6 +62,81 @@ void load_all(const std::vector<std::size_t>& frames, std::vector<TrainingView>&
   }
 }
 
+/// FNV-1a of the picture.
+std::uint64_t picture_hash(const core::Image<core::Rgb8>& rgb) {
+  std::uint64_t hash = 0xcbf29ce484222325ULL;
+  for (const core::Rgb8& px : rgb.pixels()) {
+    for (const std::uint8_t byte : {px.r, px.g, px.b}) {
+      hash = (hash ^ byte) * 0x100000001b3ULL;
+    }
+  }
+  return hash;
+}
+
+bool is_plain(const core::Image<core::Rgb8>& rgb) {
+  return std::all_of(rgb.pixels().begin(), rgb.pixels().end(),
+                     [&](const core::Rgb8& px) { return px == rgb.data()[0]; });
+}
+
+bool same_pose(const core::CameraPose& a, const core::CameraPose& b) {
+  constexpr double kSame = 1e-6;
+  const glm::dvec3 d_m = a.translation_m() - b.translation_m();
+  const glm::dquat q = glm::conjugate(a.rotation()) * b.rotation();
+  return std::max({std::abs(d_m.x), std::abs(d_m.y), std::abs(d_m.z), std::abs(q.x),
+                   std::abs(q.y), std::abs(q.z)}) < kSame;
+}
+
+/// Leaves out views that repeat others. Held-out ones are known first, so they stay.
+class Duplicates {
+ public:
+  explicit Duplicates(std::vector<std::string>& warnings) : warnings_(warnings) {}
+
+  void remove(std::vector<TrainingView>& views) {
+    std::vector<std::uint64_t> hashes(views.size());
+    internal::parallel_for_each(
+        views.size(), 1, [&](std::size_t i) { hashes[i] = picture_hash(views[i].rgb); });
+    std::vector<TrainingView> kept;
+    kept.reserve(views.size());  // known_ keeps pointers to the pictures' memory.
+    for (std::size_t i = 0; i < views.size(); ++i) {
+      const Known* same = find(hashes[i], views[i].rgb);
+      if (same != nullptr && same_pose(same->T_world_camera, views[i].T_world_camera)) {
+        warnings_.push_back("frame " + views[i].name + " left out: it repeats frame " +
+                            same->name + ", picture and pose");
+        continue;
+      }
+      if (same != nullptr && !is_plain(views[i].rgb)) {
+        warnings_.push_back("frames " + same->name + " and " + views[i].name +
+                            " are one picture with two poses");
+      }
+      kept.push_back(std::move(views[i]));
+      known_.emplace(hashes[i], Known{kept.back().name, kept.back().T_world_camera,
+                                      kept.back().rgb.data()});
+    }
+    views = std::move(kept);
+  }
+
+ private:
+  struct Known {
+    std::string name;
+    core::CameraPose T_world_camera;
+    const core::Rgb8* pixels;  ///< As many as every view has.
+  };
+
+  [[nodiscard]] const Known* find(std::uint64_t hash,
+                                  const core::Image<core::Rgb8>& rgb) const {
+    const auto [first, last] = known_.equal_range(hash);
+    for (auto it = first; it != last; ++it) {
+      if (std::equal(rgb.pixels().begin(), rgb.pixels().end(), it->second.pixels)) {
+        return &it->second;
+      }
+    }
+    return nullptr;
+  }
+
+  std::vector<std::string>& warnings_;
+  std::multimap<std::uint64_t, Known> known_;
+};
+
 }  // namespace
 
 TrainingSet load_training_set(
@@ -99,6 +176,13 @@ TrainingSet load_training_set(
       held_out, set.held_out,
       [&](std::size_t i) { return load_view(recording, nullptr, i, set.has_true_labels); },
       [&](std::size_t done) { report(training.size() + done); });
+  Duplicates duplicates(set.warnings);
+  duplicates.remove(set.held_out);
+  duplicates.remove(set.training);
+  if (set.training.empty()) {
+    throw core::InputError::expected(recording.name(), "frames to train on",
+                                     "only repetitions of held-out ones");
+  }
   return set;
 }
 

@@ -36,6 +36,8 @@ struct GeometryConfig {
     double color = 2.5e-3, color_rest = 1.25e-4;
     double opacity = 0.02, log_scale = 5e-3, rotation = 1e-3;
     double exposure = 0.0;  ///< 0 = no exposure compensation.
+    /// Of poses: [rad] and [m] of a steady step, 1 % of it at the end; 0 = poses as recorded.
+    double pose_rotation = 0.0, pose_translation = 0.0;
   } rate;
 
   struct Densify {

@@ -43,13 +43,16 @@ struct TrainingSet {
   /// Held-out views whose masks are exact labels; false if masks came from a segmenter and the
   /// recording has no labels of its own.
   bool has_true_labels = false;
+  std::vector<std::string> warnings;  ///< One line for each doubt.
 
   /// Radius of the camera path: 1.1 times the largest distance from its centre (2DGS: "scene
   /// extent"), at least 0.5 m.
   [[nodiscard]] double extent_m() const;
 };
 
-/// Loads all frames that are used.
+/// Loads all frames that are used. A frame that repeats another, picture and pose, is left out
+/// with a warning: training frames before held-out ones, which it would flatter; the same
+/// picture at another pose is a warning.
 /// @param masks  Labels to learn from instead of the recording's; may be null. Held-out views
 ///     keep the recording's, as truth.
 /// @throws core::InputError for a frame or mask that cannot be read, masks whose classes are

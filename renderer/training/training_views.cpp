@@ -1,6 +1,8 @@
 #include "renderer/training/training_views.h"
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <utility>
 #include <vector>
 
@@ -17,11 +19,14 @@ using internal::Tensor;
 class TrainingViews final : public PanopticViews {
  public:
   TrainingViews(const TrainingSet& set, const SurfelCloud& surfels,
-                const GeometryDevice& device)
+                const GeometryDevice& device, std::vector<core::CameraPose> poses)
       : set_(set),
+        poses_(std::move(poses)),
         device_(device),
         memory_(trains_on_gpu(device) ? at::Device(torch::kCUDA, 0) : at::Device(torch::kCPU)),
         surfels_(tensors_of(raw_surfels(surfels, 0))) {
+    SEGSIM_CHECK(poses_.empty() || poses_.size() == set.training.size(),
+                 std::to_string(poses_.size()) + " poses");
     for (const TrainingView& view : set.training) {
       SEGSIM_CHECK(!view.masks.semantic.empty(), "view " + view.name + " without masks");
     }
@@ -30,6 +35,7 @@ class TrainingViews final : public PanopticViews {
     color_ = torch::empty({height, width, 3}, options);
     normal_ = torch::empty({height, width, 3}, options);
     for (Tensor& image : flat_) image = torch::empty({height, width}, options);
+    drawn_depth_m_.resize(set.training.size());
   }
 
   [[nodiscard]] std::int64_t count() const override {
@@ -39,13 +45,18 @@ class TrainingViews final : public PanopticViews {
     return at(view).masks;
   }
   [[nodiscard]] const core::Image<float>& depth_m(std::int64_t view) override {
-    return at(view).depth_m;
+    const core::Image<float>& recorded_m = at(view).depth_m;
+    if (!recorded_m.empty()) return recorded_m;
+    core::Image<float>& drawn_m = drawn_depth_m_[static_cast<std::size_t>(view)];
+    if (drawn_m.empty()) drawn_m = draw_depth(view);
+    return drawn_m;
   }
   [[nodiscard]] core::CameraIntrinsics intrinsics(std::int64_t) const override {
     return set_.intrinsics;
   }
   [[nodiscard]] core::CameraPose T_world_camera(std::int64_t view) const override {
-    return at(view).T_world_camera;
+    return poses_.empty() ? at(view).T_world_camera
+                          : poses_.at(static_cast<std::size_t>(view));
   }
 
   [[nodiscard]] PixelWeights weights(std::int64_t view, std::span<const std::int32_t> pixels,
@@ -53,6 +64,15 @@ class TrainingViews final : public PanopticViews {
     SEGSIM_CHECK(slot == 0 || slot == 1, std::to_string(slot));
     auto& rasterizer = rasterizers_[static_cast<std::size_t>(slot)];
     if (!rasterizer) rasterizer = make_training_rasterizer(device_);
+    draw(*rasterizer, view);
+    const Tensor listed = internal::device_tensor(
+        std::vector<std::int32_t>(pixels.begin(), pixels.end()), torch::kInt32, memory_);
+    return rasterizer->weights(listed.data_ptr<std::int32_t>(), listed.numel(), max_per_pixel);
+  }
+
+ private:
+  /// Fills the images.
+  void draw(DifferentiableRasterizer<float>& rasterizer, std::int64_t view) {
     TrainingImages<float> images;
     images.width_px = set_.intrinsics.width_px;
     images.height_px = set_.intrinsics.height_px;
@@ -61,14 +81,21 @@ class TrainingViews final : public PanopticViews {
     images.depth_m = flat_[0].data_ptr<float>();
     images.alpha = flat_[1].data_ptr<float>();
     images.median_m = flat_[2].data_ptr<float>();
-    rasterizer->forward(internal::parameters_of(surfels_, 0), set_.intrinsics,
-                        at(view).T_world_camera, images, nullptr);
-    const Tensor listed = internal::device_tensor(
-        std::vector<std::int32_t>(pixels.begin(), pixels.end()), torch::kInt32, memory_);
-    return rasterizer->weights(listed.data_ptr<std::int32_t>(), listed.numel(), max_per_pixel);
+    rasterizer.forward(internal::parameters_of(surfels_, 0), set_.intrinsics,
+                       T_world_camera(view), images, nullptr);
   }
 
- private:
+  /// What the surfels say; NaN where they cover less than half of the pixel.
+  [[nodiscard]] core::Image<float> draw_depth(std::int64_t view) {
+    if (!depth_rasterizer_) depth_rasterizer_ = make_training_rasterizer(device_);
+    draw(*depth_rasterizer_, view);
+    const Tensor depth_m =
+        at::where(flat_[1].gt(0.5), flat_[0] / flat_[1], at::full_like(flat_[0], NAN)).cpu();
+    core::Image<float> image(set_.intrinsics.width_px, set_.intrinsics.height_px);
+    std::copy_n(depth_m.data_ptr<float>(), image.size(), image.data());
+    return image;
+  }
+
   [[nodiscard]] const TrainingView& at(std::int64_t view) const {
     return set_.training.at(static_cast<std::size_t>(view));
   }
@@ -84,10 +111,14 @@ class TrainingViews final : public PanopticViews {
   }
 
   const TrainingSet& set_;
+  std::vector<core::CameraPose> poses_;
   GeometryDevice device_;
   at::Device memory_;
   internal::SurfelTensors surfels_;
   std::array<std::unique_ptr<DifferentiableRasterizer<float>>, 2> rasterizers_;
+  std::unique_ptr<DifferentiableRasterizer<float>> depth_rasterizer_;
+  std::vector<core::Image<float>>
+      drawn_depth_m_;  ///< Of views that have none; when asked for.
   Tensor color_, normal_;
   std::array<Tensor, 3> flat_;
 };
@@ -96,8 +127,9 @@ class TrainingViews final : public PanopticViews {
 
 std::unique_ptr<PanopticViews> make_training_views(const TrainingSet& set,
                                                    const SurfelCloud& surfels,
-                                                   const GeometryDevice& device) {
-  return std::make_unique<TrainingViews>(set, surfels, device);
+                                                   const GeometryDevice& device,
+                                                   std::vector<core::CameraPose> poses) {
+  return std::make_unique<TrainingViews>(set, surfels, device, std::move(poses));
 }
 
 }  // namespace segsim::renderer

@@ -4,9 +4,12 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <filesystem>
 #include <memory>
+#include <new>
 #include <thread>
 
 #include <gmock/gmock.h>
@@ -14,10 +17,13 @@
 #include "core/error.h"
 #include "core/file_io.h"
 #include "experiments/coverage.h"
+#include "experiments/reconstruct.h"
 #include "renderer/cpu_renderer.h"
 #include "renderer/room_scene.h"
 #include "renderer/training/heads/panoptic_head.h"
 #include "renderer/training/surfel_labels.h"
+#include "renderer/training/training_memory.h"
+#include "tests/error_message.h"
 
 namespace segsim::experiments {
 namespace {
@@ -65,6 +71,16 @@ class TrainingRunTest : public ::testing::Test {
     options_.work = folder_ / "work";
   }
   ~TrainingRunTest() override { fs::remove_all(folder_); }
+
+  /// Leaves a state after 5 of 12 iterations, as a kill would.
+  void half_of_geometry() {
+    options_.work = folder_ / "work";
+    fs::create_directories(options_.work);
+    renderer::GeometryTrainer trainer(set_, start_, options_.config.geometry, options_.seed,
+                                      options_.device);
+    while (trainer.iteration() < 5) (void)trainer.step();
+    trainer.save(options_.work / "geometry.state", training_identity(options_, set_, start_));
+  }
 
   fs::path folder_;
   renderer::SurfelCloud start_;
@@ -118,6 +134,116 @@ TEST_F(TrainingRunTest, KilledAndResumedIsTheSame) {
   EXPECT_THROW((void)train_scene(set_, start_, options_), core::InputError);
   remove_training_state(options_.work);
   EXPECT_FALSE(fs::exists(options_.work / "geometry.state"));
+}
+
+TEST_F(TrainingRunTest, LossThatIsNoNumberKeepsTheState) {
+  options_.head = "none";
+  options_.config.geometry.loss.max_depth_m = INFINITY;
+  half_of_geometry();
+  const std::string state = core::read_file(options_.work / "geometry.state");
+  // The frames change behind the state's back; their names are all it knows.
+  for (auto& view : set_.training) {
+    for (float& depth_m : view.depth_m.pixels()) depth_m = 3e38F;
+  }
+  options_.resume = true;
+  options_.time_limit_s = 0.0;
+  EXPECT_THAT(tests::input_error_of([&] { (void)train_scene(set_, start_, options_); }),
+              ::testing::AllOf(::testing::HasSubstr("loss at iteration 6, frame view"),
+                               ::testing::HasSubstr("expected a finite number"),
+                               ::testing::HasSubstr("is kept: --resume goes on there")));
+  EXPECT_EQ(core::read_file(folder_ / "work" / "geometry.state"), state);
+}
+
+TEST_F(TrainingRunTest, TooLittleMemoryKeepsTheStateAndSaysWhatToLower) {
+  options_.head = "none";
+  (void)train_scene(set_, start_, options_);
+  const std::string state = core::read_file(options_.work / "geometry.state");
+  options_.resume = true;
+  set_.intrinsics.width_px = set_.intrinsics.height_px = 2'000'000;  // 48 TB an image.
+  EXPECT_THAT(
+      tests::input_error_of([&] { (void)train_scene(set_, start_, options_); }),
+      ::testing::AllOf(::testing::HasSubstr("training shape and colour: expected memory"),
+                       ::testing::HasSubstr("geometry.densify.max_surfels"),
+                       ::testing::HasSubstr("is kept: --resume goes on there"),
+                       ::testing::HasSubstr("found the host's full")));
+  EXPECT_EQ(core::read_file(options_.work / "geometry.state"), state);
+  EXPECT_THAT(tests::input_error_of([] {
+                renderer::with_memory_errors(
+                    "a test", [] { return std::string("less"); },
+                    [] { throw std::bad_alloc(); });
+              }),
+              "a test: expected memory for it (less), found the host's full");
+}
+
+TEST_F(TrainingRunTest, FramesWithoutDepthTrainLabelsOnTheDepthOfTheSurfels) {
+  for (auto& view : set_.training) view.depth_m = {};
+  options_.config.panoptic.iterations = 200;
+  const TrainedScene scene = train_scene(set_, start_, options_);
+  EXPECT_TRUE(scene.surfels.has_labels());
+  EXPECT_GT(scene.quality.mean_iou, 0.1);
+}
+
+TEST_F(TrainingRunTest, RefinedPosesAreWrittenAndHeldOutViewsAligned) {
+  options_.head = "none";
+  options_.config.geometry.rate.pose_rotation = 1e-3;
+  options_.config.geometry.rate.pose_translation = 1e-3;
+  options_.align_held_out = true;
+  auto& moved = set_.held_out[1].T_world_camera;
+  moved = {moved.rotation(), moved.translation_m() + glm::dvec3(0.015, 0.0, 0.0)};
+  const TrainedScene scene = train_scene(set_, start_, options_);
+  ASSERT_TRUE(scene.aligned_quality.has_value());
+  EXPECT_GT(scene.aligned_quality->color.psnr_db(), scene.quality.color.psnr_db());
+  const auto figure = [&](const std::string& name) {
+    for (const auto& [key, value] : scene.statistics) {
+      if (key == name) return value;
+    }
+    return -1.0;
+  };
+  EXPECT_GT(figure("held_out_aligned_psnr_db"), figure("held_out_psnr_db"));
+  EXPECT_NEAR(figure("held_out_pose_largest_shift_m"), 0.015, 0.007);
+  EXPECT_GT(figure("pose_mean_shift_m"), 0.0);
+  const std::string poses = core::read_file(options_.work / "poses_refined.txt");
+  EXPECT_EQ(std::count(poses.begin(), poses.end(), '\n'),
+            1 + static_cast<std::ptrdiff_t>(set_.training.size()));
+  EXPECT_THAT(poses, ::testing::HasSubstr("\nview 1 "));
+}
+
+/// A recording of colour alone.
+class ColorOnly final : public renderer::RgbdSequence {
+ public:
+  const std::string& name() const override { return name_; }
+  const core::CameraIntrinsics& intrinsics() const override { return camera_; }
+  std::size_t frame_count() const override { return 1; }
+  const std::string& frame_name(std::size_t) const override { return name_; }
+  const core::CameraPose& pose(std::size_t) const override { return pose_; }
+  bool has_depth() const override { return false; }
+  bool has_masks() const override { return false; }
+  const std::vector<core::SceneClass>& classes() const override { return classes_; }
+  const std::vector<core::SceneInstance>& instances() const override { return instances_; }
+  const std::vector<std::string>& warnings() const override { return lines_; }
+  const std::vector<std::string>& notes() const override { return lines_; }
+  renderer::RgbdFrame load(std::size_t) const override { return {}; }
+
+ private:
+  std::string name_ = "colour";
+  core::CameraIntrinsics camera_ = core::CameraIntrinsics::from_fov(8, 6, 1.0);
+  core::CameraPose pose_;
+  std::vector<core::SceneClass> classes_;
+  std::vector<core::SceneInstance> instances_;
+  std::vector<std::string> lines_;
+};
+
+TEST_F(TrainingRunTest, FramesWithoutDepthNeedACloud) {
+  ReconstructOptions reconstruct;
+  for (const bool trains : {false, true}) {
+    if (trains) reconstruct.training = options_;
+    EXPECT_THAT(tests::input_error_of([&] {
+                  (void)reconstruct_bundle(ColorOnly(), reconstruct, folder_ / "bundle");
+                }),
+                "colour: expected frames with depth, or a cloud to start from (--start), "
+                "found colour alone");
+  }
+  EXPECT_FALSE(fs::exists(folder_ / "bundle"));
 }
 
 TEST_F(TrainingRunTest, EveryHeadLabelsTheSurfels) {

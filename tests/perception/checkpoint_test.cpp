@@ -1,7 +1,6 @@
 #include <gmock/gmock.h>
 
 #include <fstream>
-#include <functional>
 
 #include "checkpoint_writer.h"
 #include "core/error.h"
@@ -9,23 +8,17 @@
 #include "perception/checkpoint/pickle.h"
 #include "perception/checkpoint/tensor_file.h"
 #include "test_folder.h"
+#include "tests/error_message.h"
 
 namespace segsim::perception {
 namespace {
+
+using segsim::tests::input_error_of;
 
 using pickled::dict;
 using pickled::object;
 using pickled::text;
 using testing::HasSubstr;
-
-std::string message_of(const std::function<void()>& act) {
-  try {
-    act();
-  } catch (const core::InputError& error) {
-    return error.what();
-  }
-  return "no error";
-}
 
 std::vector<NamedTensor> some_tensors() {
   return {{"a.weight", {2, 3}, {0.5F, -1.0F, 2.0F, 0.25F, 8.0F, -0.125F}},
@@ -128,7 +121,7 @@ TEST(Checkpoint, ReadsTorchScriptAttributes) {
 TEST(Checkpoint, RefusesWhateverCouldRun) {
   const TestFolder folder;
   const auto refusal = [&](const std::string& value) {
-    return message_of([&] { (void)read_bytes(folder, file_of(value)); });
+    return input_error_of([&] { (void)read_bytes(folder, file_of(value)); });
   };
   const auto call = [](const std::string& module, const std::string& name) {
     return pickled::name(module, name) + pickled::tuple({text("touch here")}) + "R";
@@ -148,7 +141,7 @@ TEST(Checkpoint, RefusesWhateverCouldRun) {
 TEST(Checkpoint, RefusesTensorsThatLeaveTheirStorage) {
   const TestFolder folder;
   const auto refusal = [&](const std::string& tensor) {
-    return message_of([&] { (void)read_bytes(folder, file_of(state_of(tensor))); });
+    return input_error_of([&] { (void)read_bytes(folder, file_of(state_of(tensor))); });
   };
   constexpr std::int64_t kLarge = 2'000'000'000;
   EXPECT_THAT(refusal(tensor_of(0, {7}, {1})),
@@ -173,7 +166,7 @@ TEST(Checkpoint, BoundsTheWalk) {
   const std::string cycle =
       pickled::name("torch.nn", "Module") + ")\x81q\x01" +
       dict({{text("_modules"), dict({{text("m"), std::string("h\x01")}})}}) + "b";
-  EXPECT_THAT(message_of([&] { (void)read_bytes(folder, file_of(cycle)); }),
+  EXPECT_THAT(input_error_of([&] { (void)read_bytes(folder, file_of(cycle)); }),
               HasSubstr("expected a tree of modules"));
   // Each level holds the one below twice: 2^40 modules.
   std::string tower =
@@ -185,14 +178,14 @@ TEST(Checkpoint, BoundsTheWalk) {
                     {{text("_modules"), dict({{text("a"), below}, {text("b"), below}})}}) +
              "q" + level;
   }
-  EXPECT_THAT(message_of([&] { (void)read_bytes(folder, file_of(tower)); }),
+  EXPECT_THAT(input_error_of([&] { (void)read_bytes(folder, file_of(tower)); }),
               HasSubstr("expected a tree of modules"));
 }
 
 TEST(Checkpoint, SaysWhatAFileIsNot) {
   const TestFolder folder;
   const auto refusal = [&](const std::string& bytes) {
-    return message_of([&] { (void)read_bytes(folder, bytes); });
+    return input_error_of([&] { (void)read_bytes(folder, bytes); });
   };
   EXPECT_THAT(refusal(""), HasSubstr("expected a .pt file"));
   EXPECT_THAT(refusal("\x80\x02\x8a\x0al\xfc\x9c"
@@ -216,7 +209,7 @@ TEST(Checkpoint, RefusesSafetensorsOutsideTheFile) {
   const auto refusal = [&](const std::string& header) {
     std::string bytes;
     append(bytes, std::uint64_t{header.size()});
-    return message_of([&] { (void)read_bytes(folder, bytes + header + "12345678"); });
+    return input_error_of([&] { (void)read_bytes(folder, bytes + header + "12345678"); });
   };
   EXPECT_THAT(refusal(R"({"w":{"dtype":"F32","shape":[3],"data_offsets":[0,12]}})"),
               HasSubstr("w: expected as many bytes"));

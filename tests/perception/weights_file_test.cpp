@@ -6,16 +6,18 @@
 #include <bit>
 #include <cmath>
 #include <fstream>
-#include <functional>
 
 #include "core/error.h"
 #include "core/file_io.h"
 #include "core/random.h"
 #include "perception/detector.h"
 #include "test_folder.h"
+#include "tests/error_message.h"
 
 namespace segsim::perception {
 namespace {
+
+using segsim::tests::input_error_of;
 
 using testing::HasSubstr;
 
@@ -30,15 +32,6 @@ DetectorWeights some_weights() {
   for (int i = 0; i < 4; ++i) bias.values.push_back(static_cast<float>(random.normal() * 1e6));
   weights.tensors = {kernel, bias};
   return weights;
-}
-
-std::string message_of(const std::function<void()>& act) {
-  try {
-    act();
-  } catch (const core::InputError& error) {
-    return error.what();
-  }
-  return "no error";
 }
 
 TEST(Half, EveryHalfReturnsToItself) {
@@ -90,7 +83,7 @@ TEST(WeightsFile, EveryTruncationIsRefused) {
   for (std::size_t size = 0; size < bytes.size(); ++size) {
     std::ofstream(folder / "cut.bin", std::ios::binary)
         .write(bytes.data(), std::streamsize(size));
-    ASSERT_THAT(message_of([&] { (void)read_weights(folder / "cut.bin"); }),
+    ASSERT_THAT(input_error_of([&] { (void)read_weights(folder / "cut.bin"); }),
                 HasSubstr("cut.bin"));
   }
 }
@@ -101,7 +94,7 @@ TEST(WeightsFile, AlteredDataIsRefused) {
   std::string bytes = core::read_file(folder / "w.bin");
   bytes.back() = static_cast<char>(bytes.back() ^ 1);
   std::ofstream(folder / "w.bin", std::ios::binary) << bytes;
-  EXPECT_THAT(message_of([&] { (void)read_weights(folder / "w.bin"); }),
+  EXPECT_THAT(input_error_of([&] { (void)read_weights(folder / "w.bin"); }),
               HasSubstr("data_sha256"));
 }
 
@@ -109,7 +102,7 @@ TEST(WeightsFile, ValuesOutsideHalfAreRefused) {
   const TestFolder folder;
   DetectorWeights weights = some_weights();
   weights.tensors[0].values[5] = 1e6F;
-  EXPECT_THAT(message_of([&] { write_weights(folder / "w.bin", weights); }),
+  EXPECT_THAT(input_error_of([&] { write_weights(folder / "w.bin", weights); }),
               HasSubstr("conv.weight"));
   EXPECT_FALSE(std::filesystem::exists(folder / "w.bin"));
 }
@@ -126,7 +119,7 @@ TEST(WeightsFile, DifferencesAreTold) {
 TEST(LoadDetector, WeightsOfAnotherNetworkAreRefusedInOneLine) {
   const TestFolder folder;
   write_weights(folder / "w.bin", some_weights());
-  const std::string message = message_of([&] { (void)load_detector(folder / "w.bin"); });
+  const std::string message = input_error_of([&] { (void)load_detector(folder / "w.bin"); });
   EXPECT_THAT(message, HasSubstr("w.bin: the tensors do not fit the network: missing "));
   EXPECT_THAT(message, HasSubstr("unknown conv.bias, conv.weight"));
   EXPECT_EQ(message.find('\n'), std::string::npos);

@@ -4,31 +4,24 @@
 
 #include <cmath>
 #include <fstream>
-#include <functional>
 #include <map>
 
 #include "checkpoint_writer.h"
 #include "core/error.h"
 #include "perception/yolov13/model.h"
 #include "test_folder.h"
+#include "tests/error_message.h"
 
 namespace segsim::perception::yolov13 {
 namespace {
+
+using segsim::tests::input_error_of;
 
 using pickled::dict;
 using pickled::object;
 using pickled::text;
 using testing::AllOf;
 using testing::HasSubstr;
-
-std::string message_of(const std::function<void()>& act) {
-  try {
-    act();
-  } catch (const core::InputError& error) {
-    return error.what();
-  }
-  return "no error";
-}
 
 void write_bytes(const std::filesystem::path& file, const std::string& bytes) {
   std::ofstream(file, std::ios::binary) << bytes;
@@ -142,7 +135,7 @@ TEST(Yolov13Import, ListsEveryDifference) {
       imported.differences.reshaped,
       testing::ElementsAre("model.9.cv2.conv.weight [320,128,1,1] instead of [128,320,1,1]"));
   EXPECT_TRUE(imported.weights.tensors.empty());
-  EXPECT_THAT(message_of([&] {
+  EXPECT_THAT(input_error_of([&] {
                 (void)import_weights({.source = folder / "n.pt"}, folder / "n.weights");
               }),
               AllOf(HasSubstr("n.pt: expected the tensors of yolov13-n/1 for 6 classes"),
@@ -157,7 +150,7 @@ TEST(Yolov13Import, RefusesWhatIsNoYolov13) {
                            ImportOptions options = {}) {
     write_bytes(folder / "n.pt", make_state_dict_file(tensors, false));
     options.source = folder / "n.pt";
-    return message_of([&] { (void)read_official_weights(options); });
+    return input_error_of([&] { (void)read_official_weights(options); });
   };
   EXPECT_THAT(refusal({{"conv1.weight", {64, 3, 7, 7}, std::vector<float>(64 * 147)}}),
               HasSubstr("expected a YOLOv13 with model.0.conv.weight"));

@@ -210,11 +210,7 @@ TEST_P(Contributors, LabelsOfEveryKAreThoseOfDoublePrecision) {
 INSTANTIATE_TEST_SUITE_P(Scenes, Contributors,
                          ::testing::Values(SceneKind::kOutside, SceneKind::kInside,
                                            SceneKind::kRoom),
-                         [](const auto& kind) {
-                           return kind.param == SceneKind::kOutside  ? "Outside"
-                                  : kind.param == SceneKind::kInside ? "Inside"
-                                                                     : "Room";
-                         });
+                         [](const auto& kind) { return testing::name_of(kind.param); });
 
 }  // namespace
 }  // namespace segsim::renderer

@@ -26,10 +26,10 @@
 namespace segsim::renderer {
 namespace {
 
-using renderer::testing::error_of;
 using renderer::testing::flat_info;
 using renderer::testing::full_frame;
 using renderer::testing::read_error;
+using segsim::tests::input_error_of;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
@@ -38,18 +38,21 @@ namespace fs = std::filesystem;
 class ExrBadFiles : public renderer::testing::ExrFolder {};
 
 TEST_F(ExrBadFiles, BadFilesAreRefusedByName) {
-  EXPECT_THAT(error_of([&] { (void)read_depth_exr(file_); }), HasSubstr("view.exr: expected"));
+  EXPECT_THAT(input_error_of([&] { (void)read_depth_exr(file_); }),
+              HasSubstr("view.exr: expected"));
   std::ofstream(file_) << "this is no image";
   EXPECT_THAT(read_error(file_), HasSubstr("view.exr: expected"));
-  EXPECT_THAT(error_of([&] { (void)read_frame_info_exr(file_); }), HasSubstr("view.exr"));
+  EXPECT_THAT(input_error_of([&] { (void)read_frame_info_exr(file_); }),
+              HasSubstr("view.exr"));
 
   core::Frame frame = full_frame();
   frame.depth_m = {};
   write_frame_exr(file_, frame);
-  EXPECT_THAT(error_of([&] { (void)read_depth_exr(file_); }), HasSubstr("expected channel Z"));
+  EXPECT_THAT(input_error_of([&] { (void)read_depth_exr(file_); }),
+              HasSubstr("expected channel Z"));
   write_depth_exr(file_, full_frame().depth_m);
   EXPECT_THAT(read_error(file_), HasSubstr("expected attribute fx_px"));
-  EXPECT_THAT(error_of([&] { (void)read_frame_info_exr(file_); }), HasSubstr("fx_px"));
+  EXPECT_THAT(input_error_of([&] { (void)read_frame_info_exr(file_); }), HasSubstr("fx_px"));
 }
 
 /// A copy of a frame's file with other channels, attributes kept.
@@ -97,7 +100,7 @@ TEST_F(ExrBadFiles, IncompleteImagesAndWrongIdsAreRefused) {
   bent = header;
   bent.insert("time_ns", Imf::StringAttribute("1.5"));
   write_foreign(file_, bent, {"A"}, 1);
-  EXPECT_THAT(error_of([&] { (void)read_frame_info_exr(file_); }), HasSubstr("time_ns"));
+  EXPECT_THAT(input_error_of([&] { (void)read_frame_info_exr(file_); }), HasSubstr("time_ns"));
 }
 
 TEST_F(ExrBadFiles, PartsOfAnotherSizeAreRefusedAndDepthIsFoundInAnyPart) {
@@ -171,9 +174,9 @@ TEST_F(ExrBadFiles, AFailedWriteLeavesTheOldFileAndNothingElse) {
   EXPECT_THROW(write_frame_exr(file_, frame), core::ContractViolation);
   EXPECT_EQ(core::read_file(file_), before);
   fs::create_directories(folder_ / "taken.exr" / "inside");
-  EXPECT_THAT(error_of([&] { write_frame_exr(folder_ / "taken.exr", full_frame()); }),
+  EXPECT_THAT(input_error_of([&] { write_frame_exr(folder_ / "taken.exr", full_frame()); }),
               HasSubstr("taken.exr"));
-  EXPECT_THAT(error_of([&] { write_frame_exr(file_ / "below.exr", full_frame()); }),
+  EXPECT_THAT(input_error_of([&] { write_frame_exr(file_ / "below.exr", full_frame()); }),
               HasSubstr("view.exr"));
   EXPECT_EQ(std::distance(fs::directory_iterator(folder_), fs::directory_iterator()), 2);
 }

@@ -11,6 +11,7 @@
 
 #include "core/error.h"
 #include "renderer/exr_io.h"
+#include "tests/error_message.h"
 #include "tests/renderer/recorded_frames.h"
 
 namespace segsim::renderer::testing {
@@ -30,19 +31,8 @@ class ExrFolder : public ::testing::Test {
   fs::path folder_, file_;
 };
 
-/// The message of the core::InputError that an action throws.
-template <class Action>
-std::string error_of(const Action& action) {
-  try {
-    action();
-  } catch (const core::InputError& error) {
-    return error.what();
-  }
-  return "no error";
-}
-
 inline std::string read_error(const fs::path& file) {
-  return error_of([&] { (void)read_frame_exr(file); });
+  return tests::input_error_of([&] { (void)read_frame_exr(file); });
 }
 
 inline FrameInfo flat_info() {

@@ -24,9 +24,9 @@
 namespace segsim::renderer {
 namespace {
 
-using renderer::testing::error_of;
 using renderer::testing::flat_info;
 using renderer::testing::full_frame;
+using segsim::tests::input_error_of;
 using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -217,7 +217,7 @@ TEST_F(ExrIo, CryptomatteNamesEveryPixelsInstance) {
                                                             : "class " + std::to_string(i));
   }
   EXPECT_EQ(instances.names.size(), 255U);
-  EXPECT_THAT(error_of([&] { (void)read_cryptomatte_exr(file_, "CryptoAsset"); }),
+  EXPECT_THAT(input_error_of([&] { (void)read_cryptomatte_exr(file_, "CryptoAsset"); }),
               HasSubstr("view.exr: expected channel CryptoAsset00.R"));
 }
 

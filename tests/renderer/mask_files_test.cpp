@@ -5,27 +5,20 @@
 #include <gmock/gmock.h>
 
 #include "core/error.h"
+#include "tests/error_message.h"
 #include "tests/renderer/tiny_sequence.h"
 
 namespace segsim::renderer {
 namespace {
 
 namespace fs = std::filesystem;
+using segsim::tests::input_error_of;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 using testing::TemporaryFolder;
 using testing::write_text;
 
 const std::vector<core::SceneClass> kClasses{{1, "floor", false}, {3, "office chair", true}};
-
-std::string error_of(const std::function<void()>& action) {
-  try {
-    action();
-  } catch (const core::InputError& error) {
-    return error.what();
-  }
-  return "no error";
-}
 
 /// 4 x 2: void, floor, chair 7 twice above; floor and chair 2 below.
 core::FrameMasks example() {
@@ -168,7 +161,7 @@ TEST(MaskFiles, RefusesWhatIsBroken) {
     write_example(folder.path());
     fault.break_it(folder.path());
     const std::string message =
-        error_of([&] { (void)open_masks(folder.path())->read(n, 4, 2); });
+        input_error_of([&] { (void)open_masks(folder.path())->read(n, 4, 2); });
     for (const std::string& part : fault.message) {
       EXPECT_THAT(message, HasSubstr(part)) << fault.name;
     }
@@ -177,17 +170,18 @@ TEST(MaskFiles, RefusesWhatIsBroken) {
 
 TEST(MaskFiles, RefusesFoldersThatDoNotFit) {
   const TemporaryFolder folder("none");
-  EXPECT_THAT(error_of([&] { (void)open_masks(folder.path()); }), HasSubstr("masks.yaml"));
-  EXPECT_THAT(error_of([&] { (void)open_masks(folder.path() / "no"); }),
+  EXPECT_THAT(input_error_of([&] { (void)open_masks(folder.path()); }),
+              HasSubstr("masks.yaml"));
+  EXPECT_THAT(input_error_of([&] { (void)open_masks(folder.path() / "no"); }),
               HasSubstr("no such folder"));
   write_example(folder.path());
   const std::vector<core::SceneClass> other{{1, "floor", false}, {3, "table", true}};
   EXPECT_THAT(
-      error_of([&] { (void)open_masks(folder.path(), other); }),
+      input_error_of([&] { (void)open_masks(folder.path(), other); }),
       AllOf(HasSubstr("masks.yaml"), HasSubstr("'table'"), HasSubstr("'office chair'")));
   const TemporaryFolder recon("recon");
   write_ids(recon.path() / "semantic_image/12.png", {0, 1, 3, 3});
-  EXPECT_THAT(error_of([&] { (void)open_masks(recon.path()); }),
+  EXPECT_THAT(input_error_of([&] { (void)open_masks(recon.path()); }),
               HasSubstr("classes of a scene"));
 }
 

@@ -11,28 +11,20 @@
 #include "core/file_io.h"
 #include "renderer/datasets/floor_fit.h"
 #include "renderer/exr_io.h"
+#include "tests/error_message.h"
 #include "tests/renderer/tiny_sequence.h"
 
 namespace segsim::renderer {
 namespace {
 
+using segsim::tests::input_error_of;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 using testing::TemporaryFolder;
 
-/// Message of the InputError that `action` throws; "no error" otherwise.
-std::string error_of(const std::function<void()>& action) {
-  try {
-    action();
-  } catch (const core::InputError& error) {
-    return error.what();
-  }
-  return "no error";
-}
-
 std::string open_error(const std::filesystem::path& folder,
                        const SequenceOptions& options = {}) {
-  return error_of([&] { (void)open_sequence(folder, options); });
+  return input_error_of([&] { (void)open_sequence(folder, options); });
 }
 
 SequenceOptions with_floor(double floor_m) {
@@ -236,7 +228,7 @@ TEST(RgbdSequence, RefusesIdsWithoutMeaning) {
   cv::imwrite((folder.path() / "frame-000000.semantic.png").string(),
               cv::Mat(testing::kHeight, testing::kWidth, CV_16UC1, cv::Scalar(4)));
   const auto sequence = open_sequence(folder.path());
-  EXPECT_THAT(error_of([&] { (void)sequence->load(0); }),
+  EXPECT_THAT(input_error_of([&] { (void)sequence->load(0); }),
               AllOf(HasSubstr("semantic.png"), HasSubstr("found 4")));
 }
 

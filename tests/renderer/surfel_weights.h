@@ -13,6 +13,7 @@
 #include <cmath>
 #include <memory>
 #include <numbers>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -49,6 +50,13 @@ inline View with_backdrop(SurfelCloud cloud, const core::CameraPose& pose) {
 }
 
 enum class SceneKind { kOutside, kInside, kRoom };
+
+/// For INSTANTIATE_TEST_SUITE_P.
+inline std::string name_of(SceneKind kind) {
+  return kind == SceneKind::kOutside  ? "Outside"
+         : kind == SceneKind::kInside ? "Inside"
+                                      : "Room";
+}
 
 inline View view_of(SceneKind kind, int i) {
   const double a = std::numbers::pi * i / 4.0;

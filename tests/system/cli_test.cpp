@@ -169,6 +169,20 @@ TEST_F(Cli, BadFrameIsSkippedOnRequestAndCounted) {
   EXPECT_THAT(run.text, HasSubstr("frame-000002"));
 }
 
+TEST_F(Cli, CloudsToStartFromAreChecked) {
+  write_recording("r");
+  const auto start = [&](const std::string& cloud) {
+    return segsim("reconstruct " + at("r") + " --start " + at(cloud) + " --out " +
+                  at("bundle"));
+  };
+  expect_input_error(start("none.pcd"), "none.pcd");
+  write(folder_ / "cut.ply",
+        "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\n"
+        "property float z\nend_header\n1 2 3\n");
+  expect_input_error(start("cut.ply"), "cut.ply");
+  EXPECT_FALSE(fs::exists(at("bundle")));
+}
+
 TEST_F(Cli, IntrinsicsWithEightNumbersAreRefused) {
   write_recording("r");
   write(folder_ / "r" / "intrinsics.txt", "60 0 31.5\n0 60 23.5\n0 0\n");

@@ -8,6 +8,7 @@
 
 #include "core/error.h"
 #include "renderer/datasets/floor_fit.h"
+#include "renderer/datasets/internal/pose_jumps.h"
 #include "renderer/exr_io.h"
 
 namespace segsim::renderer::internal {
@@ -133,6 +134,17 @@ std::vector<glm::vec3> sample_points(const SequenceParts& parts) {
   return points;
 }
 
+std::vector<glm::vec3> turned(
+    const std::vector<glm::vec3>& points_m,
+    const core::Transform<core::frame::World, core::frame::World>& T_turned_source) {
+  std::vector<glm::vec3> result;
+  result.reserve(points_m.size());
+  for (const glm::vec3& p_m : points_m) {
+    result.emplace_back((T_turned_source * core::Point<core::frame::World>{p_m}).xyz_m);
+  }
+  return result;
+}
+
 void apply_convention(SequenceParts& parts, const WorldConvention& convention) {
   const auto T_turned_source = turn_up(convention.up);
   for (FrameFiles& frame : parts.frames) {
@@ -144,7 +156,14 @@ void apply_convention(SequenceParts& parts, const WorldConvention& convention) {
       std::any_of(parts.frames.begin(), parts.frames.end(), [](const FrameFiles& frame) {
         return !frame.depth_png.empty() || !frame.depth_exr.empty();
       });
-  if (!floor_m && convention.fit_floor && !any_depth) {
+  if (!floor_m && convention.fit_floor && !any_depth && !convention.floor_points_m.empty()) {
+    floor_m = fit_floor_height_m(turned(convention.floor_points_m, T_turned_source));
+    origin = "fitted to the cloud";
+    if (!floor_m) {
+      parts.warnings.emplace_back(
+          "no floor found in the cloud: source heights are kept (set floor_height_m)");
+    }
+  } else if (!floor_m && convention.fit_floor && !any_depth) {
     parts.warnings.emplace_back(
         "no depth images: source heights are kept (set floor_height_m), and the frames cannot "
         "be lifted");
@@ -166,6 +185,7 @@ void apply_convention(SequenceParts& parts, const WorldConvention& convention) {
   for (FrameFiles& frame : parts.frames) {
     frame.T_world_camera = T_world_turned * frame.T_world_camera;
   }
+  parts.T_world_source = T_world_turned * T_turned_source;
 }
 
 /// Ids that the label table lists, as a lookup table.
@@ -199,6 +219,9 @@ class FileSequence final : public RgbdSequence {
   std::size_t frame_count() const override { return parts_.frames.size(); }
   const std::string& frame_name(std::size_t i) const override { return at(i).name; }
   const CameraPose& pose(std::size_t i) const override { return at(i).T_world_camera; }
+  core::Transform<core::frame::World, core::frame::World> T_world_source() const override {
+    return parts_.T_world_source;
+  }
   bool has_depth() const override { return has_depth_; }
   bool has_masks() const override { return parts_.has_masks; }
   const std::vector<core::SceneClass>& classes() const override { return parts_.classes; }
@@ -370,6 +393,7 @@ WorldConvention convention_of(const SequenceOptions& options, UpAxis habit) {
   WorldConvention convention;
   convention.up = options.up_axis == UpAxis::kAuto ? habit : options.up_axis;
   convention.floor_height_m = options.floor_height_m;
+  convention.floor_points_m = options.floor_points_m;
   return convention;
 }
 
@@ -410,6 +434,7 @@ std::unique_ptr<RgbdSequence> finish_sequence(SequenceParts parts,
             (parts.warnings.empty() ? "" : ": " + parts.warnings.front()));
   }
   parts.frames = std::move(good);
+  check_pose_jumps(parts, on_bad_frame);
   if (parts.label_map) parts.classes = parts.label_map->classes;
   apply_convention(parts, convention);
   return std::make_unique<FileSequence>(std::move(parts));

@@ -43,13 +43,16 @@ struct SequenceParts {
   std::vector<core::SceneClass> classes;
   std::vector<core::SceneInstance> instances;
   std::vector<std::string> warnings, notes;
+  /// Of the source's world; finish_sequence fills it in.
+  core::Transform<core::frame::World, core::frame::World> T_world_source;
 };
 
 /// How to bring the source's world to ours.
 struct WorldConvention {
-  UpAxis up = UpAxis::kZ;                ///< kY or kZ.
-  bool fit_floor = true;                 ///< Without floor_height_m: fit it; else it is 0.
-  std::optional<double> floor_height_m;  ///< Along `up`, in the source's world.
+  UpAxis up = UpAxis::kZ;                 ///< kY or kZ.
+  bool fit_floor = true;                  ///< Without floor_height_m: fit it; else it is 0.
+  std::optional<double> floor_height_m;   ///< Along `up`, in the source's world.
+  std::vector<glm::vec3> floor_points_m;  ///< SequenceOptions::floor_points_m.
 };
 
 /// Runs `check`; an InputError becomes a warning with the frame's name under

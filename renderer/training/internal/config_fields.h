@@ -38,6 +38,8 @@ void visit_geometry(GeometryConfig& g, Visitor& v) {
   v.number("log_scale", g.rate.log_scale, 0.0, 1.0);
   v.number("rotation", g.rate.rotation, 0.0, 1.0);
   v.number("exposure", g.rate.exposure, 0.0, 1.0);
+  v.number("pose_rotation", g.rate.pose_rotation, 0.0, 1.0);
+  v.number("pose_translation", g.rate.pose_translation, 0.0, 1.0);
   v.leave();
   v.enter("densify");
   v.number("from", g.densify.from, 0.0, 1.0);

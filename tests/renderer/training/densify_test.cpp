@@ -121,8 +121,8 @@ TEST(HoleFiller, FillsWhereNothingIsDrawn) {
   alpha[2 * 8 + 4] = 0.1F;
   alpha[3 * 8 + 5] = 0.1F;  // Not on the grid of every second pixel.
   HoleFiller filler(0.01, 1);
-  filler.add_view(view, camera, alpha, 0.1, 10.0);
-  filler.add_view(view, camera, alpha, 0.1, 10.0);  // The place is taken.
+  filler.add_view(view, view.T_world_camera, camera, alpha, 0.1, 10.0);
+  filler.add_view(view, view.T_world_camera, camera, alpha, 0.1, 10.0);  // The place is taken.
   ASSERT_EQ(filler.pending().count(), 1);
   const RawSurfels taken = filler.take(10);
   EXPECT_EQ(filler.pending().count(), 0);
@@ -146,15 +146,16 @@ TEST(HoleFiller, KeepsToTheBudgetAndToTheSensor) {
   const auto camera = core::CameraIntrinsics::from_fov(8, 6, 1.0);
   const std::vector<float> alpha(48, 0.0F);
   HoleFiller filler(0.01, 0);
-  filler.add_view(view, camera, alpha, 0.1, 10.0);
+  filler.add_view(view, view.T_world_camera, camera, alpha, 0.1, 10.0);
   EXPECT_EQ(filler.pending().count(), 12 - 3);
   HoleFiller other(0.01, 0);
   other.restore(filler.pending());
-  other.add_view(view, camera, alpha, 0.1, 10.0);
+  other.add_view(view, view.T_world_camera, camera, alpha, 0.1, 10.0);
   EXPECT_EQ(other.pending().count(), 9);
   EXPECT_EQ(filler.take(4).count(), 4);
   EXPECT_EQ(filler.take(4).count(), 0);
-  EXPECT_THROW(filler.add_view(view, camera, {}, 0.1, 10.0), core::ContractViolation);
+  EXPECT_THROW(filler.add_view(view, view.T_world_camera, camera, {}, 0.1, 10.0),
+               core::ContractViolation);
 }
 
 }  // namespace

@@ -7,12 +7,14 @@
 #include <set>
 
 #include <gmock/gmock.h>
+#include <glm/geometric.hpp>
 
 #include "core/error.h"
 #include "core/random.h"
 #include "renderer/cpu_renderer.h"
 #include "renderer/evaluation/image_quality.h"
 #include "renderer/room_scene.h"
+#include "renderer/training/pose_alignment.h"
 #include "tests/renderer/tiny_sequence.h"
 
 namespace segsim::renderer {
@@ -58,6 +60,12 @@ class SmallRoom {
   [[nodiscard]] std::unique_ptr<GeometryTrainer> make(int threads = 1) const {
     return std::make_unique<GeometryTrainer>(set_, start_, config_, 5,
                                              GeometryDevice{.threads = threads});
+  }
+
+  [[nodiscard]] std::vector<core::CameraPose> poses() const {
+    std::vector<core::CameraPose> poses;
+    for (const TrainingView& view : set_.training) poses.push_back(view.T_world_camera);
+    return poses;
   }
 
   struct Quality {
@@ -133,6 +141,7 @@ TEST(GeometryTraining, ThreadsDoNotMatter) {
 TEST(GeometryTraining, GoesOnAsIfItHadNeverStopped) {
   SmallRoom room;
   room.config_.rate.exposure = 0.001;
+  room.config_.rate.pose_rotation = room.config_.rate.pose_translation = 1e-3;
   const testing::TemporaryFolder folder("geometry_training");
   const auto file = folder.path() / "geometry.state";
   const auto whole = room.make();
@@ -146,9 +155,111 @@ TEST(GeometryTraining, GoesOnAsIfItHadNeverStopped) {
   EXPECT_EQ(resumed->iteration(), 17);
   while (resumed->iteration() < 40) (void)resumed->step();
   expect_same(whole->surfels(), resumed->surfels());
+  for (std::size_t i = 0; i < room.set_.training.size(); ++i) {
+    EXPECT_EQ(whole->poses()[i].translation_m(), resumed->poses()[i].translation_m());
+    EXPECT_EQ(whole->poses()[i].rotation(), resumed->poses()[i].rotation());
+  }
+  EXPECT_GT(pose_change(room.poses(), resumed->poses()).mean_m, 1e-5);
 
   EXPECT_THROW(resumed->load(file, "another run"), core::InputError);
   EXPECT_THROW(resumed->load(folder.path() / "nothing", "this run"), core::InputError);
+}
+
+/// Moves every second pose somewhere, and the one after it the other way, so that the mean
+/// stays: 1 cm and 0.5 degrees.
+void disturb(std::vector<TrainingView>& views) {
+  core::RandomStream random(8, "disturb");
+  const auto unit = [&] {
+    return glm::normalize(glm::dvec3(random.normal(), random.normal(), random.normal()));
+  };
+  for (std::size_t i = 0; i + 1 < views.size(); i += 2) {
+    const glm::dvec3 way_m = 0.01 * unit();
+    const glm::dvec3 axis = unit();
+    for (const double sign : {1.0, -1.0}) {
+      core::CameraPose& pose = views[i + (sign > 0.0 ? 0 : 1)].T_world_camera;
+      pose = {glm::angleAxis(sign * 0.5 * 3.14159265358979 / 180.0, axis) * pose.rotation(),
+              pose.translation_m() + sign * way_m};
+    }
+  }
+}
+
+TEST(GeometryTraining, RefinesPosesThatAreOff) {
+  SmallRoom room;
+  const std::vector<core::CameraPose> truth = room.poses();
+  disturb(room.set_.training);
+  const PoseChange before = pose_change(truth, room.poses());
+  EXPECT_NEAR(before.mean_m, 0.01, 1e-6);
+  EXPECT_NEAR(before.mean_rad, 0.5 * 3.14159265358979 / 180.0, 1e-6);
+  // Surfels that are nearly right and move gently: else they learn the wrong poses first.
+  room.start_ = *room.truth_;
+  core::RandomStream random(1, "off");
+  for (glm::vec3& p_m : room.start_.position_m) {
+    for (int axis = 0; axis < 3; ++axis)
+      p_m[axis] += static_cast<float>(0.003 * random.normal());
+  }
+  GeometryConfig::Rate& rate = room.config_.rate;
+  rate.color = 0.0025;
+  for (double* value : {&rate.position, &rate.position_final, &rate.opacity, &rate.log_scale,
+                        &rate.rotation, &rate.color_rest}) {
+    *value *= 0.1;
+  }
+  // The renderer's depth of these rough walls is not the mean depth that is trained.
+  room.config_.loss.depth = room.config_.loss.normal = 0.0;
+  room.config_.iterations = 320;
+  room.config_.densify.max_growth = 0.0;
+  const auto as_recorded = room.make(2);
+  rate.pose_rotation = rate.pose_translation = 3e-3;
+  const auto refining = room.make(2);
+  for (std::int64_t i = 0; i < room.config_.iterations; ++i) {
+    (void)as_recorded->step();
+    (void)refining->step();
+  }
+  EXPECT_EQ(pose_change(room.poses(), as_recorded->poses()).largest_m, 0.0);
+  const PoseChange after = pose_change(truth, refining->poses());
+  EXPECT_LT(after.mean_m, 0.65 * before.mean_m);
+  EXPECT_LT(after.mean_rad, 0.4 * before.mean_rad);
+  // At the true poses of views that were not trained on.
+  const double plain_db = room.held_out(as_recorded->surfels()).color.psnr_db();
+  const double refined_db = room.held_out(refining->surfels()).color.psnr_db();
+  EXPECT_GT(refined_db, plain_db + 1.5) << plain_db << " dB without";
+}
+
+TEST(PoseAlignment, FindsTheTruePosesOfOtherViews) {
+  SmallRoom room;
+  const auto poses_of = [](const std::vector<TrainingView>& views) {
+    std::vector<core::CameraPose> poses;
+    for (const TrainingView& view : views) poses.push_back(view.T_world_camera);
+    return poses;
+  };
+  const auto truth = poses_of(room.set_.held_out);
+  disturb(room.set_.held_out);
+  const PoseChange before = pose_change(truth, poses_of(room.set_.held_out));
+  std::int64_t reported = 0;
+  const auto aligned =
+      align_views(room.set_.held_out, room.set_.intrinsics, *room.truth_, room.config_,
+                  {.threads = 2}, [&](std::int64_t done, std::int64_t) { reported = done; });
+  const PoseChange after = pose_change(truth, aligned);
+  EXPECT_LT(after.mean_m, 0.2 * before.mean_m);
+  EXPECT_LT(after.mean_rad, 0.2 * before.mean_rad);
+  EXPECT_EQ(reported, static_cast<std::int64_t>(room.set_.held_out.size()));
+}
+
+/// As after start_from_cloud(): no frame has depth.
+TEST(GeometryTraining, ViewsWithoutDepthTrainOnColorAlone) {
+  SmallRoom room;
+  for (TrainingView& view : room.set_.training) view.depth_m = {};
+  room.config_.densify.max_growth = 0.0;
+  const auto trainer = room.make(2);
+  double normal = 0.0;
+  while (trainer->iteration() < room.config_.iterations) {
+    const GeometryStep step = trainer->step();
+    EXPECT_EQ(step.depth, 0.0);
+    normal += step.normal;
+  }
+  EXPECT_GT(normal, 0.0);  // Of the surfels' own depth.
+  EXPECT_GT(room.held_out(trainer->surfels()).color.psnr_db(),
+            room.held_out(room.start_).color.psnr_db() + 5.0);
+  check_surfels(trainer->surfels());
 }
 
 TEST(GeometryTraining, LossThatIsNoNumberLeavesTheSurfels) {

@@ -1,6 +1,8 @@
-#include <gtest/gtest.h>
-
+#include <cmath>
 #include <filesystem>
+#include <string>
+
+#include <gmock/gmock.h>
 
 #include "core/check.h"
 #include "core/error.h"
@@ -288,6 +290,45 @@ TEST_F(OneStep, BadInputIsRefused) {
   EXPECT_THROW(static_cast<void>(make("panoptic-surgery")), core::InputError);
   config_.query.max_overlap = 1.5;
   EXPECT_THROW(static_cast<void>(make("query")), core::ContractViolation);
+}
+
+/// One field after another out of its range.
+TEST(PanopticConfig, FieldsOutOfTheirRangeAreNamed) {
+  const auto message = [](auto change) -> std::string {
+    PanopticTrainingConfig config;
+    change(config);
+    try {
+      check_panoptic_config(config);
+    } catch (const core::ContractViolation& error) {
+      return error.what();
+    }
+    return "no error";
+  };
+  using Config = PanopticTrainingConfig;
+  using ::testing::HasSubstr;
+  EXPECT_EQ(message([](Config&) {}), "no error");
+  EXPECT_THAT(message([](Config& c) { c.iterations = 0; }),
+              HasSubstr("panoptic.iterations = 0"));
+  EXPECT_THAT(message([](Config& c) { c.query.max_overlap = 1.5; }),
+              HasSubstr("panoptic.query.max_overlap = 1.5"));
+  EXPECT_THAT(message([](Config& c) { c.loss.dice = NAN; }), HasSubstr("panoptic.loss.dice"));
+  EXPECT_THAT(message([](Config& c) { c.loss.bce = INFINITY; }),
+              HasSubstr("panoptic.loss.bce"));
+  EXPECT_THAT(message([](Config& c) { c.rate.scale = 0.0; }),
+              HasSubstr("panoptic.rate.scale"));
+  EXPECT_THAT(message([](Config& c) { c.sampling.even_share = -0.1; }),
+              HasSubstr("panoptic.sampling.even_share"));
+  EXPECT_THAT(message([](Config& c) { c.panoptic_lifting.slots = 65535; }),
+              HasSubstr("panoptic.panoptic_lifting.slots = 65535"));
+  EXPECT_THAT(message([](Config& c) { c.void_policy = static_cast<VoidPolicy>(7); }),
+              HasSubstr("panoptic.void_policy = 7"));
+  EXPECT_THAT(message([](Config& c) { c.query.initial_sigma_m = 5.0; }),
+              HasSubstr("panoptic.query.initial_sigma_m = 5"));
+  EXPECT_THAT(message([](Config& c) {
+                c.sampling.stuff_share = 0.7;
+                c.sampling.instance_share = 0.4;
+              }),
+              HasSubstr("stuff_share + instance_share"));
 }
 
 TEST_F(OneStep, StatesOfAnotherHeadOrSceneAreRefused) {

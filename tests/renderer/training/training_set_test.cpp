@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 
 #include "core/error.h"
+#include "tests/error_message.h"
+#include "tests/renderer/tiny_sequence.h"
 
 namespace segsim::renderer {
 namespace {
@@ -105,6 +107,90 @@ TEST(TrainingSet, Extent) {
 TEST(TrainingSet, NothingLeftToTrainOn) {
   EXPECT_THROW((void)load_training_set(CountingSequence(1), nullptr, {.held_out_every = 8}),
                core::InputError);
+}
+
+/// Frames 5 and 6 repeat 3 and 4, which a held-out frame is; 7 has the picture of 3 at another
+/// pose.
+class RepeatingSequence final : public RgbdSequence {
+ public:
+  const std::string& name() const override { return inner_.name(); }
+  const core::CameraIntrinsics& intrinsics() const override { return inner_.intrinsics(); }
+  std::size_t frame_count() const override { return 8; }
+  const std::string& frame_name(std::size_t i) const override { return inner_.frame_name(i); }
+  const core::CameraPose& pose(std::size_t i) const override {
+    return inner_.pose(i == 5 || i == 6 ? i - 2 : i);
+  }
+  bool has_masks() const override { return inner_.has_masks(); }
+  const std::vector<core::SceneClass>& classes() const override { return inner_.classes(); }
+  const std::vector<core::SceneInstance>& instances() const override {
+    return inner_.instances();
+  }
+  const std::vector<std::string>& warnings() const override { return inner_.warnings(); }
+  const std::vector<std::string>& notes() const override { return inner_.notes(); }
+  RgbdFrame load(std::size_t i) const override {
+    RgbdFrame frame = inner_.load(i == 5 || i == 6 ? i - 2 : i == 7 ? 3 : i);
+    frame.name = inner_.frame_name(i);
+    frame.T_world_camera = pose(i);
+    frame.rgb(1, 1) = {9, 9, static_cast<std::uint8_t>(frame.rgb(0, 0).r)};  // Not plain.
+    return frame;
+  }
+
+ private:
+  CountingSequence inner_{8};
+};
+
+TEST(TrainingSet, DuplicateFramesAreLeftOut) {
+  const TrainingSet set =
+      load_training_set(RepeatingSequence(), nullptr, {.held_out_every = 4});
+  EXPECT_THAT(frames_of(set.held_out), ElementsAre(0, 4));
+  EXPECT_THAT(frames_of(set.training), ElementsAre(1, 2, 3, 7));
+  using ::testing::HasSubstr;
+  EXPECT_THAT(set.warnings,
+              ElementsAre(HasSubstr("frame f5 left out: it repeats frame f3"),
+                          HasSubstr("frame f6 left out: it repeats frame f4"),
+                          HasSubstr("frames f3 and f7 are one picture with two poses")));
+  EXPECT_TRUE(load_training_set(CountingSequence(8), nullptr, {}).warnings.empty());
+}
+
+/// Masks in a folder, of 8 x 6 pixels as the recording unless told.
+class MaskFolder {
+ public:
+  MaskFolder(const std::string& name, int width_px, int height_px, std::uint16_t class_id)
+      : folder_(name) {
+    core::FrameMasks masks;
+    masks.semantic = core::Image<std::uint16_t>(width_px, height_px, class_id);
+    masks.instance = core::Image<std::uint16_t>(width_px, height_px, 0);
+    masks.confidence = core::Image<std::uint8_t>(width_px, height_px, 255);
+    masks.segments = core::segments_of(masks);
+    const std::vector<core::SceneClass> written{{class_id, "floor", false}};
+    for (int i = 0; i < 3; ++i) {
+      write_masks(folder_.path(), "f" + std::to_string(i), masks, written);
+    }
+    write_mask_set_info(folder_.path(), {"a test", {{1, "floor", false}}, {}, {}, {}});
+  }
+  [[nodiscard]] std::string load_error() const {
+    const auto masks = open_masks(folder_.path());
+    return tests::input_error_of(
+        [&] { (void)load_training_set(CountingSequence(3), masks.get(), {}); });
+  }
+
+ private:
+  testing::TemporaryFolder folder_;
+};
+
+TEST(TrainingSet, MasksOfAnotherSizeAreRefused) {
+  EXPECT_EQ(MaskFolder("fitting", 8, 6, 1).load_error(), "no error");
+  EXPECT_THAT(MaskFolder("large", 16, 12, 1).load_error(),
+              ::testing::AllOf(::testing::HasSubstr("f1_sem.png"),
+                               ::testing::HasSubstr("expected 8x6 pixels"),
+                               ::testing::HasSubstr("found 16x12")));
+}
+
+TEST(TrainingSet, ClassIdsOutsideTheTableAreRefused) {
+  EXPECT_THAT(MaskFolder("unknown", 8, 6, 7).load_error(),
+              ::testing::AllOf(
+                  ::testing::HasSubstr("f1_sem.png"),
+                  ::testing::HasSubstr("expected class ids of the scene's table, found 7")));
 }
 
 }  // namespace
