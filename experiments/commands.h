@@ -19,6 +19,8 @@ void add_scene_command(CLI::App& app);
 void add_render_command(CLI::App& app);
 void add_label_command(CLI::App& app);
 void add_detector_command(CLI::App& app);
+/// `segsim detector train`, `finetune` and `pretrain`, below `segsim detector`.
+void add_detector_training(CLI::App& detector);
 /// `segsim detector import` and `segsim detector forward`, below `segsim detector`.
 void add_detector_import(CLI::App& detector);
 void add_detector_forward(CLI::App& detector);

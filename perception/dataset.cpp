@@ -7,6 +7,7 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
+#include "perception/image_file.h"
 
 namespace segsim::perception {
 namespace {
@@ -98,6 +99,10 @@ std::map<std::int64_t, std::size_t> read_images(const Node& root, CocoDataset& d
     }
     image.width_px = static_cast<int>(node.at("width").integer(1, kMaxSide_px));
     image.height_px = static_cast<int>(node.at("height").integer(1, kMaxSide_px));
+    if (std::int64_t{image.width_px} * image.height_px > kMaxImagePixels) {
+      node.at("height").fail("at most " + std::to_string(kMaxImagePixels) + " pixels, width " +
+                             std::to_string(image.width_px));
+    }
     if (!index_of.emplace(image.id, dataset.images.size()).second) {
       node.at("id").fail("an id used once");
     }

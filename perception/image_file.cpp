@@ -7,9 +7,48 @@
 #include "core/file_io.h"
 
 namespace segsim::perception {
+namespace {
+
+struct Size {
+  std::int64_t width_px = 0, height_px = 0;
+};
+
+std::int64_t big_endian(const std::string& bytes, std::size_t at, std::size_t count) {
+  std::int64_t value = 0;
+  for (std::size_t i = at; i < at + count; ++i) {
+    value = 256 * value + static_cast<unsigned char>(bytes[i]);
+  }
+  return value;
+}
+
+/// What a PNG's or JPEG's header says, before anything is decoded; 0 x 0 if it is neither.
+Size size_in_header(const std::string& bytes) {
+  if (bytes.size() >= 24 && bytes.compare(1, 3, "PNG") == 0) {
+    return {big_endian(bytes, 16, 4), big_endian(bytes, 20, 4)};
+  }
+  if (bytes.size() < 4 || bytes.compare(0, 2, "\xFF\xD8") != 0) return {};
+  // Segments: marker, length, content; the frame's has the size.
+  std::size_t at = 2;
+  while (at + 9 <= bytes.size() && bytes[at] == '\xFF') {
+    const auto marker = static_cast<unsigned char>(bytes[at + 1]);
+    const bool is_frame =
+        marker >= 0xC0 && marker <= 0xCF && marker != 0xC4 && marker != 0xC8 && marker != 0xCC;
+    if (is_frame) return {big_endian(bytes, at + 7, 2), big_endian(bytes, at + 5, 2)};
+    at += 2 + static_cast<std::size_t>(big_endian(bytes, at + 2, 2));
+  }
+  return {};
+}
+
+}  // namespace
 
 core::Image<core::Rgb8> read_image(const std::filesystem::path& file) {
   const std::string bytes = core::read_file(file);
+  const Size size = size_in_header(bytes);
+  if (size.width_px * size.height_px > kMaxImagePixels) {
+    throw core::InputError::expected(
+        file.string(), "at most " + std::to_string(kMaxImagePixels) + " pixels",
+        std::to_string(size.width_px) + " x " + std::to_string(size.height_px));
+  }
   cv::Mat bgr;
   if (!bytes.empty()) {
     const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8U,

@@ -1,10 +1,8 @@
 #include "perception/internal/batch_source.h"
 
-#include <algorithm>
 #include <array>
 #include <cmath>
 #include <numeric>
-#include <opencv2/imgproc.hpp>
 
 #include "core/error.h"
 #include "core/random.h"
@@ -12,104 +10,6 @@
 #include "perception/letterbox.h"
 
 namespace segsim::perception {
-namespace {
-
-// Ranges of the augmentation.
-constexpr double kMaxShift = 0.15;                    // Of the side.
-constexpr double kMinScale = 0.7, kMaxScale = 1.42;   // Log-uniform.
-constexpr double kMinGain = 0.7, kMaxGain = 1.4;      // All channels.
-constexpr double kMinTint = 0.9, kMaxTint = 1.1;      // Each channel on its own.
-constexpr double kMinColour = 0.6, kMaxColour = 1.4;  // Saturation.
-
-/// A box that keeps less than this of its area, or a side shorter than this, is ignored.
-constexpr float kMinKeptShare = 0.2F;
-constexpr float kMinSide_px = 2.0F;
-
-/// x_out = scale * (x - c) + c + shift, mirrored afterwards if `flip`; c is the square's
-/// centre.
-struct Warp {
-  double scale = 1.0, shift_x_px = 0.0, shift_y_px = 0.0;
-  bool flip = false;
-
-  [[nodiscard]] core::BoxPx apply(const core::BoxPx& box, int size_px) const {
-    const double c = size_px / 2.0;
-    const auto x = [&](float v) { return scale * (v - c) + c + shift_x_px; };
-    const auto y = [&](float v) {
-      return static_cast<float>(
-          std::clamp(scale * (v - c) + c + shift_y_px, 0.0, double(size_px)));
-    };
-    const auto cut = [&](double v) {
-      return static_cast<float>(std::clamp(v, 0.0, double(size_px)));
-    };
-    if (flip)
-      return {cut(size_px - x(box.x1)), y(box.y0), cut(size_px - x(box.x0)), y(box.y1)};
-    return {cut(x(box.x0)), y(box.y0), cut(x(box.x1)), y(box.y1)};
-  }
-
-  [[nodiscard]] core::Image<core::Rgb8> apply(const core::Image<core::Rgb8>& image) const {
-    const int size = image.width_px();
-    const double c = size / 2.0;
-    // Pixel i has its centre at i + 0.5 here and at i in OpenCV.
-    double ax = scale, bx = scale * (0.5 - c) + c + shift_x_px - 0.5;
-    const double by = scale * (0.5 - c) + c + shift_y_px - 0.5;
-    if (flip) {
-      ax = -ax;
-      bx = size - 1.0 - bx;
-    }
-    const cv::Mat matrix = (cv::Mat_<double>(2, 3) << ax, 0.0, bx, 0.0, scale, by);
-    const cv::Mat source(size, size, CV_8UC3, const_cast<core::Rgb8*>(image.data()));
-    core::Image<core::Rgb8> out(size, size);
-    cv::Mat target(size, size, CV_8UC3, out.data());
-    cv::warpAffine(source, target, matrix, target.size(), cv::INTER_LINEAR,
-                   cv::BORDER_CONSTANT, cv::Scalar::all(kLetterboxGrey));
-    return out;
-  }
-};
-
-Warp draw_warp(core::RandomStream& random, int size_px) {
-  Warp warp;
-  warp.flip = random.chance(0.5);
-  warp.scale = std::exp(random.uniform(std::log(kMinScale), std::log(kMaxScale)));
-  warp.shift_x_px = random.uniform(-kMaxShift, kMaxShift) * size_px;
-  warp.shift_y_px = random.uniform(-kMaxShift, kMaxShift) * size_px;
-  return warp;
-}
-
-/// Bytes to planes of [0, 1] with gain, tint and saturation (1 leaves them as they are).
-struct Colour {
-  std::array<float, 3> gain{1.0F, 1.0F, 1.0F};
-  float saturation = 1.0F;
-
-  void write_planes(const core::Image<core::Rgb8>& image, float* pixels) const {
-    const std::size_t count = image.size();
-    const core::Rgb8* source = image.data();
-    float* r = pixels;
-    float* g = pixels + count;
-    float* b = pixels + 2 * count;
-    const float kr = gain[0] / 255.0F, kg = gain[1] / 255.0F, kb = gain[2] / 255.0F;
-    for (std::size_t i = 0; i < count; ++i) {
-      const float vr = static_cast<float>(source[i].r) * kr;
-      const float vg = static_cast<float>(source[i].g) * kg;
-      const float vb = static_cast<float>(source[i].b) * kb;
-      const float grey = 0.299F * vr + 0.587F * vg + 0.114F * vb;
-      r[i] = std::clamp(grey + saturation * (vr - grey), 0.0F, 1.0F);
-      g[i] = std::clamp(grey + saturation * (vg - grey), 0.0F, 1.0F);
-      b[i] = std::clamp(grey + saturation * (vb - grey), 0.0F, 1.0F);
-    }
-  }
-};
-
-Colour draw_colour(core::RandomStream& random) {
-  Colour colour;
-  const double gain = std::exp(random.uniform(std::log(kMinGain), std::log(kMaxGain)));
-  for (float& channel : colour.gain) {
-    channel = static_cast<float>(gain * random.uniform(kMinTint, kMaxTint));
-  }
-  colour.saturation = static_cast<float>(random.uniform(kMinColour, kMaxColour));
-  return colour;
-}
-
-}  // namespace
 
 BatchSource::BatchSource(const CocoDataset& main, const CocoDataset* mix,
                          const BatchOptions& options)
@@ -119,7 +19,7 @@ BatchSource::BatchSource(const CocoDataset& main, const CocoDataset* mix,
   mix_count_ = static_cast<int>(std::lround(options.mix_share * options.batch));
 }
 
-std::vector<BatchSource::Sample> BatchSource::load(const CocoDataset& dataset, int input_px) {
+std::vector<Sample> BatchSource::load(const CocoDataset& dataset, int input_px) {
   std::vector<Sample> samples;
   samples.reserve(dataset.images.size());
   for (const LabeledImage& entry : dataset.images) {
@@ -132,15 +32,17 @@ std::vector<BatchSource::Sample> BatchSource::load(const CocoDataset& dataset, i
           std::to_string(image.width_px()) + " x " + std::to_string(image.height_px()));
     }
     const Letterbox fit = Letterbox::fit(entry.width_px, entry.height_px, input_px);
-    Sample sample{letterbox(image, fit), entry.boxes};
+    Sample sample{letterbox(image, fit), entry.boxes,
+                  fit.to_square({0.0F, 0.0F, static_cast<float>(entry.width_px),
+                                 static_cast<float>(entry.height_px)})};
     for (LabeledBox& box : sample.boxes) box.box = fit.to_square(box.box);
     samples.push_back(std::move(sample));
   }
   return samples;
 }
 
-const BatchSource::Sample& BatchSource::draw(const std::vector<Sample>& samples,
-                                             const char* name, std::int64_t position) const {
+const Sample& BatchSource::draw(const std::vector<Sample>& samples, const char* name,
+                                std::int64_t position) const {
   const auto count = static_cast<std::int64_t>(samples.size());
   // The place in this epoch's shuffle, found by repeating it (Fisher-Yates): cheap beside a
   // step.
@@ -155,27 +57,46 @@ const BatchSource::Sample& BatchSource::draw(const std::vector<Sample>& samples,
   return samples[order[static_cast<std::size_t>(wanted)]];
 }
 
-void BatchSource::augment(const Sample& sample, std::uint64_t key, float* pixels,
+Sample BatchSource::mosaic(const Sample& first, const std::vector<Sample>& others,
+                           core::RandomStream& random) const {
+  std::array<const Sample*, 4> four{&first};
+  for (std::size_t i = 1; i < four.size(); ++i) {
+    four[i] = &others[random.index(static_cast<std::uint32_t>(others.size()))];
+  }
+  const auto centre = [&] {
+    return static_cast<int>(random.uniform(0.5, 1.5) * options_.input_px);
+  };
+  const int x_px = centre(), y_px = centre();
+  return compose_mosaic(four, x_px, y_px, options_.augmentation.min_kept_share);
+}
+
+void BatchSource::augment(const Sample& sample, const std::vector<Sample>& others,
+                          std::uint64_t key, bool may_mosaic, float* pixels,
                           std::vector<LabeledBox>& truth) const {
-  truth.clear();
   if (!options_.augment) {
     Colour{}.write_planes(sample.square, pixels);
     truth = sample.boxes;
     return;
   }
+  const Augmentation& ranges = options_.augmentation;
   core::RandomStream random(options_.seed, "augmentation", key);
-  const Warp warp = draw_warp(random, options_.input_px);
-  draw_colour(random).write_planes(warp.apply(sample.square), pixels);
-  for (LabeledBox box : sample.boxes) {
-    const auto scale_2 = static_cast<float>(warp.scale * warp.scale);
-    const float full_area = box.box.area_px2() * scale_2;
-    box.box = warp.apply(box.box, options_.input_px);
-    const float area = box.box.area_px2();
-    if (area <= 0.0F) continue;
-    box.ignore |= area < kMinKeptShare * full_area || box.box.width_px() < kMinSide_px ||
-                  box.box.height_px() < kMinSide_px;
-    truth.push_back(box);
+  core::RandomStream random_mosaic(options_.seed, "mosaic", key);
+  Sample four;
+  const Sample* source = &sample;
+  if (may_mosaic && random_mosaic.chance(ranges.mosaic)) {
+    four = mosaic(sample, others, random_mosaic);
+    source = &four;
   }
+  const Warp warp = draw_warp(random, ranges, source->square.width_px(), options_.input_px);
+  const Colour colour = ranges.tint ? draw_colour(random) : Colour{};
+  core::Image<core::Rgb8> image = warp.apply(source->square);
+  if (ranges.hue > 0.0 || ranges.saturation > 0.0 || ranges.value > 0.0) {
+    const auto factor = [&](double range) { return 1.0 + random.uniform(-range, range); };
+    const double hue = factor(ranges.hue), saturation = factor(ranges.saturation);
+    scale_hsv(image, hue, saturation, factor(ranges.value));
+  }
+  colour.write_planes(image, pixels);
+  truth = warp_boxes(source->boxes, warp, ranges.min_kept_share);
 }
 
 void BatchSource::make(std::int64_t step, Batch& batch) const {
@@ -190,8 +111,10 @@ void BatchSource::make(std::int64_t step, Batch& batch) const {
         from_main ? draw(main_, "epoch", step * main_count + slot)
                   : draw(mix_, "mix_epoch", step * mix_count_ + (slot - main_count));
     const auto i = static_cast<std::size_t>(slot);
-    augment(sample, static_cast<std::uint64_t>(step * options_.batch + slot),
-            batch.pixels.data() + i * image_floats, batch.truth[i]);
+    augment(sample, from_main ? main_ : mix_,
+            static_cast<std::uint64_t>(step * options_.batch + slot),
+            step < options_.mosaic_batches, batch.pixels.data() + i * image_floats,
+            batch.truth[i]);
   }
 }
 

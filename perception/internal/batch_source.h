@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "perception/dataset.h"
+#include "perception/internal/augmentation.h"
 
 namespace segsim::perception {
 
@@ -17,6 +18,8 @@ struct BatchOptions {
   int batch = 8;
   double mix_share = 0.0;  ///< Of a batch from the second data set, rounded to whole images.
   bool augment = true;
+  Augmentation augmentation;
+  std::int64_t mosaic_batches = 0;  ///< Those before this one may have mosaics.
   std::uint64_t seed = 1;
 };
 
@@ -31,19 +34,18 @@ class BatchSource {
   /// @throws core::InputError if an image is missing or has another size than its entry.
   BatchSource(const CocoDataset& main, const CocoDataset* mix, const BatchOptions& options);
 
-  /// The batch of a step; each data set is passed through in shuffled epochs.
+  /// The batch of this number; each data set is passed through in shuffled epochs.
   void make(std::int64_t step, Batch& batch) const;
 
  private:
-  struct Sample {
-    core::Image<core::Rgb8> square;
-    std::vector<LabeledBox> boxes;
-  };
   [[nodiscard]] static std::vector<Sample> load(const CocoDataset& dataset, int input_px);
   [[nodiscard]] const Sample& draw(const std::vector<Sample>& samples, const char* name,
                                    std::int64_t position) const;
-  void augment(const Sample& sample, std::uint64_t key, float* pixels,
-               std::vector<LabeledBox>& truth) const;
+  /// @param others  Where the other pictures of a mosaic come from.
+  void augment(const Sample& sample, const std::vector<Sample>& others, std::uint64_t key,
+               bool may_mosaic, float* pixels, std::vector<LabeledBox>& truth) const;
+  [[nodiscard]] Sample mosaic(const Sample& first, const std::vector<Sample>& others,
+                              core::RandomStream& random) const;
 
   BatchOptions options_;
   std::vector<Sample> main_, mix_;

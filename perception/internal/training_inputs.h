@@ -21,17 +21,22 @@ struct TrainingInputs {
   std::vector<std::string> class_names;
   double width = 0.5;
   int input_px = 256;
+  std::vector<std::string> classes_without_boxes;
   std::string recipe;  ///< JSON; two runs of equal recipes make equal weights.
 };
 
 /// @throws core::InputError naming the option.
 void check_train_options(const TrainOptions& options);
 
-/// Reads weights and data sets and matches their classes.
-[[nodiscard]] TrainingInputs read_training_inputs(const TrainOptions& options);
+/// Reads weights and data sets, matches their classes, and resolves the options.
+[[nodiscard]] TrainingInputs read_training_inputs(TrainOptions& options);
 
-/// Fits the last layer of the class branches to other classes: rows of known names are kept,
-/// others start as `fresh` has them.
+/// Epochs to steps, and Optimizer::kAuto to what it means.
+void resolve_train_options(TrainOptions& options, std::size_t images, std::size_t classes);
+
+/// Fits the class branches to other classes: rows of known names in the last layer are kept,
+/// others start as `fresh` has them, and so do tensors of a YOLOv13's class branch that have
+/// another shape there.
 void match_class_rows(DetectorWeights& weights, const std::vector<std::string>& class_names,
                       const std::vector<NamedTensor>& fresh, const std::string& place);
 

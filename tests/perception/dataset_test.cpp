@@ -7,6 +7,7 @@
 
 #include "core/error.h"
 #include "perception/evaluate.h"
+#include "perception/image_file.h"
 #include "test_folder.h"
 
 namespace segsim::perception {
@@ -118,6 +119,38 @@ INSTANTIATE_TEST_SUITE_P(
 
 TEST(Coco, MissingFileIsNamed) {
   EXPECT_THROW((void)read_coco("no/such/file.json"), core::InputError);
+}
+
+TEST(Coco, TooLargePicturesAreRefusedBeforeTheyAreDecoded) {
+  const TestFolder folder;
+  CocoDataset dataset;
+  dataset.class_names = {"chair"};
+  dataset.images = {{1, "a.png", 20000, 20000, {}}};
+  write_coco(folder / "d.json", dataset);
+  try {
+    (void)read_coco(folder / "d.json");
+    FAIL();
+  } catch (const core::InputError& error) {
+    EXPECT_THAT(error.what(),
+                HasSubstr("images[0].height: expected at most 134217728 pixels"));
+  }
+  // Files whose headers say 20000 x 20000: nothing follows, so nothing was decoded.
+  using namespace std::string_literals;
+  const std::string size = "\x00\x00\x4E\x20"s;
+  const std::pair<const char*, std::string> files[] = {
+      {"a.png", "\x89PNG\r\n\x1A\n\x00\x00\x00\x0DIHDR"s + size + size},
+      {"a.jpg", "\xFF\xD8\xFF\xE0\x00\x04\x01\x02\xFF\xC0\x00\x11\x08"s + size.substr(2) +
+                    size.substr(2) + "\x03"}};
+  for (const auto& [name, bytes] : files) {
+    std::ofstream(folder / name, std::ios::binary) << bytes;
+    try {
+      (void)read_image(folder / name);
+      FAIL();
+    } catch (const core::InputError& error) {
+      EXPECT_THAT(error.what(),
+                  HasSubstr("expected at most 134217728 pixels, found 20000 x 20000"));
+    }
+  }
 }
 
 TEST(MatchClasses, MapsByNameRenamesAndDrops) {

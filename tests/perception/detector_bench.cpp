@@ -33,7 +33,9 @@ void detect(benchmark::State& state) {
   write_image(folder / "a.png", image);
   CocoDataset dataset;
   dataset.class_names = {"a", "b", "c", "d", "e", "f"};
-  dataset.images = {{1, "a.png", 640, 480, {}}};
+  LabeledBox box;
+  box.box = {100, 100, 300, 300};
+  dataset.images = {{1, "a.png", 640, 480, {box}}};
   write_coco(folder / "d.json", dataset);
   TrainOptions options;
   options.train_json = folder / "d.json";

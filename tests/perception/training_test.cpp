@@ -5,12 +5,11 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
-#include "core/random.h"
 #include "perception/detector.h"
 #include "perception/evaluate.h"
 #include "perception/image_file.h"
 #include "perception/weights_file.h"
-#include "test_folder.h"
+#include "training_pictures.h"
 
 namespace segsim::perception {
 namespace {
@@ -18,44 +17,6 @@ namespace {
 using core::Image;
 using core::Rgb8;
 using testing::HasSubstr;
-
-void paint(Image<Rgb8>& image, const core::BoxPx& box, Rgb8 colour) {
-  for (int y = static_cast<int>(box.y0); y < static_cast<int>(box.y1); ++y) {
-    for (int x = static_cast<int>(box.x0); x < static_cast<int>(box.x1); ++x) {
-      image(x, y) = colour;
-    }
-  }
-}
-
-/// Three pictures of red and blue rectangles ("warm", "cold") on a noisy grey.
-std::filesystem::path write_rectangles(const TestFolder& folder) {
-  const core::BoxPx boxes[3][2] = {{{10, 12, 50, 40}, {70, 50, 110, 90}},
-                                   {{60, 8, 118, 44}, {16, 54, 44, 88}},
-                                   {{30, 30, 90, 70}, {4, 4, 24, 28}}};
-  CocoDataset dataset;
-  dataset.class_names = {"cold", "warm"};
-  core::RandomStream random(1, "noise");
-  for (int i = 0; i < 3; ++i) {
-    Image<Rgb8> image(128, 96);
-    for (Rgb8& pixel : image.pixels()) {
-      const auto grey = static_cast<std::uint8_t>(100 + random.index(40));
-      pixel = {grey, grey, grey};
-    }
-    LabeledImage entry{i, "image" + std::to_string(i) + ".png", 128, 96, {}};
-    for (int c = 0; c < 2; ++c) {
-      paint(image, boxes[i][c], c == 1 ? Rgb8{210, 40, 30} : Rgb8{30, 50, 200});
-      LabeledBox label;
-      label.class_index = c;
-      label.box = boxes[i][c];
-      label.area_px2 = label.box.area_px2();
-      entry.boxes.push_back(label);
-    }
-    write_image(folder / entry.file, image);
-    dataset.images.push_back(entry);
-  }
-  write_coco(folder / "train.json", dataset);
-  return folder / "train.json";
-}
 
 TrainOptions tiny_options(const TestFolder& folder) {
   TrainOptions options;
@@ -211,6 +172,136 @@ TEST(Training, WrongOptionsAreNamed) {
   options = tiny_options(folder);
   options.train_json = folder / "none.json";
   EXPECT_THAT(message_of(options), HasSubstr("none.json"));
+}
+
+TEST(Training, FrozenLayersAndFrozenStatisticsDoNotMove) {
+  const TestFolder folder;
+  write_rectangles(folder);
+  TrainOptions options = tiny_options(folder);
+  (void)train(options);
+  const DetectorWeights before = read_weights(options.output);
+  options.initial_weights = options.output;
+  options.steps = 3;
+
+  options.output = folder / "frozen_layers.bin";
+  options.frozen = {"backbone", "up4.mix"};
+  (void)train(options);
+  const DetectorWeights layers = read_weights(options.output);
+  options.output = folder / "frozen_norms.bin";
+  options.frozen.clear();
+  options.norm_policy = NormPolicy::kFrozen;
+  (void)train(options);
+  const DetectorWeights norms = read_weights(options.output);
+
+  int moved_layers = 0;
+  for (std::size_t i = 0; i < before.tensors.size(); ++i) {
+    const std::string& name = before.tensors[i].name;
+    const bool frozen = name.rfind("down", 0) == 0 || name.rfind("stage", 0) == 0 ||
+                        name.rfind("up4.mix.", 0) == 0;
+    const bool statistic = name.find(".running_") != std::string::npos;
+    if (frozen) {
+      EXPECT_EQ(layers.tensors[i].values, before.tensors[i].values) << name;
+    } else {
+      moved_layers += layers.tensors[i].values != before.tensors[i].values ? 1 : 0;
+    }
+    EXPECT_EQ(norms.tensors[i].values == before.tensors[i].values, statistic) << name;
+  }
+  EXPECT_GT(moved_layers, 50);
+
+  options.frozen = {"layer77"};
+  EXPECT_THAT(message_of(options), HasSubstr("freeze: expected backbone"));
+}
+
+TEST(Training, BestOfValidationIsKeptAndPatienceEnds) {
+  const TestFolder folder;
+  write_rectangles(folder);
+  TrainOptions options = tiny_options(folder);
+  options.steps = 40;
+  options.validation_json = options.train_json;
+  options.validate_every = 2;
+  options.patience = 2;
+  options.learning_rate = 1e-12;  // Nothing changes, so nothing gets better.
+  options.norm_policy = NormPolicy::kFrozen;
+  const TrainReport report = train(options);
+  EXPECT_TRUE(report.finished);
+  EXPECT_TRUE(report.stopped_early);
+  EXPECT_EQ(report.best_step, 2);
+  EXPECT_EQ(report.steps_done, 6);
+  EXPECT_FALSE(std::filesystem::exists(folder / "weights.bin.best"));
+  EXPECT_FALSE(std::filesystem::exists(folder / "weights.bin.candidate"));
+}
+
+TEST(Training, LossThatIsNoNumberStopsAndKeepsTheWeightsBefore) {
+  const TestFolder folder;
+  write_rectangles(folder);
+  TrainOptions options = tiny_options(folder);
+  options.checkpoint_every = 1;
+  options.steps = 4;
+  options.on_step = [](int done, double) { return done != 2; };
+  (void)train(options);
+  const std::string state = core::read_file(folder / "weights.bin.state");
+  // A state is only continued by a run of the same options, so another file diverges.
+  options.output = folder / "diverged.bin";
+  options.class_gain = 1e60;
+  EXPECT_THAT(message_of(options), HasSubstr("loss at step 0: expected a finite number"));
+  EXPECT_FALSE(std::filesystem::exists(options.output));
+  const DetectorWeights kept = read_weights(folder / "diverged.bin.last_good");
+  EXPECT_EQ(kept.class_names.size(), 2U);
+  EXPECT_EQ(core::read_file(folder / "weights.bin.state"), state);
+}
+
+TEST(Training, DataWithoutBoxesAreRefusedAndClassesWithoutAreNamed) {
+  const TestFolder folder;
+  const auto json = write_rectangles(folder);
+  CocoDataset dataset = read_coco(json);
+  for (LabeledImage& image : dataset.images) image.boxes.erase(image.boxes.begin());
+  write_coco(json, dataset);
+  TrainOptions options = tiny_options(folder);
+  options.steps = 1;
+  EXPECT_EQ(train(options).classes_without_boxes, (std::vector<std::string>{"cold"}));
+  for (LabeledImage& image : dataset.images) image.boxes.clear();
+  write_coco(json, dataset);
+  EXPECT_THAT(message_of(options),
+              HasSubstr("train.json: annotations: expected at least one box"));
+  dataset.images.clear();
+  write_coco(json, dataset);
+  EXPECT_THAT(message_of(options), HasSubstr("train.json: images: expected at least one"));
+}
+
+TEST(Training, PictureOfOnePixelIsTrainedOnAndSearched) {
+  const TestFolder folder;
+  CocoDataset dataset;
+  dataset.class_names = {"all"};
+  LabeledBox box;
+  box.box = {0, 0, 1, 1};
+  box.area_px2 = 1;
+  dataset.images.push_back({0, "dot.png", 1, 1, {box}});
+  write_image(folder / "dot.png", Image<Rgb8>(1, 1, {250, 0, 0}));
+  write_coco(folder / "train.json", dataset);
+  TrainOptions options = tiny_options(folder);
+  options.steps = 2;
+  (void)train(options);
+  const auto detector = load_detector(options.output, {.score_threshold = 0.0F});
+  const Image<Rgb8> dot(1, 1, {250, 0, 0});
+  core::Observation observation;
+  observation.rgb = &dot;
+  const auto found = detector->detect(observation);
+  EXPECT_FALSE(found.empty());
+  for (const core::Detection& detection : found) {
+    EXPECT_GE(detection.box.x0, 0.0F);
+    EXPECT_LE(detection.box.x1, 1.0F);
+  }
+}
+
+TEST(Training, DevicesThatAreNotThereAreRefused) {
+  const TestFolder folder;
+  write_rectangles(folder);
+  TrainOptions options = tiny_options(folder);
+  options.mixed_precision = true;
+  EXPECT_THAT(message_of(options),
+              HasSubstr("mixed_precision: expected device cuda, found cpu"));
+  options.model = "yolov14";
+  EXPECT_THAT(message_of(options), HasSubstr("model: expected one of small, yolov13n"));
 }
 
 }  // namespace

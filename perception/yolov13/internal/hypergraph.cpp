@@ -16,6 +16,14 @@ torch::Tensor run_linear(torch::nn::Linear& layer, const torch::Tensor& x) {
   return y;
 }
 
+/// x Phi(x), exact. Training writes it out: the derivative of libtorch 1.13's own GELU, in
+/// float on the CPU, is memory that nobody has written wherever the incoming one is laid out
+/// in another order (here: always, tokens are columns of the map), at times a NaN.
+torch::Tensor exact_gelu(const torch::Tensor& x) {
+  if (!torch::GradMode::is_enabled()) return torch::gelu(x);
+  return 0.5 * x * (1.0 + torch::erf(x * std::sqrt(0.5)));
+}
+
 /// A module that only gives its child a name, as lists and containers of the state dict do.
 template <class Child>
 std::shared_ptr<torch::nn::Module> named(const std::string& name, Child child) {
@@ -58,8 +66,8 @@ HypergraphConv::HypergraphConv(int channels, int hyperedges) {
 torch::Tensor HypergraphConv::forward(const torch::Tensor& tokens) {
   const auto participation = generator_->forward(tokens);
   const auto edges =
-      torch::gelu(run_linear(edge_, torch::bmm(participation.transpose(1, 2), tokens)));
-  return torch::gelu(run_linear(node_, torch::bmm(participation, edges))) + tokens;
+      exact_gelu(run_linear(edge_, torch::bmm(participation.transpose(1, 2), tokens)));
+  return exact_gelu(run_linear(node_, torch::bmm(participation, edges))) + tokens;
 }
 
 C3AH::C3AH(int channels, int hyperedges) {
