@@ -132,6 +132,7 @@ void add_detector_command(CLI::App& app) {
   add_pretrain(*detector);
   add_finetune(*detector);
   add_evaluate(*detector);
+  add_detector_compare(*detector);
   add_detector_import(*detector);
   add_detector_forward(*detector);
 }
