@@ -213,7 +213,8 @@ TEST(CastBoxes, NearBoxesHideFarOnes) {
   const PhotoLabels turned =
       cast_boxes(frame_ahead(kNone), camera,
                  {box_at(1, {2.5, 0.0, 1.0}, {1.0, 1.0, 1.0}, 1.5707963267948966)}, 0.15);
-  EXPECT_EQ(count_of(turned.instance, 1), count_of(labels.instance, 1));
+  // Only pixels whose centres lie on the outline may differ.
+  EXPECT_NEAR(count_of(turned.instance, 1), count_of(labels.instance, 1), 4 * 25);
 }
 
 TEST(CastBoxes, MeasuredDepthDecidesWhereItIsThere) {
