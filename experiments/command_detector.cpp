@@ -59,6 +59,7 @@ void add_detector_command(CLI::App& app) {
   detector->require_subcommand(1);
   add_detector_training(*detector);
   add_evaluate(*detector);
+  add_detector_compare(*detector);
   add_detector_import(*detector);
   add_detector_forward(*detector);
 }

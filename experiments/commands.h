@@ -24,6 +24,8 @@ void add_detector_training(CLI::App& detector);
 /// `segsim detector import` and `segsim detector forward`, below `segsim detector`.
 void add_detector_import(CLI::App& detector);
 void add_detector_forward(CLI::App& detector);
+/// `segsim detector compare` and `segsim detector score`.
+void add_detector_compare(CLI::App& detector);
 void add_masks_command(CLI::App& app);
 void add_bench_command(CLI::App& app);
 /// `segsim table 2`, below `segsim table`.

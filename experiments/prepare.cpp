@@ -84,7 +84,8 @@ fs::path label_scenes(const ExperimentSpec& spec, std::span<const fs::path> bund
     options.class_names = class_names;
     options.prefix = purpose + "-" + scene.name + "-";
     append_dataset(all, label_views(core::load_bundle(bundles[i]),
-                                    sim::RobotModel::by_name(spec.robot), options, folder));
+                                    sim::RobotModel::by_name(spec.robot), options, folder)
+                            .dataset);
   }
   perception::write_coco(json, all);
   record.mark_done();

@@ -223,7 +223,9 @@ void note_comparison(ResultTable& table) {
     table.notes.push_back(
         "LEAKAGE scene (*): \"" + table.after +
         "\" was fine-tuned on views rendered from the scenes marked * (this is "
-        "the adaptation under test; it says nothing about unseen scenes).");
+        "the adaptation under test; it says nothing about unseen scenes). Training views "
+        "may lie where episodes start: `segsim detector compare --train --episodes` counts "
+        "them.");
     break;
   }
   if (table.scenes.size() < 5) {

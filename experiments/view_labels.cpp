@@ -5,17 +5,14 @@
 #include <cstdio>
 #include <map>
 #include <memory>
-#include <numbers>
 
 #include "core/check.h"
 #include "core/error.h"
 #include "core/progress.h"
-#include "core/random.h"
 #include "core/render.h"
 #include "perception/image_file.h"
 #include "renderer/cpu_renderer.h"
 #include "renderer/ply_io.h"
-#include "sim/episode_sampling.h"
 #include "sim/world.h"
 
 namespace segsim::experiments {
@@ -64,76 +61,6 @@ class InstanceRenderers {
   core::Frame frame_;
 };
 
-/// Places and directions for the camera, drawn until the scene is exhausted.
-class ViewSampler {
- public:
-  ViewSampler(const sim::World& world, const ViewLabelOptions& options)
-      : world_(world), options_(options), random_(options.seed, "label_views") {
-    const sim::FreeSpace& space = world.free_space();
-    for (int y = 0; y < space.island.height_px(); ++y) {
-      for (int x = 0; x < space.island.width_px(); ++x) {
-        if (space.island(x, y) == 1) cells_.push_back(space.frame.center_m(x, y));
-      }
-    }
-    if (cells_.empty()) {
-      throw core::InputError::expected(world.manifest().name, "room for the robot", "none");
-    }
-    for (const core::SceneInstance& instance : world.manifest().instances) {
-      const std::string name = world.manifest().class_name(instance.class_id);
-      const auto& names = options.class_names;
-      if (std::find(names.begin(), names.end(), name) != names.end()) {
-        objects_by_class_[instance.class_id].push_back(&instance);
-      }
-    }
-  }
-
-  struct View {
-    core::Pose2 pose;
-    std::uint16_t wanted_instance = 0;  ///< That the view was made for; 0 = none.
-  };
-
-  View next() {
-    const glm::dvec2 p_m = cells_[random_.index(static_cast<std::uint32_t>(cells_.size()))];
-    core::Pose2 pose{p_m.x, p_m.y, random_.uniform(-std::numbers::pi, std::numbers::pi)};
-    if (objects_by_class_.empty() || !random_.chance(options_.share_facing_object))
-      return {pose};
-    // A class first, then one of its objects: frequent classes would dominate otherwise.
-    auto entry = objects_by_class_.begin();
-    std::advance(entry, random_.index(static_cast<std::uint32_t>(objects_by_class_.size())));
-    const core::SceneInstance& object =
-        *entry->second[random_.index(static_cast<std::uint32_t>(entry->second.size()))];
-    const glm::dvec3 centre = 0.5 * (object.box_min_m + object.box_max_m);
-    for (int attempt = 0; attempt < 40; ++attempt) {
-      const glm::dvec2 q_m = cells_[random_.index(static_cast<std::uint32_t>(cells_.size()))];
-      if (std::hypot(q_m.x - centre.x, q_m.y - centre.y) > options_.max_object_distance_m) {
-        continue;
-      }
-      pose = sim::facing(q_m, object.box_min_m, object.box_max_m);
-      pose.yaw_rad = core::wrap_angle_rad(pose.yaw_rad + random_.uniform(-0.4, 0.4));
-      return {pose, object.id};
-    }
-    return {pose};
-  }
-
-  [[nodiscard]] bool is_near_duplicate(const core::Pose2& pose) const {
-    return std::any_of(accepted_.begin(), accepted_.end(), [&](const core::Pose2& other) {
-      return std::hypot(pose.x_m - other.x_m, pose.y_m - other.y_m) <
-                 options_.near_duplicate_m &&
-             std::abs(core::wrap_angle_rad(pose.yaw_rad - other.yaw_rad)) <
-                 options_.near_duplicate_rad;
-    });
-  }
-  void accept(const core::Pose2& pose) { accepted_.push_back(pose); }
-
- private:
-  const sim::World& world_;
-  const ViewLabelOptions& options_;
-  core::RandomStream random_;
-  std::vector<glm::dvec2> cells_;
-  std::map<std::uint16_t, std::vector<const core::SceneInstance*>> objects_by_class_;
-  std::vector<core::Pose2> accepted_;
-};
-
 /// False for a view that teaches nothing: out of the reconstruction, or a wall right in front.
 bool is_useful(const core::Frame& frame, const ViewLabelOptions& options) {
   std::vector<float> depths_m;
@@ -157,70 +84,179 @@ std::map<std::uint16_t, int> count_pixels(const core::Image<std::uint16_t>& ids)
   return counts;
 }
 
+/// The scene's classes with the names that the detector's vocabulary has for them.
+std::vector<core::SceneClass> mapped_classes(const core::SceneManifest& manifest,
+                                             const ViewLabelOptions& options,
+                                             std::vector<std::string>& unmapped) {
+  std::vector<core::SceneClass> classes = manifest.classes;
+  if (!options.class_map) return classes;
+  for (core::SceneClass& scene_class : classes) {
+    const auto target = options.class_map->find(scene_class.name);
+    if (!target && scene_class.thing) unmapped.push_back(scene_class.name);
+    if (target) scene_class.name = *target;
+  }
+  return classes;
+}
+
+ViewSamplerOptions sampler_options(const ViewLabelOptions& options) {
+  ViewSamplerOptions result;
+  result.seed = options.seed;
+  result.share_facing_object = options.share_facing_object;
+  result.max_object_distance_m = options.max_object_distance_m;
+  result.near_duplicate = options.near_duplicate;
+  result.avoid_m = options.avoid_m;
+  result.avoid_radius_m = options.avoid_radius_m;
+  return result;
+}
+
+/// Renders, judges and labels one view after another.
+class ViewLabeller {
+ public:
+  ViewLabeller(const core::SceneBundle& bundle, const ViewLabelOptions& options,
+               const std::vector<core::SceneClass>& classes, const fs::path& folder)
+      : bundle_(bundle),
+        options_(options),
+        classes_(classes),
+        folder_(folder),
+        surfels_(read_labelled(bundle.surfels_file())),
+        renderer_(renderer::make_cpu_renderer(surfels_, {})),
+        alone_(surfels_),
+        consistency_(bundle.manifest),
+        T_robot_camera_(
+            core::mast_camera(options.camera_height_m, options.camera_pitch_down_rad)) {
+    dataset_.folder = folder;
+    dataset_.class_names = options.class_names;
+  }
+
+  /// False if the view is of no use. @param wanted_instance  That it must show; 0 = none.
+  bool add(const core::Pose2& pose, std::uint16_t wanted_instance) {
+    renderer_->render(core::transform_from_pose2<core::frame::World>(pose) * T_robot_camera_,
+                      options_.camera, core::Channels::kRgbd | core::Channels::kLabels,
+                      frame_);
+    if (!is_useful(frame_, options_)) return false;
+    const std::map<std::uint16_t, int> pixels = count_pixels(frame_.instance);
+    // A wall may stand between: such views would leave rare classes without examples.
+    if (wanted_instance != 0 && (!pixels.contains(wanted_instance) ||
+                                 pixels.at(wanted_instance) < options_.min_wanted_pixels)) {
+      return false;
+    }
+    append(pose, pixels);
+    return true;
+  }
+
+  [[nodiscard]] std::size_t size() const { return dataset_.images.size(); }
+
+  void finish(ViewLabels& labels) {
+    labels.instances = consistency_.result();
+    for (const InstanceConsistency& instance : labels.instances) {
+      if (instance.label_agreement < options_.min_label_agreement) {
+        ignore_instance(instance.instance_id);
+      }
+    }
+    labels.dataset = std::move(dataset_);
+  }
+
+ private:
+  [[nodiscard]] static std::shared_ptr<const SurfelCloud> read_labelled(const fs::path& file) {
+    auto surfels = std::make_shared<SurfelCloud>(renderer::read_surfels_ply(file));
+    if (!surfels->has_labels()) {
+      throw core::InputError::expected(file.string(), "labelled surfels",
+                                       "no semantic_id property");
+    }
+    return surfels;
+  }
+
+  void append(const core::Pose2& pose, const std::map<std::uint16_t, int>& pixels) {
+    perception::LabelView view{&frame_.semantic, &frame_.instance, &frame_.depth_m, {}};
+    for (const auto& [id, visible] : pixels) {
+      const int all = std::max(visible, alone_.unoccluded_pixels(id, frame_));
+      view.visible_fraction[id] = static_cast<double>(visible) / all;
+    }
+    perception::LabeledImage image;
+    image.id = static_cast<std::int64_t>(dataset_.images.size()) + 1;
+    char name[32];
+    std::snprintf(name, sizeof name, "%05d.png", static_cast<int>(image.id));
+    image.file = "images/" + options_.prefix + name;
+    image.width_px = options_.camera.width_px;
+    image.height_px = options_.camera.height_px;
+    image.scene = bundle_.manifest.name;
+    image.view = pose;
+    image.boxes =
+        perception::label_boxes(view, classes_, options_.class_names, options_.boxes);
+    consistency_.add(frame_, image.boxes);
+    perception::write_image(folder_ / image.file, frame_.rgb);
+    dataset_.images.push_back(std::move(image));
+  }
+
+  void ignore_instance(int instance_id) {
+    for (perception::LabeledImage& image : dataset_.images) {
+      for (perception::LabeledBox& box : image.boxes) {
+        if (box.instance_id == instance_id) box.ignore = true;
+      }
+    }
+  }
+
+  const core::SceneBundle& bundle_;
+  const ViewLabelOptions& options_;
+  const std::vector<core::SceneClass>& classes_;
+  const fs::path& folder_;
+  std::shared_ptr<const SurfelCloud> surfels_;
+  std::unique_ptr<core::Renderer> renderer_;
+  InstanceRenderers alone_;
+  LabelConsistency consistency_;
+  core::Transform<core::frame::Robot, core::frame::Camera> T_robot_camera_;
+  perception::CocoDataset dataset_;
+  core::Frame frame_;
+};
+
+/// Every picture of the drives that is of use.
+void add_drives(const sim::World& world, const ViewLabelOptions& options, ViewSampler& sampler,
+                ViewLabeller& labeller, ViewLabels& labels) {
+  for (const Drive& drive : options.drives) {
+    if (!drive.scene.empty() && drive.scene != world.manifest().name) continue;
+    for (const core::Pose2& pose : drive_poses(world, drive)) {
+      const bool wanted = !sampler.is_avoided(pose) && !sampler.is_near_duplicate(pose);
+      if (!wanted || !labeller.add(pose, 0)) {
+        ++labels.drive_views_refused;
+        continue;
+      }
+      sampler.accept(pose);
+      ++labels.drive_views;
+    }
+  }
+}
+
 }  // namespace
 
-perception::CocoDataset label_views(const core::SceneBundle& bundle,
-                                    const sim::RobotModel& robot,
-                                    const ViewLabelOptions& options, const fs::path& folder) {
-  SEGSIM_CHECK(options.views > 0 && !options.class_names.empty(), "views and classes");
+ViewLabels label_views(const core::SceneBundle& bundle, const sim::RobotModel& robot,
+                       const ViewLabelOptions& options, const fs::path& folder) {
+  SEGSIM_CHECK(options.views > 0 || !options.drives.empty(), "neither views nor drives");
+  SEGSIM_CHECK(!options.class_names.empty(), "no classes");
   const sim::World world = sim::World::load(bundle, robot);
-  auto surfels =
-      std::make_shared<SurfelCloud>(renderer::read_surfels_ply(bundle.surfels_file()));
-  if (!surfels->has_labels()) {
-    throw core::InputError::expected(bundle.surfels_file().string(), "labelled surfels",
-                                     "no semantic_id property");
-  }
-  const auto view_renderer = renderer::make_cpu_renderer(surfels, {});
-  InstanceRenderers alone(surfels);
-  ViewSampler sampler(world, options);
-  const auto T_robot_camera =
-      core::mast_camera(options.camera_height_m, options.camera_pitch_down_rad);
+  ViewLabels labels;
+  const std::vector<core::SceneClass> classes =
+      mapped_classes(bundle.manifest, options, labels.unmapped);
+  ViewLabeller labeller(bundle, options, classes, folder);
+  ViewSampler sampler(world, classes, options.class_names, sampler_options(options));
+  add_drives(world, options, sampler, labeller, labels);
 
-  perception::CocoDataset dataset;
-  dataset.folder = folder;
-  dataset.class_names = options.class_names;
-  core::Frame frame;
   std::unique_ptr<core::Progress> progress;
-  if (options.show_progress) {
+  if (options.show_progress && options.views > 0) {
     progress =
         std::make_unique<core::Progress>("label " + bundle.manifest.name, options.views);
   }
   const int max_tries = 60 * options.views;
-  for (int i = 0; i < max_tries && static_cast<int>(dataset.images.size()) < options.views;
-       ++i) {
+  int added = 0;
+  for (int i = 0; i < max_tries && added < options.views; ++i) {
     const auto [pose, wanted_instance] = sampler.next();
-    if (sampler.is_near_duplicate(pose)) continue;
-    view_renderer->render(
-        core::transform_from_pose2<core::frame::World>(pose) * T_robot_camera, options.camera,
-        core::Channels::kRgbd | core::Channels::kLabels, frame);
-    if (!is_useful(frame, options)) continue;
-    const std::map<std::uint16_t, int> pixels = count_pixels(frame.instance);
-    // A wall may stand between: such views would leave rare classes without examples.
-    if (wanted_instance != 0 && (!pixels.contains(wanted_instance) ||
-                                 pixels.at(wanted_instance) < options.min_wanted_pixels)) {
-      continue;
-    }
+    if (sampler.is_near_duplicate(pose) || sampler.is_avoided(pose)) continue;
+    if (!labeller.add(pose, wanted_instance)) continue;
     sampler.accept(pose);
-
-    perception::LabelView view{&frame.semantic, &frame.instance, &frame.depth_m, {}};
-    for (const auto& [id, visible] : pixels) {
-      const int all = std::max(visible, alone.unoccluded_pixels(id, frame));
-      view.visible_fraction[id] = static_cast<double>(visible) / all;
-    }
-    perception::LabeledImage image;
-    image.id = static_cast<std::int64_t>(dataset.images.size()) + 1;
-    char name[32];
-    std::snprintf(name, sizeof name, "%05d.png", static_cast<int>(image.id));
-    image.file = "images/" + options.prefix + name;
-    image.width_px = options.camera.width_px;
-    image.height_px = options.camera.height_px;
-    image.boxes = perception::label_boxes(view, bundle.manifest.classes, options.class_names,
-                                          options.boxes);
-    perception::write_image(folder / image.file, frame.rgb);
-    dataset.images.push_back(std::move(image));
-    if (progress) progress->update(static_cast<std::int64_t>(dataset.images.size()));
+    ++added;
+    if (progress) progress->update(added);
   }
-  return dataset;
+  labeller.finish(labels);
+  return labels;
 }
 
 void append_dataset(perception::CocoDataset& all, const perception::CocoDataset& other) {

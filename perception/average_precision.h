@@ -1,18 +1,14 @@
 #pragma once
 
 /// @file
-/// Average precision as COCO defines it (cocodataset/cocoapi,
-/// PythonAPI/pycocotools/cocoeval.py, commit 8c9bcc3): area "all", 100 detections per image
-/// and class, 101 recall points, IoU 0.50 to 0.95 in steps of 0.05.
-///
-/// Departure: COCO lets only crowds be ignored. Here a box with `ignore` is too, with the
-/// ordinary IoU; a crowd is matched by intersection over the detection's area and by any
-/// number of them.
+/// Average precision of a detector in this project's types, and its operating point. The rules
+/// are those of coco_evaluation.h: area "all", 100 detections per image and class.
 
 #include <span>
 #include <vector>
 
 #include "core/stages.h"
+#include "perception/coco_evaluation.h"
 #include "perception/labeled_box.h"
 
 namespace segsim::perception {
@@ -43,6 +39,12 @@ struct PrecisionReport {
   std::vector<ClassPrecision> classes;
   OperatingPoint operating;  ///< All classes together.
 };
+
+[[nodiscard]] RegionPx region_of(const core::BoxPx& box);
+[[nodiscard]] TruthRegion truth_region(const LabeledBox& box);
+/// The same images for coco_evaluation.h, in the same order.
+[[nodiscard]] std::vector<EvaluationImage> evaluation_images(
+    std::span<const ImageResult> images);
 
 /// @param class_count  Classes are 0 ... class_count - 1.
 /// @param score_threshold  Of the operating points; AP always uses every detection.

@@ -106,6 +106,22 @@ core::BoxPx quantile_box(const std::vector<PixelPosition>& pixels, double quanti
           static_cast<float>(xs[last] + 1), static_cast<float>(ys[last] + 1)};
 }
 
+std::vector<float> valid_depths(const core::Image<float>& depth_m,
+                                const std::vector<PixelPosition>& pixels) {
+  std::vector<float> depths_m;
+  for (const PixelPosition& p : pixels) {
+    if (std::isfinite(depth_m(p.x, p.y))) depths_m.push_back(depth_m(p.x, p.y));
+  }
+  return depths_m;
+}
+
+/// The lower of the two middle values of an even number.
+float median_of(std::vector<float>& values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>((values.size() - 1) / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
 /// The most frequent semantic id other than void, the lowest of equals; 0 if there is none.
 std::uint16_t majority_class(const core::Image<std::uint16_t>& semantic,
                              const std::vector<PixelPosition>& pixels) {
@@ -174,17 +190,21 @@ std::vector<LabeledBox> label_boxes(const LabelView& view,
     label.box = quantile_box(kept, options.quantile);
     label.area_px2 = static_cast<double>(kept.size());
     label.ignore = label.area_px2 < min_pixels;
+    label.instance_id = id;
+    const Bounds bounds = Bounds::of(kept);
+    label.truncated =
+        bounds.x0 == 0 || bounds.y0 == 0 || bounds.x1 == width || bounds.y1 == height;
     if (view.depth_m != nullptr) {
-      const auto valid = std::count_if(kept.begin(), kept.end(), [&](const PixelPosition& p) {
-        return std::isfinite((*view.depth_m)(p.x, p.y));
-      });
-      label.ignore |=
-          static_cast<double>(valid) < options.min_valid_depth_share * label.area_px2;
+      std::vector<float> depths_m = valid_depths(*view.depth_m, kept);
+      label.ignore |= static_cast<double>(depths_m.size()) <
+                      options.min_valid_depth_share * label.area_px2;
+      if (!depths_m.empty()) label.distance_m = double{median_of(depths_m)};
     }
     if (const auto fraction = view.visible_fraction.find(id);
         fraction != view.visible_fraction.end()) {
       label.visible_fraction = std::clamp(fraction->second, 0.0, 1.0);
       label.ignore |= fraction->second < options.min_visible_fraction;
+      label.occluded = fraction->second < options.occluded_below;
     }
     labels.push_back(label);
   }

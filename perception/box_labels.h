@@ -25,6 +25,7 @@ struct BoxLabelOptions {
   double min_visible_share = 0.0006;   ///< Of the image's pixels: 40 px at 256 x 256.
   double min_visible_fraction = 0.15;  ///< Of the unoccluded object, where it is known.
   double min_valid_depth_share = 0.5;  ///< Of the instance's pixels, if depth is given.
+  double occluded_below = 0.9;         ///< Visible fraction that makes a box `occluded`.
   double quantile = 0.005;             ///< Share of pixels cut off at each of the four sides.
   /// A component is dropped if the gap between its box and those kept exceeds this share of
   /// the longer side of the largest component's box (never less than 2 % of the image's

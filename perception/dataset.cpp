@@ -1,6 +1,7 @@
 #include "perception/dataset.h"
 
 #include <algorithm>
+#include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -65,6 +66,7 @@ class Node {
 };
 
 constexpr std::int64_t kMaxId = std::int64_t{1} << 53;  // What a double can count.
+constexpr std::int64_t kMaxInstance = std::numeric_limits<int>::max();
 constexpr std::int64_t kMaxSide_px = 32768;
 constexpr double kHuge = 1e12;
 /// COCO's own boxes leave the image by rounding; by more than this it is an error [px].
@@ -88,6 +90,13 @@ std::map<std::int64_t, int> read_categories(const Node& root, CocoDataset& datas
   return index_of;
 }
 
+core::Pose2 read_view(const Node& node) {
+  const std::vector<Node> items = node.items();
+  if (items.size() != 3) node.fail("[x, y, yaw]");
+  const auto value = [&](std::size_t i) { return items[i].number(-kHuge, kHuge, "a number"); };
+  return {value(0), value(1), value(2)};
+}
+
 std::map<std::int64_t, std::size_t> read_images(const Node& root, CocoDataset& dataset) {
   std::map<std::int64_t, std::size_t> index_of;
   for (const Node& node : root.at("images").items()) {
@@ -106,6 +115,8 @@ std::map<std::int64_t, std::size_t> read_images(const Node& root, CocoDataset& d
     if (!index_of.emplace(image.id, dataset.images.size()).second) {
       node.at("id").fail("an id used once");
     }
+    if (node.has("scene")) image.scene = node.at("scene").text();
+    if (node.has("view")) image.view = read_view(node.at("view"));
     dataset.images.push_back(std::move(image));
   }
   return index_of;
@@ -145,6 +156,17 @@ void read_annotation(const Node& node, const std::map<std::int64_t, int>& class_
   if (node.has("visible_fraction")) {
     box.visible_fraction = node.at("visible_fraction").number(0.0, 1.0, "a number in [0, 1]");
   }
+  const auto flag = [&node](const char* key) {
+    return node.has(key) && node.at(key).integer(0, 1) == 1;
+  };
+  box.truncated = flag("truncated");
+  box.occluded = flag("occluded");
+  if (node.has("distance_m")) {
+    box.distance_m = node.at("distance_m").number(0.0, kHuge, "a number >= 0");
+  }
+  if (node.has("instance_id")) {
+    box.instance_id = static_cast<int>(node.at("instance_id").integer(1, kMaxInstance));
+  }
   image.boxes.push_back(box);
 }
 
@@ -157,6 +179,10 @@ Json annotation_json(const LabeledBox& box, std::int64_t id, std::int64_t image_
                {"iscrowd", box.crowd ? 1 : 0}};
   if (box.ignore) json["ignore"] = 1;
   if (box.visible_fraction) json["visible_fraction"] = *box.visible_fraction;
+  if (box.truncated) json["truncated"] = 1;
+  if (box.occluded) json["occluded"] = 1;
+  if (box.distance_m) json["distance_m"] = *box.distance_m;
+  if (box.instance_id) json["instance_id"] = *box.instance_id;
   return json;
 }
 
@@ -195,6 +221,10 @@ void write_coco(const std::filesystem::path& json_file, const CocoDataset& datas
                       {"file_name", image.file},
                       {"width", image.width_px},
                       {"height", image.height_px}});
+    if (!image.scene.empty()) images.back()["scene"] = image.scene;
+    if (image.view) {
+      images.back()["view"] = {image.view->x_m, image.view->y_m, image.view->yaw_rad};
+    }
     for (const LabeledBox& box : image.boxes) {
       const auto id = static_cast<std::int64_t>(annotations.size() + 1);
       annotations.push_back(annotation_json(box, id, image.id));

@@ -3,13 +3,18 @@
 /// @file
 /// Labelled images on disk: a COCO "instances" JSON file beside its images
 /// (https://cocodataset.org/#format-data). Beyond COCO, an annotation may have
-/// "visible_fraction" (number in [0, 1]) and "ignore" (0 or 1).
+/// "visible_fraction" (number in [0, 1]), "ignore", "truncated", "occluded" (0 or 1),
+/// "distance_m" (number >= 0) and "instance_id" (integer >= 1); an image "scene" (text) and
+/// "view" ([x m, y m, yaw rad] of the robot in the world frame). Readers of plain COCO skip
+/// them.
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "core/frames.h"
 #include "perception/labeled_box.h"
 
 namespace segsim::perception {
@@ -19,6 +24,8 @@ struct LabeledImage {
   std::string file;     ///< Relative to the folder of the JSON file, with '/'.
   int width_px = 0, height_px = 0;
   std::vector<LabeledBox> boxes;
+  std::string scene{};                ///< Where it was taken; empty = unknown.
+  std::optional<core::Pose2> view{};  ///< Where the robot stood.
 };
 
 struct CocoDataset {

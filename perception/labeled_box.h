@@ -17,6 +17,11 @@ struct LabeledBox {
       false;           ///< Present but too hidden or too small: neither object nor background.
   bool crowd = false;  ///< COCO's iscrowd: a region of many objects; any share of it matches.
 
+  bool truncated = false;  ///< Touches the image's border: a part lies outside, or may.
+  bool occluded = false;  ///< Another surface hides a part (BoxLabelOptions decides how much).
+  std::optional<double> distance_m;  ///< Camera to the object: median depth of its pixels.
+  std::optional<int> instance_id;    ///< Of the scene it comes from: the same in all views.
+
   /// Whether it counts neither as found nor as missed.
   [[nodiscard]] bool not_scored() const { return ignore || crowd; }
 };

@@ -73,6 +73,27 @@ TEST(BoxLabels, FarComponentsAreDroppedAndNearOnesKept) {
   EXPECT_EQ(boxes[0].area_px2, 400 + 200);
 }
 
+TEST(BoxLabels, FlagsSayWhatIsCutOffOrHidden) {
+  Labels labels;
+  labels.fill(0, 20, 20, 40, 3, 1);   // Touches the left border.
+  labels.fill(30, 20, 50, 40, 3, 2);  // Whole.
+  labels.fill(60, 60, 80, 80, 3, 3);  // Touches the lower border; half hidden.
+  core::Image<float> depth_m(100, 80, 4.0F);
+  for (int x = 30; x < 38; ++x) depth_m(x, 30) = 1.0F;  // A few nearer pixels.
+  labels.view.depth_m = &depth_m;
+  labels.view.visible_fraction = {{2, 0.95}, {3, 0.5}};
+  const auto boxes = labels.label();
+  ASSERT_EQ(boxes.size(), 3U);
+  EXPECT_TRUE(boxes[0].truncated);
+  EXPECT_FALSE(boxes[0].occluded);
+  EXPECT_FALSE(boxes[1].truncated);
+  EXPECT_FALSE(boxes[1].occluded);
+  EXPECT_TRUE(boxes[2].truncated);
+  EXPECT_TRUE(boxes[2].occluded);
+  EXPECT_EQ(boxes[1].instance_id, 2);
+  EXPECT_EQ(boxes[1].distance_m, 4.0);
+}
+
 TEST(BoxLabels, SmallOrHiddenObjectsAreIgnoredNotDropped) {
   Labels labels;
   labels.fill(0, 0, 2, 2, 3, 1);  // 4 px < 0.0006 * 8000.

@@ -25,6 +25,12 @@ CocoDataset some_dataset() {
   box.area_px2 = 123;
   box.visible_fraction = 0.25;
   box.ignore = true;
+  box.truncated = true;
+  box.occluded = true;
+  box.distance_m = 2.5;
+  box.instance_id = 17;
+  first.scene = "flat-3";
+  first.view = {1.5, -2.0, 0.25};
   first.boxes = {box};
   box = {};
   box.box = {0, 0, 64, 48};
@@ -55,6 +61,17 @@ TEST(Coco, RoundTripKeepsEverything) {
   EXPECT_EQ(a.visible_fraction, 0.25);
   EXPECT_TRUE(a.ignore);
   EXPECT_FALSE(a.crowd);
+  EXPECT_TRUE(a.truncated);
+  EXPECT_TRUE(a.occluded);
+  EXPECT_EQ(a.distance_m, 2.5);
+  EXPECT_EQ(a.instance_id, 17);
+  EXPECT_EQ(read.images[0].scene, "flat-3");
+  ASSERT_TRUE(read.images[0].view.has_value());
+  EXPECT_EQ(read.images[0].view->y_m, -2.0);
+  EXPECT_EQ(read.images[0].view->yaw_rad, 0.25);
+  EXPECT_FALSE(read.images[1].view.has_value());
+  EXPECT_FALSE(read.images[0].boxes[1].truncated);
+  EXPECT_FALSE(read.images[0].boxes[1].distance_m.has_value());
   EXPECT_TRUE(read.images[0].boxes[1].crowd);
   EXPECT_FALSE(read.images[0].boxes[1].visible_fraction.has_value());
 }

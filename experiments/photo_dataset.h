@@ -1,0 +1,51 @@
+#pragma once
+
+/// @file
+/// Real photographs with boxes to evaluate on: frames of a recording, labelled by its
+/// annotated 3-D boxes.
+///
+/// Every pixel's ray is cut with every annotated box (or its finer parts); the nearest one is
+/// seen there, unless the measured depth says that something else is nearer or that the ray
+/// flies on behind it. Where the depth camera saw nothing (black chairs) the boxes alone
+/// decide. Boxes include air, so these labels are looser than those of rendered views.
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "perception/box_labels.h"
+#include "perception/dataset.h"
+#include "renderer/datasets/box_annotation.h"
+#include "renderer/datasets/rgbd_sequence.h"
+
+namespace segsim::experiments {
+
+struct PhotoOptions {
+  std::vector<std::string>
+      class_names;  ///< Objects of other classes only hide what is behind.
+  int frame_step = 8;
+  double depth_slack_m = 0.15;  ///< Between measured depth and box: annotation, noise, drift.
+  perception::BoxLabelOptions boxes;
+};
+
+/// What the boxes say about one picture.
+struct PhotoLabels {
+  core::Image<std::uint16_t> instance;  ///< Annotated box seen at a pixel, 0 = none.
+  core::Image<float> depth_m;           ///< Where the ray enters it, along +z; NaN = none.
+  std::map<std::uint16_t, double> visible_fraction;
+};
+[[nodiscard]] PhotoLabels cast_boxes(const renderer::RgbdFrame& frame,
+                                     const core::CameraIntrinsics& camera,
+                                     const std::vector<renderer::AnnotatedBox>& boxes,
+                                     double depth_slack_m);
+
+/// Writes every `frame_step`-th frame as `folder`/images/NAME.png, and `folder`/labels.json.
+/// Objects that are not annotated with care (`AnnotatedBox::core`) are ignored.
+/// @return  The JSON file.
+/// @throws core::InputError for a broken recording or annotation.
+std::filesystem::path write_photo_dataset(const renderer::RgbdSequence& sequence,
+                                          const renderer::BoxAnnotation& annotation,
+                                          const PhotoOptions& options,
+                                          const std::filesystem::path& folder);
+
+}  // namespace segsim::experiments
