@@ -23,6 +23,8 @@ void add_detector_command(CLI::App& app);
 void add_detector_import(CLI::App& detector);
 void add_detector_forward(CLI::App& detector);
 void add_masks_command(CLI::App& app);
+/// `segsim masks detect`, below `segsim masks`.
+void add_masks_detect(CLI::App& masks);
 void add_bench_command(CLI::App& app);
 /// `segsim table 2`, below `segsim table`.
 void add_ablation_table(CLI::App& table);
