@@ -226,6 +226,7 @@ void add_masks_command(CLI::App& app) {
   command->require_subcommand(1);
   add_simulate_command(*command);
   add_measure_command(*command);
+  add_masks_detect(*command);
 }
 
 }  // namespace segsim::experiments

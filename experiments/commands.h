@@ -27,6 +27,8 @@ void add_detector_forward(CLI::App& detector);
 /// `segsim detector compare` and `segsim detector score`.
 void add_detector_compare(CLI::App& detector);
 void add_masks_command(CLI::App& app);
+/// `segsim masks detect`, below `segsim masks`.
+void add_masks_detect(CLI::App& masks);
 void add_bench_command(CLI::App& app);
 /// `segsim table 2`, below `segsim table`.
 void add_ablation_table(CLI::App& table);

@@ -277,7 +277,7 @@ ArmSpec read_arm(const ConfigNode& node, const Variables& variables) {
     arm.detector = ArmDetector::kFile;
     arm.weights = variables.expand(node.child("detector"));
   } else {
-    (void)one_of(node, "detector", {"before", "after", "oracle", "a path of weights"});
+    (void)one_of(node, "detector", {"before", "after", "oracle", "a path of weights or of a model"});
   }
   if (node.has("score_threshold")) {
     arm.score_threshold = number_within(node, "score_threshold", 0.5, 0.0, 1.0);

@@ -15,6 +15,7 @@
 #include "nav/frontier_policy.h"
 #include "perception/detector.h"
 #include "perception/image_file.h"
+#include "perception/models/object_detector.h"
 #include "renderer/cpu_renderer.h"
 #include "renderer/ply_io.h"
 #include "renderer/renderer_backend.h"
@@ -28,6 +29,22 @@ namespace fs = std::filesystem;
 constexpr double kVideoSpeed = 2.0;  // Twice as fast as simulated time.
 
 double radians(double degrees) { return degrees * std::numbers::pi / 180.0; }
+
+/// Weights of this program, or a model of others (docs/models.md).
+std::unique_ptr<core::Detector> load_arm_detector(const fs::path& file, const ArmSpec& arm,
+                                                  const SceneSpec& scene) {
+  std::optional<float> threshold;
+  if (arm.score_threshold) threshold = static_cast<float>(*arm.score_threshold);
+  if (!perception::is_foreign_detector(file)) {
+    perception::DetectorOptions options;
+    options.score_threshold = threshold;
+    return perception::load_detector(file, options);
+  }
+  perception::ObjectDetectorOptions options;
+  options.score_threshold = threshold;
+  if (perception::needs_prompt(file)) options.prompts = scene.goals;
+  return perception::load_object_detector(file, options);
+}
 
 sim::TrialOptions trial_options(const ExperimentSpec& spec, const SceneSpec& scene) {
   sim::TrialOptions options;
@@ -189,7 +206,9 @@ core::Renderer& TrialRunner::renderer_for(const LoadedScene& scene) {
 TrialRunner::ArmDetectorSlot& TrialRunner::detector_for(const LoadedScene& scene,
                                                         const ArmSpec& arm) {
   const bool oracle = arm.detector == ArmDetector::kOracle;
-  ArmDetectorSlot& slot = slots_[oracle ? scene.spec->name + "/" + arm.name : arm.name];
+  // A prompted detector looks for the goals of its scene.
+  const bool per_scene = oracle || arm.detector == ArmDetector::kFile;
+  ArmDetectorSlot& slot = slots_[per_scene ? scene.spec->name + "/" + arm.name : arm.name];
   if (slot.detector != nullptr) return slot;
   if (oracle) {
     std::vector<std::string> names;
@@ -204,10 +223,7 @@ TrialRunner::ArmDetectorSlot& TrialRunner::detector_for(const LoadedScene& scene
     slot.truth = detector.get();
     slot.detector = std::move(detector);
   } else {
-    perception::DetectorOptions options;
-    if (arm.score_threshold)
-      options.score_threshold = static_cast<float>(*arm.score_threshold);
-    slot.detector = perception::load_detector(weights_of(arm, detectors_).file, options);
+    slot.detector = load_arm_detector(weights_of(arm, detectors_).file, arm, *scene.spec);
   }
   return slot;
 }
