@@ -4,7 +4,6 @@
 #include <bit>
 #include <cmath>
 #include <set>
-#include <tuple>
 
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
@@ -26,6 +25,14 @@ core::Image<std::uint8_t> eroded(const core::Image<std::uint8_t>& mask, int pass
   cv::Mat image(mask.height_px(), mask.width_px(), CV_8U, result.data());
   cv::erode(image, image, cv::getStructuringElement(cv::MORPH_RECT, {3, 3}), {-1, -1}, passes);
   return result;
+}
+
+/// A voxel and the trust of its point: 21 bits per axis are 40 km at 2 cm.
+std::uint64_t voxel_key(const CloudPoint& point, double voxel_m) {
+  const glm::ivec3 voxel(glm::floor(glm::dvec3(point.p_odom_m) / voxel_m));
+  const auto part = [](int v) { return static_cast<std::uint64_t>(v + (1 << 20)) & 0x1FFFFF; };
+  const std::uint64_t trusted = point.detection == ClassCloud::kTrusted ? 1 : 0;
+  return trusted << 63 | part(voxel.x) << 42 | part(voxel.y) << 21 | part(voxel.z);
 }
 
 /// Wholly in the left or right third of the image and touching that side.
@@ -57,6 +64,7 @@ ClassCloud::ClassCloud(const ClassCloudOptions& options, const VlfmRules& rules,
 
 void ClassCloud::reset(std::uint64_t seed) {
   points_.clear();
+  voxels_.clear();
   last_target_m_.reset();
   random_ = core::RandomStream(seed, "class_cloud");
   detections_ = 0;
@@ -135,23 +143,28 @@ bool ClassCloud::add(const core::Observation& observation,
     const double forward_m =
         (T_camera_odom * core::Point<core::frame::Odom>{glm::dvec3(p)}).xyz_m.z;
     const bool trusted = !at_edge && forward_m <= trusted_m;
-    points_.push_back({p, trusted ? kTrusted : second_class});
+    store({p, trusted ? kTrusted : second_class});
   }
-  if (!rules_.published(Quirk::kEndlessClouds)) thin();
   if (points_.size() > options_.most_points) {  // The oldest go.
     points_.erase(points_.begin(),
                   points_.end() - static_cast<std::ptrdiff_t>(options_.most_points));
+    recount_voxels();
   }
   return true;
 }
 
-/// The first point of every voxel stays, for trusted and second-class points apart.
-void ClassCloud::thin() {
-  std::set<std::tuple<bool, int, int, int>> taken;
-  std::erase_if(points_, [&](const CloudPoint& point) {
-    const glm::ivec3 voxel(glm::floor(glm::dvec3(point.p_odom_m) / options_.voxel_m));
-    return !taken.emplace(point.detection == kTrusted, voxel.x, voxel.y, voxel.z).second;
-  });
+/// Fixed Q11: the first point of every voxel stays, for trusted and second-class points apart.
+void ClassCloud::store(const CloudPoint& point) {
+  if (rules_.published(Quirk::kEndlessClouds) ||
+      voxels_.insert(voxel_key(point, options_.voxel_m)).second) {
+    points_.push_back(point);
+  }
+}
+
+void ClassCloud::recount_voxels() {
+  voxels_.clear();
+  if (rules_.published(Quirk::kEndlessClouds)) return;
+  for (const CloudPoint& point : points_) voxels_.insert(voxel_key(point, options_.voxel_m));
 }
 
 void ClassCloud::refute_second_class(const core::Observation& observation) {
@@ -169,12 +182,14 @@ void ClassCloud::refute_second_class(const core::Observation& observation) {
   }
   if (refuted.empty()) return;
   std::erase_if(points_, [&](const CloudPoint& p) { return refuted.count(p.detection) != 0; });
+  recount_voxels();
 }
 
 void ClassCloud::erase_around(const glm::dvec2& place_m, double radius_m) {
   std::erase_if(points_, [&](const CloudPoint& point) {
     return glm::distance(glm::dvec2(point.p_odom_m), place_m) <= radius_m;
   });
+  recount_voxels();
   last_target_m_.reset();
 }
 

@@ -12,6 +12,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <unordered_set>
 #include <vector>
 
 #include <glm/vec3.hpp>
@@ -70,11 +71,13 @@ class ClassCloud {
   std::vector<glm::vec3> masked_points(const core::Observation& observation,
                                        const core::Image<std::uint8_t>& mask);
   std::uint64_t new_id();
-  void thin();
+  void store(const CloudPoint& point);
+  void recount_voxels();
 
   ClassCloudOptions options_;
   VlfmRules rules_;
   std::vector<CloudPoint> points_;
+  std::unordered_set<std::uint64_t> voxels_;  ///< That have a point; fixed Q11 only.
   std::optional<glm::dvec3> last_target_m_;
   core::RandomStream random_;
   std::uint64_t detections_ = 0;
