@@ -71,7 +71,8 @@ TEST(FastMarching, DescendingLeadsToTheGoal) {
 
 TEST(FastMarching, NoGoalNoWay) {
   const CostMap map = text_map({"..#..", "..#..", "..#.."}, test::thin_options());
-  for (const float d : fast_marching_m(map, {{2, 1}}).pixels()) EXPECT_TRUE(std::isinf(d));
+  const core::Image<float> none = fast_marching_m(map, {{2, 1}});
+  for (const float d : none.pixels()) EXPECT_TRUE(std::isinf(d));
   const core::Image<float> field = fast_marching_m(map, {{0, 0}});
   EXPECT_TRUE(std::isinf(field(4, 0)));
   EXPECT_FALSE(short_term_goal(map, field, {4, 0}, 1));
