@@ -1,5 +1,6 @@
 #include "nav/obstacle_map.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <glm/mat3x3.hpp>
@@ -22,6 +23,35 @@ double yaw_of(const glm::dquat& q) {
 
 glm::dvec2 robot_of(const core::Observation& observation) {
   return glm::dvec2(observation.T_odom_robot.translation_m());
+}
+
+/// The observation with this depth, where it is wide every n-th pixel of it: at 5 m a cell
+/// still covers two pixels of an image of 320 px.
+core::Observation thinned_out(const core::Observation& observation,
+                              core::Image<float>& depth_m) {
+  constexpr int kEnough_px = 320;
+  core::Observation result = observation;
+  result.depth_m = &depth_m;
+  const int n = depth_m.width_px() / kEnough_px;
+  if (n < 2) return result;
+  const int width = depth_m.width_px() / n, height = depth_m.height_px() / n;
+  // In place: what is read lies never before what is written.
+  float* to = depth_m.data();
+  for (int y = 0; y < height; ++y) {
+    const float* from =
+        depth_m.data() + static_cast<std::ptrdiff_t>(y) * n * depth_m.width_px();
+    for (int x = 0; x < width; ++x) *to++ = from[static_cast<std::ptrdiff_t>(x) * n];
+  }
+  depth_m.resize(width, height);
+  // The centre of pixel n x is that of the new pixel x.
+  core::CameraIntrinsics& camera = result.intrinsics;
+  camera = {width,
+            height,
+            camera.fx_px / n,
+            camera.fy_px / n,
+            (camera.cx_px - 0.5) / n + 0.5,
+            (camera.cy_px - 0.5) / n + 0.5};
+  return result;
 }
 
 cv::Mat square(int cells) { return cv::getStructuringElement(cv::MORPH_RECT, {cells, cells}); }
@@ -129,8 +159,7 @@ void ObstacleMap::mark_monotone(const core::Observation& observation) {
 
 /// Copies what the log-odds map says about the cells that this view can have changed.
 void ObstacleMap::take_log_odds(const core::Observation& observation) {
-  core::Observation cleaned = observation;
-  cleaned.depth_m = &depth_m_;
+  const core::Observation cleaned = thinned_out(observation, depth_m_);
   occupancy_->integrate(cleaned);
   const GridFrame& from = occupancy_->frame();
   const glm::dvec2 shift_cells = (from.origin_m - frame_.origin_m) / frame_.resolution_m;
@@ -221,6 +250,15 @@ void ObstacleMap::reveal(const core::Observation& observation) {
 void ObstacleMap::update(const core::Observation& observation) {
   SEGSIM_CHECK(observation.depth_m != nullptr, "observation without depth");
   const glm::dvec2 robot = robot_of(observation);
+  if (occupancy_ && frame_.width_cells == 0) {
+    // Large images have more rays than cells: about 128 x 64 of them clear.
+    OccupancyOptions occupancy = occupancy_->options();
+    occupancy.ray_step_x_px = std::max(
+        occupancy.ray_step_x_px, (std::min(observation.intrinsics.width_px, 320) + 64) / 128);
+    occupancy.ray_step_y_px = std::max(
+        occupancy.ray_step_y_px, (std::min(observation.intrinsics.height_px, 240) + 32) / 64);
+    occupancy_.emplace(occupancy);
+  }
   ensure_covers(robot);
   clean_depth_m(*observation.depth_m, rules_, options_.depth, depth_m_);
   const glm::dvec2 reach(options_.depth.max_depth_m + 1.0);

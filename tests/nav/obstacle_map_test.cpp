@@ -195,6 +195,19 @@ TEST(ObstacleMap, DegenerateDepth) {
   }
 }
 
+TEST(ObstacleMap, WideImagesGiveTheSameWall) {
+  for (const int scale : {1, 2, 4}) {  // 640 px and more are thinned out.
+    ObstacleMap map;
+    TestView view({}, 2.0F, 0.88, 320 * scale, 240 * scale);
+    for (int k = 0; k < 2; ++k) map.update(view.observation);
+    for (const double y_m : {-1.4, -0.5, 0.0, 0.5, 1.4}) {
+      const Cell cell = map.frame().cell_at({2.01, y_m});
+      EXPECT_EQ(map.occupied()(cell.x, cell.y), 1) << scale << " " << y_m;
+      EXPECT_EQ(map.occupied()(cell.x - 2, cell.y), 0) << scale << " " << y_m;
+    }
+  }
+}
+
 TEST(ObstacleMap, FeltObstaclesCount) {
   ObstacleMap map;
   TestView view({}, kNan);
