@@ -263,6 +263,11 @@ DetectorSpec read_detectors(const ConfigNode& root, const Variables& variables,
   return detectors;
 }
 
+nav::PolicySettings read_policy(const ConfigNode& node, const Variables& variables) {
+  return nav::read_policy_settings(
+      node.child("policy"), [&](const ConfigNode& path) { return variables.expand(path); });
+}
+
 ArmSpec read_arm(const ConfigNode& node, const Variables& variables) {
   ArmSpec arm;
   arm.name = read_name(node, "name");
@@ -279,6 +284,7 @@ ArmSpec read_arm(const ConfigNode& node, const Variables& variables) {
   } else {
     (void)one_of(node, "detector", {"before", "after", "oracle", "a path of weights or of a model"});
   }
+  if (node.has("policy")) arm.policy = read_policy(node, variables);
   if (node.has("score_threshold")) {
     arm.score_threshold = number_within(node, "score_threshold", 0.5, 0.0, 1.0);
   }
@@ -410,7 +416,7 @@ ExperimentSpec parse_spec(const std::string& text, const fs::path& origin,
 
   spec.seed = read_seed(root, spec.seed);
   read_lists(root, variables, folders, spec);
-  if (root.has("policy")) (void)one_of(root, "policy", {"frontier"});
+  if (root.has("policy")) spec.policy = read_policy(root, variables);
   if (root.has("robot")) {
     spec.robot = root.text("robot");
     (void)one_of(root, "robot", {"jackal", "jackal-gentle"});

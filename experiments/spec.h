@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "core/camera.h"
+#include "nav/policy_factory.h"
 #include "renderer/renderer_backend.h"
 
 namespace segsim::experiments {
@@ -102,8 +103,9 @@ enum class ArmDetector : std::uint8_t { kBefore, kAfter, kOracle, kFile };
 struct ArmSpec {
   std::string name;  ///< Unique, for example "before".
   ArmDetector detector = ArmDetector::kOracle;
-  std::filesystem::path weights;          ///< kFile.
-  std::optional<double> score_threshold;  ///< None: the one stored with the weights.
+  std::filesystem::path weights;              ///< kFile.
+  std::optional<double> score_threshold;      ///< None: the one stored with the weights.
+  std::optional<nav::PolicySettings> policy;  ///< None: the spec's.
 };
 
 struct SuccessSpec {
@@ -141,7 +143,7 @@ struct ExperimentSpec {
   std::vector<SceneSpec> scenes;
   DetectorSpec detectors;
   std::vector<ArmSpec> arms;
-  std::string policy = "frontier";
+  nav::PolicySettings policy;  ///< Of arms without one of their own.
   std::string robot = "jackal";
   double control_period_s = 0.1;
   double time_limit_s = 180.0;

@@ -12,7 +12,7 @@
 #include "experiments/frame_recorder.h"
 #include "experiments/trial_picture.h"
 #include "experiments/trial_video.h"
-#include "nav/frontier_policy.h"
+#include "nav/policy_factory.h"
 #include "perception/detector.h"
 #include "perception/image_file.h"
 #include "perception/models/object_detector.h"
@@ -228,6 +228,22 @@ TrialRunner::ArmDetectorSlot& TrialRunner::detector_for(const LoadedScene& scene
   return slot;
 }
 
+/// The arm's policy; only "oracle-path" is handed the way to the goal.
+std::unique_ptr<core::Policy> TrialRunner::policy_for(const TrialTask& task,
+                                                      const ArmDetectorSlot& slot) const {
+  const nav::PolicySettings& settings = task.arm->policy ? *task.arm->policy : spec_.policy;
+  nav::PolicyContext context;
+  context.class_names = slot.detector->class_names();
+  context.camera_height_m = task.scene->spec->camera_height_m;
+  if (settings.type == "oracle-path") {
+    // Odom equals World with perfect localisation.
+    context.oracle = [field = std::make_shared<sim::DistanceField>(
+                          task.scene->world.distance_to(task.episode->view_points_m))](
+                         const glm::dvec2& from_m) { return field->path_from(from_m); };
+  }
+  return nav::make_policy(settings, context);
+}
+
 TrialRow TrialRunner::run(const TrialTask& task) {
   TrialRow row;
   row.arm = task.arm->name;
@@ -253,7 +269,7 @@ void TrialRunner::run_checked(const TrialTask& task, TrialRow& row) {
   }
   core::Renderer& renderer = renderer_for(*task.scene);
   ArmDetectorSlot& slot = detector_for(*task.scene, *task.arm);
-  const std::unique_ptr<core::Policy> policy = nav::make_frontier_policy();
+  const std::unique_ptr<core::Policy> policy = policy_for(task, slot);
   const sim::TrialOptions options = trial_options(spec_, *task.scene->spec);
 
   TrialScene scene;

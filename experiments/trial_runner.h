@@ -76,6 +76,8 @@ class TrialRunner {
   };
   core::Renderer& renderer_for(const LoadedScene& scene);
   ArmDetectorSlot& detector_for(const LoadedScene& scene, const ArmSpec& arm);
+  std::unique_ptr<core::Policy> policy_for(const TrialTask& task,
+                                           const ArmDetectorSlot& slot) const;
   void run_checked(const TrialTask& task, TrialRow& row);
 
   const ExperimentSpec& spec_;

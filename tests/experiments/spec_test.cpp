@@ -193,6 +193,21 @@ TEST(Spec, AWrongTypeOrValueIsNamedWithItsLine) {
               HasSubstr("segsim.experiment/1"));
 }
 
+TEST(Spec, AnArmMayHaveAPolicyOfItsOwn) {
+  const ExperimentSpec spec =
+      parse(with(kSpec, "{name: oracle, detector: oracle}",
+                 "{name: oracle, detector: oracle, policy: {type: vlfm, parity: vlfm}}"));
+  EXPECT_EQ(spec.policy.type, "frontier");
+  EXPECT_FALSE(spec.find_arm("before")->policy);
+  ASSERT_TRUE(spec.find_arm("oracle")->policy);
+  EXPECT_EQ(spec.find_arm("oracle")->policy->type, "vlfm");
+  EXPECT_EQ(spec.find_arm("oracle")->policy->rules.text(), "vlfm");
+  EXPECT_EQ(parse(with(kSpec, "robot:", "policy: frontier-value\nrobot:")).policy.type,
+            "frontier-value");
+  EXPECT_THAT(error_of(with(kSpec, "robot:", "policy: vlmf\nrobot:")),
+              AllOf(HasSubstr("specs/two.yaml:"), HasSubstr("near: vlfm")));
+}
+
 TEST(Spec, VariablesInPathsAreChecked) {
   EXPECT_THAT(error_of(kSpec, {"", ""}), AllOf(HasSubstr(":13"), HasSubstr("--data")));
   EXPECT_THAT(error_of(with(kSpec, "${data}/office", "${date}/office")),

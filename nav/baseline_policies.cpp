@@ -1,0 +1,190 @@
+#include "nav/baseline_policies.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <optional>
+#include <string>
+
+#include <glm/geometric.hpp>
+
+#include "core/check.h"
+#include "core/random.h"
+
+namespace segsim::nav {
+namespace {
+
+core::Pose2 pose_of(const core::Observation& observation) {
+  const glm::dquat& q = observation.T_odom_robot.rotation();
+  const glm::dvec3& p = observation.T_odom_robot.translation_m();
+  return {p.x, p.y,
+          std::atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))};
+}
+
+core::Decision stop_decision(const std::string& reason) {
+  return {{}, core::PolicyMode::kStop, true, reason};
+}
+
+class OraclePathPolicy final : public core::Policy {
+ public:
+  OraclePathPolicy(PathOracle oracle, const OraclePathOptions& options)
+      : oracle_(std::move(oracle)), options_(options), follower_(options.follower) {
+    SEGSIM_CHECK(oracle_ != nullptr, "no oracle");
+  }
+
+  void reset(const core::ObjectGoal& goal, std::uint64_t) override {
+    goal_ = goal;
+    follower_.clear();
+    planned_ns_.reset();
+    turned_rad_.reset();
+  }
+
+  core::Decision decide(const core::Observation& observation,
+                        std::span<const core::Detection> detections) override {
+    const core::Pose2 pose = pose_of(observation);
+    if (turned_rad_) return look(observation, detections, pose);
+    const core::TimeNs time_ns = observation.capture_time_ns;
+    if (!planned_ns_ || core::seconds(time_ns - *planned_ns_) >= options_.replan_period_s) {
+      Path path;
+      path.points_m = oracle_({pose.x_m, pose.y_m});
+      if (path.points_m.empty() && !planned_ns_) return stop_decision("no_path");
+      if (!path.points_m.empty()) follower_.set_path(path);
+      planned_ns_ = time_ns;
+    }
+    if (follower_.arrived(pose)) {
+      turned_rad_ = 0.0;
+      last_yaw_rad_ = pose.yaw_rad;
+      return look(observation, detections, pose);
+    }
+    return {follower_.follow(pose, nothing_), core::PolicyMode::kNavigate, false, {}};
+  }
+
+  [[nodiscard]] core::PolicyView view() const override {
+    core::PolicyView view;
+    view.path_m = follower_.path().points_m;
+    if (!view.path_m.empty()) view.target_m = view.path_m.back();
+    return view;
+  }
+
+ private:
+  core::Decision look(const core::Observation& observation,
+                      std::span<const core::Detection> detections, const core::Pose2& pose) {
+    *turned_rad_ += core::wrap_angle_rad(pose.yaw_rad - last_yaw_rad_);
+    last_yaw_rad_ = pose.yaw_rad;
+    const double width = observation.intrinsics.width_px;
+    const bool seen = std::any_of(
+        detections.begin(), detections.end(), [&](const core::Detection& detection) {
+          const double middle =
+              0.5 * static_cast<double>(detection.box.x0 + detection.box.x1) / width;
+          return detection.class_index == goal_.class_index &&
+                 std::abs(middle - 0.5) < options_.centered_share;
+        });
+    if (seen || *turned_rad_ >= 2.0 * std::numbers::pi) return stop_decision("goal_reached");
+    const double rate = 0.5 * options_.follower.max_turn_radps;
+    return {{0.0, rate}, core::PolicyMode::kNavigate, false, {}};
+  }
+
+  PathOracle oracle_;
+  OraclePathOptions options_;
+  core::ObjectGoal goal_;
+  PathFollower follower_;
+  CostMap nothing_;  ///< The oracle's way needs no map: nothing is known, so nothing is in the
+                     ///< way.
+  std::optional<core::TimeNs> planned_ns_;
+  std::optional<double> turned_rad_;
+  double last_yaw_rad_ = 0.0;
+};
+
+/// Actions that do not depend on what is seen.
+class BlindPolicy : public core::Policy {
+ public:
+  explicit BlindPolicy(const DiscreteMotionOptions& options) : executor_(options) {}
+  void reset(const core::ObjectGoal&, std::uint64_t seed) override {
+    executor_.reset();
+    last_ns_.reset();
+    stopped_ = false;
+    begin(seed);
+  }
+  core::Decision decide(const core::Observation& observation,
+                        std::span<const core::Detection>) override {
+    if (stopped_) return stop_decision(reason());
+    const core::Pose2 pose = pose_of(observation);
+    const core::TimeNs time_ns = observation.capture_time_ns;
+    const double period_s = last_ns_ ? core::seconds(time_ns - *last_ns_) : 0.1;
+    last_ns_ = time_ns;
+    core::VelocityCommand command = executor_.command(pose, time_ns, period_s);
+    if (!executor_.busy()) {
+      const DiscreteAction action = next();
+      stopped_ = action == DiscreteAction::kStop;
+      if (stopped_) return stop_decision(reason());
+      executor_.start(action, pose, time_ns);
+      command = executor_.command(pose, time_ns, period_s);
+    }
+    return {command, core::PolicyMode::kExplore, false, {}};
+  }
+  [[nodiscard]] core::PolicyView view() const override { return {}; }
+
+ protected:
+  virtual void begin(std::uint64_t seed) = 0;
+  virtual DiscreteAction next() = 0;
+  [[nodiscard]] virtual std::string reason() const = 0;
+
+ private:
+  DiscreteExecutor executor_;
+  std::optional<core::TimeNs> last_ns_;
+  bool stopped_ = false;
+};
+
+class RandomPolicy final : public BlindPolicy {
+ public:
+  explicit RandomPolicy(const RandomPolicyOptions& options)
+      : BlindPolicy(options.actions), options_(options) {}
+
+ private:
+  void begin(std::uint64_t seed) override {
+    random_ = core::RandomStream(seed, "random_policy");
+  }
+  DiscreteAction next() override {
+    if (random_.chance(options_.stop_chance)) return DiscreteAction::kStop;
+    if (random_.chance(options_.forward_chance)) return DiscreteAction::kForward;
+    return random_.chance(0.5) ? DiscreteAction::kTurnLeft : DiscreteAction::kTurnRight;
+  }
+  [[nodiscard]] std::string reason() const override { return "random_stop"; }
+
+  RandomPolicyOptions options_;
+  core::RandomStream random_{0, "random_policy"};
+};
+
+class ScriptPolicy final : public BlindPolicy {
+ public:
+  ScriptPolicy(std::vector<DiscreteAction> actions, const DiscreteMotionOptions& options)
+      : BlindPolicy(options), actions_(std::move(actions)) {}
+
+ private:
+  void begin(std::uint64_t) override { at_ = 0; }
+  DiscreteAction next() override {
+    return at_ < actions_.size() ? actions_[at_++] : DiscreteAction::kStop;
+  }
+  [[nodiscard]] std::string reason() const override { return "script_end"; }
+
+  std::vector<DiscreteAction> actions_;
+  std::size_t at_ = 0;
+};
+
+}  // namespace
+
+std::unique_ptr<core::Policy> make_oracle_path_policy(PathOracle oracle,
+                                                      const OraclePathOptions& options) {
+  return std::make_unique<OraclePathPolicy>(std::move(oracle), options);
+}
+
+std::unique_ptr<core::Policy> make_random_policy(const RandomPolicyOptions& options) {
+  return std::make_unique<RandomPolicy>(options);
+}
+
+std::unique_ptr<core::Policy> make_script_policy(std::vector<DiscreteAction> actions,
+                                                 const DiscreteMotionOptions& options) {
+  return std::make_unique<ScriptPolicy>(std::move(actions), options);
+}
+
+}  // namespace segsim::nav

@@ -1,0 +1,226 @@
+#include "nav/class_cloud.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <set>
+
+#include <glm/common.hpp>
+#include <glm/geometric.hpp>
+#include <glm/mat3x3.hpp>
+
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "core/check.h"
+#include "nav/dbscan.h"
+
+namespace segsim::nav {
+namespace {
+
+constexpr double kImageWidth_px = 640.0, kImageArea_px2 = 640.0 * 480.0;
+
+core::Image<std::uint8_t> eroded(const core::Image<std::uint8_t>& mask, int passes) {
+  core::Image<std::uint8_t> result = mask;
+  cv::Mat image(mask.height_px(), mask.width_px(), CV_8U, result.data());
+  cv::erode(image, image, cv::getStructuringElement(cv::MORPH_RECT, {3, 3}), {-1, -1}, passes);
+  return result;
+}
+
+/// A voxel and the trust of its point: 21 bits per axis are 40 km at 2 cm.
+std::uint64_t voxel_key(const CloudPoint& point, double voxel_m) {
+  const glm::ivec3 voxel(glm::floor(glm::dvec3(point.p_odom_m) / voxel_m));
+  const auto part = [](int v) { return static_cast<std::uint64_t>(v + (1 << 20)) & 0x1FFFFF; };
+  const std::uint64_t trusted = point.detection == ClassCloud::kTrusted ? 1 : 0;
+  return trusted << 63 | part(voxel.x) << 42 | part(voxel.y) << 21 | part(voxel.z);
+}
+
+/// Wholly in the left or right third of the image and touching that side.
+bool cut_by_side_edge(const core::Image<std::uint8_t>& mask,
+                      const ClassCloudOptions& options) {
+  const int width = mask.width_px();
+  int left = width, right = -1;
+  for (int y = 0; y < mask.height_px(); ++y) {
+    const std::uint8_t* row = mask.row(y);
+    for (int x = 0; x < width; ++x) {
+      if (row[x] == 0) continue;
+      left = std::min(left, x);
+      right = std::max(right, x);
+    }
+  }
+  if (right < 0) return false;
+  const double third = options.edge_third * width, edge = options.edge_share * width;
+  return (right < third && left < edge) || (left >= width - third && right >= width - edge);
+}
+
+}  // namespace
+
+ClassCloud::ClassCloud(const ClassCloudOptions& options, const VlfmRules& rules,
+                       std::uint64_t seed)
+    : options_(options), rules_(rules), random_(seed, "class_cloud") {
+  SEGSIM_CHECK(options.voxel_m > 0.0 && options.max_depth_m > 0.0, "voxel_m, max_depth_m");
+  SEGSIM_CHECK(options.max_points > 0 && options.cluster_min_points > 0, "point counts");
+}
+
+void ClassCloud::reset(std::uint64_t seed) {
+  points_.clear();
+  voxels_.clear();
+  last_target_m_.reset();
+  random_ = core::RandomStream(seed, "class_cloud");
+  detections_ = 0;
+}
+
+std::uint64_t ClassCloud::new_id() {
+  if (!rules_.published(Quirk::kFloatIds)) return ++detections_;
+  // A random number in (0, 1) stands for the detection: rarely, two have the same.
+  float id = 0.0F;
+  while (!(id > 0.0F && id < 1.0F)) id = static_cast<float>(random_.uniform());
+  return std::bit_cast<std::uint32_t>(id);
+}
+
+/// Points of the eroded mask in Odom; missing depth counts as the far end (as published), or
+/// is left out (fixed Q8).
+std::vector<glm::vec3> ClassCloud::masked_points(const core::Observation& observation,
+                                                 const core::Image<std::uint8_t>& mask) {
+  const core::Image<float>& depth_m = *observation.depth_m;
+  const auto far = static_cast<float>(options_.max_depth_m);
+  const bool holes_far = rules_.published(Quirk::kZeroDepth);
+  std::vector<std::pair<int, int>> pixels;
+  for (int y = 0; y < mask.height_px(); ++y) {
+    for (int x = 0; x < mask.width_px(); ++x) {
+      if (mask(x, y) != 0 && (depth_m(x, y) > 0.0F || holes_far)) pixels.emplace_back(x, y);
+    }
+  }
+  const auto most = static_cast<std::size_t>(options_.max_points);
+  if (pixels.size() > most) {
+    if (rules_.published(Quirk::kEndlessClouds)) {
+      for (std::size_t k = 0; k < most; ++k) {  // A random subset: the head of a shuffle.
+        const auto left = static_cast<std::uint32_t>(pixels.size() - k);
+        std::swap(pixels[k], pixels[k + random_.index(left)]);
+      }
+    } else {
+      for (std::size_t k = 0; k < most; ++k) pixels[k] = pixels[k * pixels.size() / most];
+    }
+    pixels.resize(most);
+  }
+  const auto T = observation.T_odom_camera();
+  const glm::dmat3 R = glm::mat3_cast(T.rotation());
+  std::vector<glm::vec3> points;
+  points.reserve(pixels.size());
+  for (const auto& [x, y] : pixels) {
+    const float measured = depth_m(x, y);
+    const double depth = static_cast<double>(measured > 0.0F ? std::min(measured, far) : far);
+    points.emplace_back(R * observation.intrinsics.back_project({x + 0.5, y + 0.5}, depth) +
+                        T.translation_m());
+  }
+  return points;
+}
+
+bool ClassCloud::add(const core::Observation& observation,
+                     const core::Image<std::uint8_t>& mask) {
+  SEGSIM_CHECK(observation.depth_m != nullptr && mask.size() == observation.depth_m->size(),
+               "mask and depth differ in size");
+  const double width_share = mask.width_px() / kImageWidth_px;
+  const double area_share = static_cast<double>(mask.size()) / kImageArea_px2;
+  const int passes = std::max(
+      0, static_cast<int>(std::lround(options_.erosion_passes * std::min(width_share, 1.0))));
+  const int min_points = std::max(3, static_cast<int>(std::lround(options_.cluster_min_points *
+                                                                  std::min(area_share, 1.0))));
+  const std::vector<glm::vec3> cluster = largest_dbscan_cluster(
+      masked_points(observation, eroded(mask, passes)), options_.cluster_eps_m, min_points);
+  if (cluster.empty()) return false;
+
+  const glm::dvec3 eye = observation.T_odom_camera().translation_m();
+  const auto T_camera_odom = observation.T_odom_camera().inverse();
+  const auto near = std::any_of(cluster.begin(), cluster.end(), [&](const glm::vec3& p) {
+    return glm::distance(glm::dvec3(p), eye) < options_.too_close_m;
+  });
+  if (near) return false;
+  const bool at_edge = cut_by_side_edge(mask, options_);
+  const std::uint64_t second_class = new_id();
+  const double trusted_m = options_.trusted_share * options_.max_depth_m;
+  for (const glm::vec3& p : cluster) {
+    const double forward_m =
+        (T_camera_odom * core::Point<core::frame::Odom>{glm::dvec3(p)}).xyz_m.z;
+    const bool trusted = !at_edge && forward_m <= trusted_m;
+    store({p, trusted ? kTrusted : second_class});
+  }
+  if (points_.size() > options_.most_points) {  // The oldest go.
+    points_.erase(points_.begin(),
+                  points_.end() - static_cast<std::ptrdiff_t>(options_.most_points));
+    recount_voxels();
+  }
+  return true;
+}
+
+/// Fixed Q11: the first point of every voxel stays, for trusted and second-class points apart.
+void ClassCloud::store(const CloudPoint& point) {
+  if (rules_.published(Quirk::kEndlessClouds) ||
+      voxels_.insert(voxel_key(point, options_.voxel_m)).second) {
+    points_.push_back(point);
+  }
+}
+
+void ClassCloud::recount_voxels() {
+  voxels_.clear();
+  if (rules_.published(Quirk::kEndlessClouds)) return;
+  for (const CloudPoint& point : points_) voxels_.insert(voxel_key(point, options_.voxel_m));
+}
+
+void ClassCloud::refute_second_class(const core::Observation& observation) {
+  const auto T_camera_odom = observation.T_odom_camera().inverse();
+  const double range_m = options_.refute_share * options_.max_depth_m;
+  const double half_rad = 0.5 * observation.intrinsics.horizontal_fov_rad();
+  std::set<std::uint64_t> refuted;
+  for (const CloudPoint& point : points_) {
+    if (point.detection == kTrusted) continue;
+    const glm::dvec3 p =
+        (T_camera_odom * core::Point<core::frame::Odom>{glm::dvec3(point.p_odom_m)}).xyz_m;
+    if (glm::length(p) <= range_m && std::abs(std::atan2(p.x, p.z)) <= half_rad) {
+      refuted.insert(point.detection);
+    }
+  }
+  if (refuted.empty()) return;
+  std::erase_if(points_, [&](const CloudPoint& p) { return refuted.count(p.detection) != 0; });
+  recount_voxels();
+}
+
+void ClassCloud::erase_around(const glm::dvec2& place_m, double radius_m) {
+  std::erase_if(points_, [&](const CloudPoint& point) {
+    return glm::distance(glm::dvec2(point.p_odom_m), place_m) <= radius_m;
+  });
+  recount_voxels();
+  last_target_m_.reset();
+}
+
+std::optional<glm::dvec3> ClassCloud::target_m(const glm::dvec2& robot_m) {
+  if (points_.empty()) {
+    last_target_m_.reset();
+    return std::nullopt;
+  }
+  const bool any_trusted =
+      std::any_of(points_.begin(), points_.end(),
+                  [](const CloudPoint& p) { return p.detection == kTrusted; });
+  const CloudPoint* best = nullptr;
+  double best_m = 1e18;
+  for (const CloudPoint& point : points_) {
+    if (any_trusted && point.detection != kTrusted) continue;
+    const double distance_m = glm::distance(glm::dvec2(point.p_odom_m), robot_m);
+    if (distance_m < best_m) {
+      best_m = distance_m;
+      best = &point;
+    }
+  }
+  const glm::dvec3 now(best->p_odom_m);
+  if (last_target_m_) {
+    const double moved_m = glm::distance(glm::dvec2(now), glm::dvec2(*last_target_m_));
+    if (moved_m < options_.keep_below_m ||
+        (moved_m < options_.keep_far_below_m && best_m > options_.far_m)) {
+      return last_target_m_;
+    }
+  }
+  last_target_m_ = now;
+  return last_target_m_;
+}
+
+}  // namespace segsim::nav

@@ -1,0 +1,99 @@
+#pragma once
+
+/// @file
+/// Bounds of the maps of a search: they grow in steps with what is seen, up to a limit that
+/// bounds their memory, or stay fixed with indices that wrap, as in VLFM (quirk Q9).
+
+#include <algorithm>
+#include <optional>
+
+#include "core/image.h"
+#include "nav/grid.h"
+
+namespace segsim::nav {
+
+struct GrowthOptions {
+  double resolution_m = 0.05;    ///< VLFM: 20 cells per metre.
+  double start_extent_m = 12.0;  ///< Side of the first square, around the first pose.
+  double step_m = 4.0;           ///< Growth per side.
+  double max_extent_m = 200.0;   ///< No side gets longer: 16 million cells.
+  bool wrap = false;             ///< Fixed square of `start_extent_m`; Q9 as published.
+  bool centered_cells = false;  ///< Cell centres, not corners, on multiples of the resolution.
+};
+
+/// VLFM's square: 1000 x 1000 cells, the start in the middle of cell (500, 500).
+[[nodiscard]] inline GrowthOptions published_square() {
+  GrowthOptions options;
+  options.start_extent_m = 50.0;
+  options.wrap = true;
+  options.centered_cells = true;
+  return options;
+}
+
+/// Cells added on each side by a growth.
+struct Margins {
+  int left = 0, bottom = 0, right = 0, top = 0;
+  [[nodiscard]] bool any() const { return left + bottom + right + top != 0; }
+};
+
+/// A frame whose first square lies around `center_m`.
+[[nodiscard]] inline GridFrame first_frame(const GrowthOptions& options,
+                                           const glm::dvec2& center_m) {
+  GridFrame frame;
+  const double r = options.resolution_m;
+  frame.resolution_m = r;
+  const int cells = static_cast<int>(std::lround(options.start_extent_m / r));
+  frame.width_cells = frame.height_cells = cells;
+  const glm::dvec2 middle = glm::floor(center_m / r + 0.5);
+  frame.origin_m = (middle - glm::dvec2(cells / 2)) * r;
+  if (options.centered_cells) frame.origin_m -= glm::dvec2(0.5 * r);
+  return frame;
+}
+
+/// Grows the frame until it covers the box, as far as the limit allows.
+/// @return  What was added; nullopt if the box does not fit (the frame then stays as it is).
+[[nodiscard]] inline std::optional<Margins> grow(GridFrame& frame,
+                                                 const GrowthOptions& options,
+                                                 const glm::dvec2& low_m,
+                                                 const glm::dvec2& high_m) {
+  const double r = frame.resolution_m;
+  const int step = std::max(1, static_cast<int>(std::lround(options.step_m / r)));
+  const int limit = static_cast<int>(options.max_extent_m / r);
+  const Cell low = frame.cell_at(low_m), high = frame.cell_at(high_m);
+  const auto steps = [&](int missing) {
+    return missing > 0 ? (missing + step - 1) / step * step : 0;
+  };
+  const Margins margins{steps(-low.x), steps(-low.y), steps(high.x - frame.width_cells + 1),
+                        steps(high.y - frame.height_cells + 1)};
+  if (!margins.any()) return margins;
+  const int width = frame.width_cells + margins.left + margins.right;
+  const int height = frame.height_cells + margins.bottom + margins.top;
+  if (options.wrap || width > limit || height > limit) return std::nullopt;
+  frame.origin_m -= glm::dvec2(margins.left, margins.bottom) * r;
+  frame.width_cells = width;
+  frame.height_cells = height;
+  return margins;
+}
+
+/// The layer with `fill` on the added sides.
+template <class Pixel>
+[[nodiscard]] core::Image<Pixel> grown(const core::Image<Pixel>& old, const Margins& margins,
+                                       Pixel fill = {}) {
+  core::Image<Pixel> result(old.width_px() + margins.left + margins.right,
+                            old.height_px() + margins.bottom + margins.top, fill);
+  for (int j = 0; j < old.height_px(); ++j) {
+    std::copy_n(old.row(j), old.width_px(), result.row(j + margins.bottom) + margins.left);
+  }
+  return result;
+}
+
+/// The cell as NumPy would index it: negative ones count from the end (once), others beyond
+/// the end are an error, here nullopt.
+[[nodiscard]] inline std::optional<Cell> wrapped(const GridFrame& frame, Cell cell) {
+  if (cell.x < 0) cell.x += frame.width_cells;
+  if (cell.y < 0) cell.y += frame.height_cells;
+  if (!frame.contains(cell)) return std::nullopt;
+  return cell;
+}
+
+}  // namespace segsim::nav

@@ -1,0 +1,296 @@
+#include "nav/obstacle_map.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <glm/mat3x3.hpp>
+
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "core/check.h"
+
+namespace segsim::nav {
+namespace {
+
+cv::Mat header(core::Image<std::uint8_t>& cells) {
+  return {cells.height_px(), cells.width_px(), CV_8U, cells.data()};
+}
+
+double yaw_of(const glm::dquat& q) {
+  return std::atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z));
+}
+
+glm::dvec2 robot_of(const core::Observation& observation) {
+  return glm::dvec2(observation.T_odom_robot.translation_m());
+}
+
+/// The observation with this depth, where it is wide every n-th pixel of it: at 5 m a cell
+/// still covers two pixels of an image of 320 px.
+core::Observation thinned_out(const core::Observation& observation,
+                              core::Image<float>& depth_m) {
+  constexpr int kEnough_px = 320;
+  core::Observation result = observation;
+  result.depth_m = &depth_m;
+  const int n = depth_m.width_px() / kEnough_px;
+  if (n < 2) return result;
+  const int width = depth_m.width_px() / n, height = depth_m.height_px() / n;
+  // In place: what is read lies never before what is written.
+  float* to = depth_m.data();
+  for (int y = 0; y < height; ++y) {
+    const float* from =
+        depth_m.data() + static_cast<std::ptrdiff_t>(y) * n * depth_m.width_px();
+    for (int x = 0; x < width; ++x) *to++ = from[static_cast<std::ptrdiff_t>(x) * n];
+  }
+  depth_m.resize(width, height);
+  // The centre of pixel n x is that of the new pixel x.
+  core::CameraIntrinsics& camera = result.intrinsics;
+  camera = {width,
+            height,
+            camera.fx_px / n,
+            camera.fy_px / n,
+            (camera.cx_px - 0.5) / n + 0.5,
+            (camera.cy_px - 0.5) / n + 0.5};
+  return result;
+}
+
+cv::Mat square(int cells) { return cv::getStructuringElement(cv::MORPH_RECT, {cells, cells}); }
+
+}  // namespace
+
+int navigable_kernel_cells(double robot_radius_m, double resolution_m) {
+  // A tiny push, so that 0.18 m at 0.05 m is not at the mercy of rounding.
+  const int cells = static_cast<int>(2.0 * robot_radius_m / resolution_m + 1e-9);
+  return cells % 2 == 0 ? cells + 1 : cells;
+}
+
+ObstacleMap::ObstacleMap(const ObstacleMapOptions& options, const VlfmRules& rules)
+    : options_(options), rules_(rules) {
+  SEGSIM_CHECK(options.band_max_m > options.band_min_m, "obstacle band is empty");
+  SEGSIM_CHECK(options.growth.resolution_m > 0.0 && options.robot_radius_m >= 0.0,
+               "resolution or radius");
+  if (rules_.published(Quirk::kMapEdge)) {
+    const double resolution_m = options_.growth.resolution_m;
+    options_.growth = published_square();
+    options_.growth.resolution_m = resolution_m;
+  }
+  reset();
+}
+
+void ObstacleMap::reset() {
+  frame_ = {};
+  occupied_ = mast_ = navigable_ = explored_ = {};
+  exhausted_ = false;
+  occupancy_.reset();
+  if (!rules_.published(Quirk::kObstaclesStay)) {
+    OccupancyOptions occupancy = options_.occupancy;
+    occupancy.resolution_m = options_.growth.resolution_m;
+    occupancy.obstacle_min_m = options_.band_min_m;
+    occupancy.obstacle_max_m = options_.band_max_m;
+    occupancy.max_range_m = options_.depth.max_depth_m;
+    occupancy_.emplace(occupancy);
+  }
+}
+
+void ObstacleMap::ensure_covers(const glm::dvec2& robot_m) {
+  if (frame_.width_cells == 0) {
+    frame_ = first_frame(options_.growth, robot_m);
+    occupied_ = explored_ =
+        core::Image<std::uint8_t>(frame_.width_cells, frame_.height_cells, 0);
+    navigable_ = core::Image<std::uint8_t>(frame_.width_cells, frame_.height_cells, 1);
+    if (occupancy_) mast_ = occupied_;
+  }
+  const double reach_m = options_.depth.max_depth_m + 1.0;
+  const auto margins = grow(frame_, options_.growth, robot_m - reach_m, robot_m + reach_m);
+  if (!margins) {
+    // A wrapping map ends where an index is too large; a growing one where it may not grow.
+    const Cell robot = frame_.cell_at(robot_m);
+    exhausted_ |= options_.growth.wrap ? !wrapped(frame_, robot) : !frame_.contains(robot);
+    return;
+  }
+  if (!margins->any()) return;
+  occupied_ = grown(occupied_, *margins);
+  explored_ = grown(explored_, *margins);
+  navigable_ = grown(navigable_, *margins, std::uint8_t{1});
+  if (occupancy_) mast_ = grown(mast_, *margins);
+}
+
+/// Every pixel whose point lies in the band occupies its cell, once and for all.
+void ObstacleMap::mark_monotone(const core::Observation& observation) {
+  const auto T_odom_camera = observation.T_odom_camera();
+  const glm::dmat3 R = glm::mat3_cast(T_odom_camera.rotation());
+  const glm::dvec3 eye = T_odom_camera.translation_m();
+  const core::CameraIntrinsics& camera = observation.intrinsics;
+  const auto eye_z = static_cast<float>(eye.z - observation.T_odom_robot.translation_m().z);
+  const auto min_z = static_cast<float>(options_.band_min_m);
+  const auto max_z = static_cast<float>(options_.band_max_m);
+  const auto far = static_cast<float>(options_.depth.max_depth_m);
+  const auto per_cell = static_cast<float>(1.0 / frame_.resolution_m);
+  const glm::vec2 eye_cells((glm::dvec2(eye) - frame_.origin_m) / frame_.resolution_m);
+  const int width = depth_m_.width_px(), height = depth_m_.height_px();
+  std::vector<glm::vec3> columns(static_cast<std::size_t>(width));
+  for (int x = 0; x < width; ++x) {
+    columns[static_cast<std::size_t>(x)] =
+        glm::vec3(R[0] * ((x + 0.5 - camera.cx_px) / camera.fx_px) + R[2]);
+  }
+  for (int y = 0; y < height; ++y) {
+    const glm::vec3 row(R[1] * ((y + 0.5 - camera.cy_px) / camera.fy_px));
+    const float* depth_row = depth_m_.row(y);
+    for (int x = 0; x < width; ++x) {
+      const float depth = depth_row[x];
+      if (!(depth < far)) continue;  // NaN too.
+      const glm::vec3 d = columns[static_cast<std::size_t>(x)] + row;
+      const float z = eye_z + depth * d.z;
+      if (!(z >= min_z && z <= max_z)) continue;
+      Cell cell(static_cast<int>(std::floor(eye_cells.x + depth * d.x * per_cell)),
+                static_cast<int>(std::floor(eye_cells.y + depth * d.y * per_cell)));
+      if (!frame_.contains(cell)) {
+        const auto other = options_.growth.wrap ? wrapped(frame_, cell) : std::nullopt;
+        if (!other) {
+          exhausted_ |= options_.growth.wrap;
+          continue;
+        }
+        cell = *other;
+      }
+      occupied_(cell.x, cell.y) = 1;
+    }
+  }
+}
+
+/// Copies what the log-odds map says about the cells that this view can have changed.
+void ObstacleMap::take_log_odds(const core::Observation& observation) {
+  const core::Observation cleaned = thinned_out(observation, depth_m_);
+  occupancy_->integrate(cleaned);
+  const GridFrame& from = occupancy_->frame();
+  const glm::dvec2 shift_cells = (from.origin_m - frame_.origin_m) / frame_.resolution_m;
+  const Cell shift(static_cast<int>(std::lround(shift_cells.x)),
+                   static_cast<int>(std::lround(shift_cells.y)));
+  const glm::dvec2 reach(options_.depth.max_depth_m + 0.5);
+  const Cell low = from.cell_at(robot_of(observation) - reach);
+  const Cell high = from.cell_at(robot_of(observation) + reach);
+  const float above = occupancy_->options().occupied_above;
+  for (int j = std::max(low.y, 0); j <= std::min(high.y, from.height_cells - 1); ++j) {
+    const int to_j = j + shift.y;
+    if (to_j < 0 || to_j >= frame_.height_cells) continue;
+    const int i0 = std::max({low.x, 0, -shift.x});
+    const int i1 = std::min({high.x, from.width_cells - 1, frame_.width_cells - 1 - shift.x});
+    const float* body = occupancy_->body_log_odds().row(j);
+    const float* mast = occupancy_->mast_log_odds().row(j);
+    for (int i = i0; i <= i1; ++i) {
+      occupied_(i + shift.x, to_j) = body[i] > above ? 1 : 0;
+      mast_(i + shift.x, to_j) = mast[i] > above ? 1 : 0;
+    }
+  }
+}
+
+/// Recomputes the cells of the (inclusive) window; the squares reach beyond it.
+void ObstacleMap::update_navigable(const Cell& low, const Cell& high) {
+  const int k = navigable_kernel_cells(options_.robot_radius_m, frame_.resolution_m);
+  const int i0 = std::max(low.x - k, 0), j0 = std::max(low.y - k, 0);
+  const int i1 = std::min(high.x + k, frame_.width_cells - 1);
+  const int j1 = std::min(high.y + k, frame_.height_cells - 1);
+  if (i0 > i1 || j0 > j1) return;
+  const cv::Rect window(i0, j0, i1 - i0 + 1, j1 - j0 + 1);
+  cv::Mat blocked;
+  cv::dilate(header(occupied_)(window), blocked, square(k));
+  if (occupancy_) {
+    const int m = navigable_kernel_cells(options_.mast_radius_m, frame_.resolution_m);
+    cv::Mat mast;
+    cv::dilate(header(mast_)(window), mast, square(m));
+    blocked |= mast;
+  }
+  cv::Mat navigable = header(navigable_)(window);
+  navigable.setTo(1);
+  navigable.setTo(0, blocked);
+  cv::Mat explored = header(explored_)(window);
+  cv::bitwise_and(explored, navigable, explored);
+}
+
+void ObstacleMap::keep_component_of(const glm::dvec2& robot_m) {
+  std::vector<std::vector<cv::Point>> outlines;
+  cv::findContours(header(explored_), outlines, cv::RETR_EXTERNAL, cv::CHAIN_APPROX_SIMPLE);
+  if (outlines.size() < 2) return;
+  const Cell robot = frame_.cell_at(robot_m);
+  const cv::Point2f at(static_cast<float>(robot.x), static_cast<float>(robot.y));
+  std::size_t best = 0;
+  double best_distance = -1e18;
+  for (std::size_t k = 0; k < outlines.size(); ++k) {
+    // Positive inside; outside the least negative one is the nearest.
+    const double distance = cv::pointPolygonTest(outlines[k], at, true);
+    if (distance > best_distance) {
+      best_distance = distance;
+      best = k;
+    }
+  }
+  cv::Mat kept(explored_.height_px(), explored_.width_px(), CV_8U, cv::Scalar(0));
+  cv::drawContours(kept, outlines, static_cast<int>(best), cv::Scalar(1), cv::FILLED);
+  cv::Mat explored = header(explored_);
+  cv::bitwise_and(explored, kept, explored);
+}
+
+void ObstacleMap::reveal(const core::Observation& observation) {
+  FogOptions fog = options_.fog;
+  fog.hfov_rad = observation.intrinsics.horizontal_fov_rad();
+  fog.range_m = options_.depth.max_depth_m;
+  CellWindow window = revealed_cells(frame_, navigable_, robot_of(observation),
+                                     yaw_of(observation.T_odom_robot.rotation()), fog, rules_);
+  cv::Mat piece = header(window.cells);
+  cv::dilate(piece, piece, square(3));
+  for (int j = 0; j < window.cells.height_px(); ++j) {
+    for (int i = 0; i < window.cells.width_px(); ++i) {
+      const Cell cell = window.low + Cell(i, j);
+      if (!frame_.contains(cell)) continue;
+      std::uint8_t& explored = explored_(cell.x, cell.y);
+      explored = (explored | window.cells(i, j)) & navigable_(cell.x, cell.y);
+    }
+  }
+  if (rules_.published(Quirk::kOneComponent)) keep_component_of(robot_of(observation));
+}
+
+void ObstacleMap::update(const core::Observation& observation) {
+  SEGSIM_CHECK(observation.depth_m != nullptr, "observation without depth");
+  const glm::dvec2 robot = robot_of(observation);
+  if (occupancy_ && frame_.width_cells == 0) {
+    // Large images have more rays than cells: about 128 x 64 of them clear.
+    OccupancyOptions occupancy = occupancy_->options();
+    occupancy.ray_step_x_px = std::max(
+        occupancy.ray_step_x_px, (std::min(observation.intrinsics.width_px, 320) + 64) / 128);
+    occupancy.ray_step_y_px = std::max(
+        occupancy.ray_step_y_px, (std::min(observation.intrinsics.height_px, 240) + 32) / 64);
+    occupancy_.emplace(occupancy);
+  }
+  ensure_covers(robot);
+  clean_depth_m(*observation.depth_m, rules_, options_.depth, depth_m_);
+  const glm::dvec2 reach(options_.depth.max_depth_m + 1.0);
+  Cell low = frame_.cell_at(robot - reach), high = frame_.cell_at(robot + reach);
+  if (exhausted_) return;  // What does not fit is not mapped.
+  if (occupancy_) {
+    take_log_odds(observation);
+  } else {
+    mark_monotone(observation);
+    if (options_.growth.wrap && !(frame_.contains(low) && frame_.contains(high))) {
+      low = {0, 0};
+      high = {frame_.width_cells - 1, frame_.height_cells - 1};
+    }
+  }
+  update_navigable(low, high);
+  reveal(observation);
+}
+
+void ObstacleMap::mark_blocked_disc(const glm::dvec2& center_odom_m, double radius_m) {
+  if (frame_.width_cells == 0) return;
+  if (occupancy_) occupancy_->mark_blocked_disc(center_odom_m, radius_m);
+  const Cell low = frame_.cell_at(center_odom_m - radius_m);
+  const Cell high = frame_.cell_at(center_odom_m + radius_m);
+  for (int j = std::max(low.y, 0); j <= std::min(high.y, frame_.height_cells - 1); ++j) {
+    for (int i = std::max(low.x, 0); i <= std::min(high.x, frame_.width_cells - 1); ++i) {
+      const glm::dvec2 offset = frame_.center_m({i, j}) - center_odom_m;
+      if (offset.x * offset.x + offset.y * offset.y <= radius_m * radius_m) {
+        occupied_(i, j) = 1;
+      }
+    }
+  }
+  update_navigable(low, high);
+}
+
+}  // namespace segsim::nav

@@ -1,0 +1,82 @@
+#pragma once
+
+/// @file
+/// VLFM's map of obstacles, navigable cells and explored area (A5 and A6 of the design notes),
+/// in metres and frame Odom, with its frontiers.
+///
+/// Two rules for obstacles. As published (quirk Q4) a pixel whose point lies in the height
+/// band occupies its cell for ever. Fixed, the log-odds of nav/occupancy_map.h decide, which
+/// rays clear again; what only the mast can hit is then a layer of its own. Navigable is what
+/// is left after growing obstacles by a square of k x k cells, k = int(2 radius / cell), made
+/// odd.
+///
+/// The map grows with what is seen up to GrowthOptions::max_extent_m and then reports
+/// `exhausted`; with Q9 published it is a fixed square whose negative indices wrap.
+
+#include <optional>
+
+#include "core/stages.h"
+#include "nav/contour_frontiers.h"
+#include "nav/depth_cleanup.h"
+#include "nav/fog_of_war.h"
+#include "nav/growing_frame.h"
+#include "nav/occupancy_map.h"
+
+namespace segsim::nav {
+
+struct ObstacleMapOptions {
+  GrowthOptions growth;      ///< Used unless Q9 is published.
+  double band_min_m = 0.61;  ///< Heights of obstacles above the floor; VLFM: 0.61 .. 0.88,
+  double band_max_m = 0.88;  ///< for a camera at 0.88 m. A robot's profile sets them.
+  double robot_radius_m = 0.18;
+  double mast_radius_m = 0.10;  ///< Log-odds rule only.
+  DepthCleanupOptions depth;
+  FogOptions fog;  ///< Its opening is the camera's.
+  ContourFrontierOptions frontiers;
+  OccupancyOptions occupancy;  ///< Log-odds rule only; band and range are taken from here.
+};
+
+class ObstacleMap {
+ public:
+  explicit ObstacleMap(const ObstacleMapOptions& options = {},
+                       const VlfmRules& rules = VlfmRules());
+  void reset();
+  /// Fuses one image: obstacles, navigable cells, explored area.
+  void update(const core::Observation& observation);
+  /// Adds an obstacle that was felt, not seen.
+  void mark_blocked_disc(const glm::dvec2& center_odom_m, double radius_m);
+
+  [[nodiscard]] const GridFrame& frame() const { return frame_; }
+  [[nodiscard]] const core::Image<std::uint8_t>& occupied() const { return occupied_; }
+  /// Cells only the mast can hit; empty with the monotone rule.
+  [[nodiscard]] const core::Image<std::uint8_t>& mast() const { return mast_; }
+  [[nodiscard]] const core::Image<std::uint8_t>& navigable() const { return navigable_; }
+  [[nodiscard]] const core::Image<std::uint8_t>& explored() const { return explored_; }
+  [[nodiscard]] std::vector<ContourFrontier> frontiers() const {
+    return find_contour_frontiers(frame_, explored_, navigable_, options_.frontiers);
+  }
+  /// Something lay beyond the largest extent (or, wrapping, beyond the last index).
+  [[nodiscard]] bool exhausted() const { return exhausted_; }
+  [[nodiscard]] const ObstacleMapOptions& options() const { return options_; }
+
+ private:
+  void ensure_covers(const glm::dvec2& robot_m);
+  void mark_monotone(const core::Observation& observation);
+  void take_log_odds(const core::Observation& observation);
+  void update_navigable(const Cell& low, const Cell& high);
+  void reveal(const core::Observation& observation);
+  void keep_component_of(const glm::dvec2& robot_m);
+
+  ObstacleMapOptions options_;
+  VlfmRules rules_;
+  std::optional<OccupancyMap> occupancy_;
+  GridFrame frame_;
+  core::Image<std::uint8_t> occupied_, mast_, navigable_, explored_;
+  core::Image<float> depth_m_;  ///< Scratch.
+  bool exhausted_ = false;
+};
+
+/// Side of the square that grows obstacles, in cells: int(2 radius / cell), plus 1 if even.
+[[nodiscard]] int navigable_kernel_cells(double robot_radius_m, double resolution_m);
+
+}  // namespace segsim::nav

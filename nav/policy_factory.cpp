@@ -1,0 +1,184 @@
+#include "nav/policy_factory.h"
+
+#include <algorithm>
+#include <charconv>
+
+#include "nav/frontier_policy.h"
+#include "nav/internal/semantic_prior_data.h"
+#include "nav/value_search.h"
+
+namespace segsim::nav {
+namespace {
+
+using core::ConfigNode;
+
+constexpr int kMostRepeats = 10'000;
+
+/// Index of the text under `key`; names the nearest word otherwise.
+std::size_t one_of(const ConfigNode& node, const std::string& found,
+                   const std::vector<std::string>& words) {
+  const auto at = std::find(words.begin(), words.end(), found);
+  if (at != words.end()) return static_cast<std::size_t>(at - words.begin());
+  std::string list;
+  for (const std::string& word : words) list += (list.empty() ? "" : " | ") + word;
+  const std::string near = core::nearest_word(found, words);
+  node.fail(list, "\"" + found + "\"" + (near.empty() ? "" : " (near: " + near + ")"));
+}
+
+Rule read_rule(const ConfigNode& node) {
+  return one_of(node, node.as_text(), {"vlfm", "fixed"}) == 0 ? Rule::kVlfm : Rule::kFixed;
+}
+
+/// "forward", "left*12", ...
+void read_action(const ConfigNode& node, std::vector<DiscreteAction>& actions) {
+  const std::string text = node.as_text();
+  const std::size_t star = text.find('*');
+  int count = 1;
+  if (star != std::string::npos) {
+    const char* end = text.data() + text.size();
+    const auto [stopped, error] = std::from_chars(text.data() + star + 1, end, count);
+    if (error != std::errc() || stopped != end || count < 1 || count > kMostRepeats) {
+      node.fail("a count in [1, " + std::to_string(kMostRepeats) + "] after *",
+                "\"" + text + "\"");
+    }
+  }
+  const auto action = static_cast<DiscreteAction>(
+      one_of(node, text.substr(0, star), {"stop", "forward", "left", "right"}));
+  actions.insert(actions.end(), static_cast<std::size_t>(count), action);
+}
+
+void read_vlfm(const ConfigNode& node, PolicySettings& settings) {
+  if (node.has("parity")) {
+    const Rule rule = read_rule(node.child("parity"));
+    settings.rules = VlfmRules(rule);
+    settings.second_look = rule == Rule::kFixed;
+  }
+  if (const auto quirks = node.optional_child("quirks")) {
+    for (std::size_t k = 0; k < kQuirks; ++k) {
+      if (quirks->has(quirk_names()[k])) {
+        settings.rules.set(static_cast<Quirk>(k), read_rule(quirks->child(quirk_names()[k])));
+      }
+    }
+    quirks->finish();
+  }
+  if (node.has("motion")) {
+    const std::size_t motion =
+        one_of(node.child("motion"), node.text("motion"), {"discrete", "pursuit"});
+    settings.motion = motion == 0 ? Motion::kDiscrete : Motion::kPursuit;
+  }
+  if (node.has("planner")) {
+    settings.planner = static_cast<GridPlanner>(
+        one_of(node.child("planner"), node.text("planner"), {"astar", "fast-marching"}));
+  }
+  settings.second_look = node.boolean_or("second_look", settings.second_look);
+  settings.min_score = node.number_or("min_score", settings.min_score);
+  if (!(settings.min_score >= 0.0 && settings.min_score <= 1.0)) {
+    node.child("min_score").fail("a number in [0, 1]", node.text("min_score"));
+  }
+  if (node.has("fusion")) {
+    settings.fusion = static_cast<FusionRule>(
+        one_of(node.child("fusion"), node.text("fusion"),
+               {"weighted", "max-confidence", "replace", "equal-weighting"}));
+  }
+}
+
+std::shared_ptr<ImageTextScorer> make_scorer(const PolicySettings& settings,
+                                             const PolicyContext& context) {
+  if (settings.scorer == "constant") return make_constant_scorer();
+  if (settings.scorer == "open-space") return make_open_space_scorer();
+  const SemanticPrior& prior = default_semantic_prior();
+  return make_semantic_scorer(
+      settings.prior.empty() ? prior : SemanticPrior::load(settings.prior),
+      context.class_names);
+}
+
+std::unique_ptr<core::Policy> make_vlfm(const PolicySettings& settings,
+                                        const PolicyContext& context) {
+  VlfmOptions options = vlfm_for_jackal(settings.rules, context.camera_height_m);
+  options.motion = settings.motion.value_or(Motion::kPursuit);
+  options.second_look = settings.second_look;
+  options.min_score = settings.min_score;
+  options.values.fusion = settings.fusion;
+  options.scorer = make_scorer(settings, context);
+  GridLocalOptions local;
+  local.planner = settings.planner;
+  local.actions = options.actions;
+  options.local = make_grid_local_policy(local);
+  return make_vlfm_policy(options);
+}
+
+}  // namespace
+
+const std::vector<std::string>& policy_names() {
+  static const std::vector<std::string> names{"frontier", "frontier-nearest", "frontier-value",
+                                              "vlfm",     "oracle-path",      "random",
+                                              "script"};
+  return names;
+}
+
+const SemanticPrior& default_semantic_prior() {
+  static const SemanticPrior prior =
+      SemanticPrior::parse(internal::kSemanticPriorYaml, "nav/data/semantic_prior.yaml");
+  return prior;
+}
+
+PolicySettings read_policy_settings(
+    const ConfigNode& node,
+    const std::function<std::filesystem::path(const ConfigNode&)>& expand) {
+  PolicySettings settings;
+  const bool only_name = node.is_scalar();
+  const std::string type = only_name ? node.as_text() : node.text("type");
+  (void)one_of(only_name ? node : node.child("type"), type, policy_names());
+  settings.type = type;
+  if (only_name) {
+    if (type == "script") node.fail("{type: script, actions: [...]}", "\"script\" alone");
+    return settings;
+  }
+  if (type == "vlfm") read_vlfm(node, settings);
+  if (type == "vlfm" || type == "frontier-value") {
+    settings.scorer = node.text_or("scorer", settings.scorer);
+    if (node.has("scorer")) {
+      (void)one_of(node.child("scorer"), settings.scorer,
+                   {"semantic-prior", "constant", "open-space"});
+    }
+    if (node.has("prior")) {
+      settings.prior = expand(node.child("prior"));
+      (void)SemanticPrior::load(settings.prior);  // A mistake is reported before any trial.
+    }
+  }
+  if (type == "script") {
+    for (const ConfigNode& action : node.child("actions").as_list()) {
+      read_action(action, settings.actions);
+    }
+  }
+  if (type == "random") {
+    settings.stop_chance = node.number_or("stop_chance", settings.stop_chance);
+    if (!(settings.stop_chance >= 0.0 && settings.stop_chance <= 1.0)) {
+      node.child("stop_chance").fail("a number in [0, 1]", node.text("stop_chance"));
+    }
+  }
+  node.finish();
+  return settings;
+}
+
+std::unique_ptr<core::Policy> make_policy(const PolicySettings& settings,
+                                          const PolicyContext& context) {
+  if (settings.type == "vlfm") return make_vlfm(settings, context);
+  if (settings.type == "frontier-value") {
+    ValueSearchOptions options;
+    options.values.min_depth_m = 0.1;
+    options.values.band_max_m = context.camera_height_m + 0.1;
+    options.scorer = make_scorer(settings, context);
+    return make_value_search(options);
+  }
+  if (settings.type == "oracle-path") return make_oracle_path_policy(context.oracle);
+  if (settings.type == "random") {
+    RandomPolicyOptions options;
+    options.stop_chance = settings.stop_chance;
+    return make_random_policy(options);
+  }
+  if (settings.type == "script") return make_script_policy(settings.actions);
+  return make_frontier_policy();
+}
+
+}  // namespace segsim::nav

@@ -1,0 +1,319 @@
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include <glm/geometric.hpp>
+
+#include "core/check.h"
+#include "nav/approach.h"
+#include "nav/internal/vlfm_search.h"
+
+namespace segsim::nav::internal {
+namespace {
+
+constexpr double kAtFrontier_m = 0.35;
+constexpr double kVeto_m = 0.5;
+constexpr double kLookTolerance_rad = 0.17;
+constexpr double kBoxMargin = 0.1;      // Of the image's width, around a box seen again.
+constexpr double kWrongObject_m = 0.6;  // What is deleted around an object not seen again.
+constexpr double kDetour_m = 15.0;      // Way that open floor to the object is worth.
+constexpr double kInside_m =
+    0.15;  // A place this much nearer than the stop radius ends there.
+
+bool finite_pose(const core::Observation& observation) {
+  const glm::dvec3& p = observation.T_odom_robot.translation_m();
+  const glm::dquat& q = observation.T_odom_robot.rotation();
+  return std::isfinite(p.x + p.y + p.z + q.w + q.x + q.y + q.z);
+}
+
+core::Pose2 pose_of(const core::Observation& observation) {
+  const glm::dquat& q = observation.T_odom_robot.rotation();
+  const glm::dvec3& p = observation.T_odom_robot.translation_m();
+  return {p.x, p.y,
+          std::atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))};
+}
+
+VlfmOptions completed(VlfmOptions options) {
+  if (options.scorer == nullptr) options.scorer = make_constant_scorer();
+  if (options.segmenter == nullptr) options.segmenter = make_depth_segmenter();
+  if (options.local == nullptr) {
+    GridLocalOptions local;
+    local.actions = options.actions;
+    options.local = make_grid_local_policy(local);
+  }
+  SEGSIM_CHECK(options.stop_radius_m > 0.0 && options.spin_turns >= 0, "stop radius, turns");
+  return options;
+}
+
+}  // namespace
+
+VlfmSearch::VlfmSearch(const VlfmOptions& options)
+    : options_(completed(options)),
+      obstacles_(options_.obstacles, options_.rules),
+      values_(options_.values, options_.rules),
+      cloud_(options_.cloud, options_.rules),
+      chooser_(options_.choice, options_.rules),
+      follower_(options_.follower),
+      executor_(options_.actions),
+      stuck_(options_.stuck) {}
+
+void VlfmSearch::reset(const core::ObjectGoal& goal, std::uint64_t seed) {
+  *this = VlfmSearch(options_);
+  goal_ = goal;
+  seed_ = seed;
+  cloud_.reset(seed);
+  options_.local->reset();
+}
+
+core::Decision VlfmSearch::decide(const core::Observation& observation,
+                                  std::span<const core::Detection> detections) {
+  core::Decision decision;
+  // Without a pose nothing can be mapped and no way is known: wait.
+  if (stop_reason_.empty() && finite_pose(observation)) {
+    const core::Pose2 pose = pose_of(observation);
+    const core::TimeNs time_ns = observation.capture_time_ns;
+    const double period_s = last_time_ns_ ? core::seconds(time_ns - *last_time_ns_) : 0.1;
+    const Now now{&observation, detections, pose, {pose.x_m, pose.y_m}, time_ns, period_s};
+    if (!last_time_ns_) last_yaw_rad_ = pose.yaw_rad;
+    update_maps(now);
+    decision.command = act(now);
+    last_time_ns_ = time_ns;
+    last_yaw_rad_ = pose.yaw_rad;
+  }
+  decision.mode = mode_;
+  if (!stop_reason_.empty()) {
+    decision.command = {};
+    decision.stop = true;
+    decision.stop_reason = stop_reason_;
+  }
+  return decision;
+}
+
+void VlfmSearch::update_maps(const Now& now) {
+  obstacles_.update(*now.observation);
+  values_.update(*now.observation,
+                 options_.scorer->score(*now.observation, now.detections, goal_.class_name));
+  for (const core::Detection& detection : now.detections) {
+    if (goal_.class_index < 0 || detection.class_index != goal_.class_index) continue;
+    if (static_cast<double>(detection.score) < options_.min_score) continue;
+    cloud_.add(*now.observation, options_.segmenter->segment(*now.observation, detection.box));
+  }
+  cloud_.refute_second_class(*now.observation);
+}
+
+core::VelocityCommand VlfmSearch::act(const Now& now) {
+  if (obstacles_.exhausted()) {
+    stop("map_exhausted");
+    return {};
+  }
+  if (recovering_) return recover(now);
+  if (!options_.rules.published(Quirk::kNoRecovery) && stuck_.stuck()) {
+    begin_recovery(now);
+    return stop_reason_.empty() ? recover(now) : core::VelocityCommand{};
+  }
+  core::VelocityCommand command;
+  if (executor_.busy()) command = executor_.command(now.pose, now.time_ns, now.period_s);
+  if (!executor_.busy()) {
+    // Objects seen during the first spin do not interrupt it.
+    if (mode_ == core::PolicyMode::kInitialize) {
+      command = spin(now);
+    } else if (const auto object_m = cloud_.target_m(now.position_m)) {
+      mode_ = core::PolicyMode::kNavigate;
+      command = navigate(now, *object_m);
+    } else {
+      mode_ = core::PolicyMode::kExplore;
+      looking_since_ns_.reset();
+      command = explore(now);
+    }
+  }
+  stuck_.add(now.pose, command);
+  return command;
+}
+
+bool VlfmSearch::vetoed(const glm::dvec2& place_m) const {
+  return std::any_of(vetoed_m_.begin(), vetoed_m_.end(), [&](const glm::dvec2& other_m) {
+    return glm::distance(other_m, place_m) <= kVeto_m;
+  });
+}
+
+/// The frontier to visit. Fixed Q6 leaves out those that cannot be reached or were visited.
+std::optional<glm::dvec2> VlfmSearch::choose_frontier(const Now& now) {
+  refresh_cost_map();
+  frontiers_ = obstacles_.frontiers();
+  const auto field = geodesic_field(cost_, cost_.frame().cell_at(now.position_m));
+  const auto away_m = [&](const glm::dvec2& place_m) {
+    const auto cell = nearest_traversable(cost_, cost_.frame().cell_at(place_m), 0.3);
+    return cell && field && field->reachable(*cell)
+               ? static_cast<double>(field->cost_m(cell->x, cell->y))
+               : std::numeric_limits<double>::infinity();
+  };
+  const bool as_published = options_.rules.published(Quirk::kNoRecovery);
+  std::vector<ValuedFrontier> candidates;
+  for (const ContourFrontier& frontier : frontiers_) {
+    if (!as_published &&
+        (vetoed(frontier.waypoint_m) || std::isinf(away_m(frontier.waypoint_m)))) {
+      continue;
+    }
+    const auto value = values_.median_around(frontier.waypoint_m, options_.value_radius_m);
+    candidates.push_back({frontier.waypoint_m, value.value_or(options_.choice.unseen_value)});
+  }
+  const auto chosen = chooser_.choose(now.position_m, candidates, away_m);
+  if (!chosen) return std::nullopt;
+  return candidates[*chosen].place_m;
+}
+
+core::VelocityCommand VlfmSearch::explore(const Now& now) {
+  if (options_.motion == Motion::kDiscrete || replan_due(now)) {
+    target_m_ = choose_frontier(now);
+    planned_ns_ = -1;
+  }
+  if (!target_m_) {
+    stop("no_frontier_left");
+    return {};
+  }
+  // A frontier that is still there when the robot stands on it will not go away.
+  if (!options_.rules.published(Quirk::kNoRecovery) &&
+      glm::distance(*target_m_, now.position_m) < kAtFrontier_m) {
+    vetoed_m_.push_back(*target_m_);
+    follower_.clear();
+    return {};
+  }
+  return drive(now, *target_m_, true);
+}
+
+/// The cheapest reachable cell within the stop radius of the object, or the reachable one that
+/// is nearest to it.
+std::optional<glm::dvec2> VlfmSearch::place_beside(const Now& now,
+                                                   const glm::dvec2& object_m) const {
+  const GridFrame& frame = cost_.frame();
+  const auto field = geodesic_field(cost_, frame.cell_at(now.position_m));
+  if (!field) return std::nullopt;
+  const double enough_m = options_.stop_radius_m - kInside_m;
+  std::optional<Cell> best;
+  double best_cost = std::numeric_limits<double>::infinity();
+  for (int j = 0; j < frame.height_cells; ++j) {
+    for (int i = 0; i < frame.width_cells; ++i) {
+      const auto way_m = static_cast<double>(field->cost_m(i, j));
+      if (!std::isfinite(way_m)) continue;
+      const glm::dvec2 place_m = frame.center_m({i, j});
+      const double away_m = glm::distance(place_m, object_m);
+      // Every metre beyond the radius outweighs any way inside of a building.
+      double cost = way_m + 1000.0 * std::max(0.0, away_m - enough_m);
+      if (cost >= best_cost) continue;
+      // Across a counter or behind a wall the object is near, yet not at hand.
+      if (away_m <= options_.stop_limit_m && !open_floor(cost_, place_m, object_m)) {
+        cost += kDetour_m;
+      }
+      if (cost < best_cost) {
+        best_cost = cost;
+        best = Cell(i, j);
+      }
+    }
+  }
+  if (!best) return std::nullopt;
+  return frame.center_m(*best);
+}
+
+core::VelocityCommand VlfmSearch::navigate(const Now& now, const glm::dvec3& object_m) {
+  const double rho_m = glm::distance(glm::dvec2(object_m), now.position_m);
+  if (looking_since_ns_ || rho_m < options_.stop_radius_m) {
+    if (options_.second_look) return look_again(now, object_m);
+    stop("goal_reached");
+    return {};
+  }
+  if (options_.motion == Motion::kDiscrete || replan_due(now) || !target_m_) {
+    refresh_cost_map();
+    target_m_ = place_beside(now, glm::dvec2(object_m));
+    planned_ns_ = -1;
+  }
+  const bool as_published = options_.rules.published(Quirk::kNoRecovery);
+  const bool arrived =
+      target_m_ && glm::distance(*target_m_, now.position_m) <
+                       options_.follower.goal_tolerance_m + 0.5 * options_.actions.forward_m;
+  if (!as_published && (!target_m_ || arrived)) {
+    // As near as it gets: good enough, or nothing that can be reached.
+    if (arrived && rho_m < options_.stop_limit_m) return look_again(now, object_m);
+    cloud_.erase_around(glm::dvec2(object_m), kWrongObject_m);
+    return {};
+  }
+  if (!target_m_) return {};
+  return drive(now, *target_m_, false);
+}
+
+bool VlfmSearch::seen_now(const Now& now, const glm::dvec3& object_m) const {
+  const glm::dvec3 p =
+      (now.observation->T_odom_camera().inverse() * core::Point<core::frame::Odom>{object_m})
+          .xyz_m;
+  if (!(p.z > 0.05)) return false;
+  const double u = now.observation->intrinsics.project(p).x;
+  const double margin = kBoxMargin * now.observation->intrinsics.width_px;
+  return std::any_of(now.detections.begin(), now.detections.end(),
+                     [&](const core::Detection& d) {
+                       return d.class_index == goal_.class_index &&
+                              static_cast<double>(d.score) >= options_.min_score &&
+                              u > static_cast<double>(d.box.x0) - margin &&
+                              u < static_cast<double>(d.box.x1) + margin;
+                     });
+}
+
+core::VelocityCommand VlfmSearch::look_again(const Now& now, const glm::dvec3& object_m) {
+  if (!options_.second_look) {
+    stop("goal_reached");
+    return {};
+  }
+  if (!looking_since_ns_) looking_since_ns_ = now.time_ns;
+  const double bearing =
+      std::atan2(object_m.y - now.position_m.y, object_m.x - now.position_m.x);
+  const double error = core::wrap_angle_rad(bearing - now.pose.yaw_rad);
+  const bool facing = std::abs(error) <=
+                      std::max(kLookTolerance_rad, options_.motion == Motion::kDiscrete
+                                                       ? options_.actions.turn_above_rad + 0.05
+                                                       : 0.0);
+  if (facing && seen_now(now, object_m)) {
+    stop("goal_reached");
+    return {};
+  }
+  const double turning_s = 5.0;  // A half turn, at the followers' rates.
+  const double looked_s = core::seconds(now.time_ns - *looking_since_ns_);
+  if (looked_s > (facing ? options_.second_look_s : options_.second_look_s + turning_s)) {
+    cloud_.erase_around(glm::dvec2(object_m), kWrongObject_m);
+    looking_since_ns_.reset();
+    target_m_.reset();
+    follower_.clear();
+    return {};
+  }
+  if (facing && std::abs(error) < 0.05) return {};
+  return face(now, bearing);
+}
+
+void VlfmSearch::stop(const std::string& reason) {
+  stop_reason_ = reason;
+  mode_ = core::PolicyMode::kStop;
+  follower_.clear();
+}
+
+core::PolicyView VlfmSearch::view() const {
+  core::PolicyView view;
+  const GridFrame& frame = obstacles_.frame();
+  view.resolution_m = frame.resolution_m;
+  view.origin_m = frame.origin_m;
+  view.cells = core::Image<std::uint8_t>(frame.width_cells, frame.height_cells);
+  for (std::size_t k = 0; k < view.cells.size(); ++k) {
+    const bool hit = obstacles_.occupied().data()[k] != 0;
+    const bool free = obstacles_.explored().data()[k] != 0;
+    view.cells.data()[k] = hit ? 2 : free ? 1 : obstacles_.navigable().data()[k] == 0 ? 3 : 0;
+  }
+  for (const ContourFrontier& f : frontiers_) view.frontiers_m.push_back(f.waypoint_m);
+  view.path_m = follower_.path().points_m;
+  view.target_m = target_m_;
+  if (!cloud_.points().empty()) {
+    glm::dvec2 sum(0.0);
+    for (const CloudPoint& p : cloud_.points()) sum += glm::dvec2(p.p_odom_m);
+    view.objects.push_back(
+        {sum / static_cast<double>(cloud_.points().size()), goal_.class_index, 1.0F});
+  }
+  return view;
+}
+
+}  // namespace segsim::nav::internal

@@ -1,0 +1,176 @@
+#include <algorithm>
+#include <cmath>
+
+#include <glm/geometric.hpp>
+
+#include "core/random.h"
+#include "nav/internal/vlfm_search.h"
+
+namespace segsim::nav::internal {
+namespace {
+
+constexpr double kSamePlace_m = 0.05;
+constexpr double kBackSpeed_mps = 0.2;
+constexpr double kRecoverPhase_s = 3.0;
+constexpr double kFelt_m = 0.10;  // Radius of what was felt, not seen.
+
+}  // namespace
+
+core::VelocityCommand VlfmSearch::start(DiscreteAction action, const Now& now) {
+  executor_.start(action, now.pose, now.time_ns);
+  return executor_.command(now.pose, now.time_ns, now.period_s);
+}
+
+core::VelocityCommand VlfmSearch::spin(const Now& now) {
+  const auto done = [&] {
+    mode_ = core::PolicyMode::kExplore;
+    stuck_.reset();
+    return core::VelocityCommand{};
+  };
+  if (options_.motion == Motion::kDiscrete) {
+    if (turns_ >= options_.spin_turns) return done();
+    ++turns_;
+    return start(DiscreteAction::kTurnLeft, now);
+  }
+  spun_rad_ += core::wrap_angle_rad(now.pose.yaw_rad - last_yaw_rad_);
+  if (spun_rad_ >= options_.spin_turns * options_.actions.turn_rad - 0.05) return done();
+  return {0.0, options_.follower.max_turn_radps};
+}
+
+bool VlfmSearch::replan_due(const Now& now) const {
+  return planned_ns_ < 0 || !follower_.has_path() ||
+         core::seconds(now.time_ns - planned_ns_) >= options_.replan_period_s - 1e-6;
+}
+
+/// Occupied, explored or unknown; the unknown may be crossed at a price, as VLFM's network
+/// would.
+void VlfmSearch::refresh_cost_map() {
+  const GridFrame& frame = obstacles_.frame();
+  // Only the part that holds something, and the robot's reach around it.
+  Cell low(frame.width_cells, frame.height_cells), high(-1, -1);
+  for (int j = 0; j < frame.height_cells; ++j) {
+    const std::uint8_t* explored = obstacles_.explored().row(j);
+    const std::uint8_t* occupied = obstacles_.occupied().row(j);
+    int first = 0, last = frame.width_cells - 1;
+    while (first <= last && (explored[first] | occupied[first]) == 0) ++first;
+    if (first > last) continue;
+    while ((explored[last] | occupied[last]) == 0) --last;
+    low = {std::min(low.x, first), std::min(low.y, j)};
+    high = {std::max(high.x, last), j};
+  }
+  constexpr int kBorder_cells = 12;
+  if (high.x < 0) {  // Nothing yet.
+    low = {frame.width_cells / 2, frame.height_cells / 2};
+    high = low;
+  }
+  low = {std::max(low.x - kBorder_cells, 0), std::max(low.y - kBorder_cells, 0)};
+  high = {std::min(high.x + kBorder_cells, frame.width_cells - 1),
+          std::min(high.y + kBorder_cells, frame.height_cells - 1)};
+  GridFrame part = frame;
+  part.origin_m += glm::dvec2(low) * frame.resolution_m;
+  part.width_cells = high.x - low.x + 1;
+  part.height_cells = high.y - low.y + 1;
+  core::Image<CellState> states(part.width_cells, part.height_cells, CellState::kUnknown);
+  core::Image<std::uint8_t> mast(part.width_cells, part.height_cells, 0);
+  for (int j = 0; j < part.height_cells; ++j) {
+    const std::uint8_t* occupied = obstacles_.occupied().row(j + low.y) + low.x;
+    const std::uint8_t* explored = obstacles_.explored().row(j + low.y) + low.x;
+    for (int i = 0; i < part.width_cells; ++i) {
+      if (occupied[i] != 0) {
+        states(i, j) = CellState::kOccupied;
+      } else if (explored[i] != 0) {
+        states(i, j) = CellState::kFree;
+      }
+    }
+    if (!obstacles_.mast().empty()) {
+      std::copy_n(obstacles_.mast().row(j + low.y) + low.x, part.width_cells, mast.row(j));
+    }
+  }
+  CostMapOptions cost = options_.cost;
+  cost.cross_unknown = true;
+  cost_.build(part, states, mast, cost);
+}
+
+core::VelocityCommand VlfmSearch::drive(const Now& now, const glm::dvec2& place_m,
+                                        bool exploring) {
+  if (options_.motion == Motion::kDiscrete) {
+    const DiscreteAction action =
+        options_.local->act(*now.observation, now.pose, place_m, cost_);
+    if (action != DiscreteAction::kStop) return start(action, now);
+    if (options_.rules.published(Quirk::kLocalStop)) {
+      // STOP of the local policy ends the episode, wherever that is.
+      if (exploring) stop("pointnav_stop");
+    } else if (exploring) {
+      vetoed_m_.push_back(place_m);
+    }
+    return {};
+  }
+  if (planned_ns_ < 0 || glm::distance(planned_for_m_, place_m) > kSamePlace_m) {
+    const auto path = plan_path(cost_, now.position_m, place_m);
+    planned_ns_ = now.time_ns;
+    planned_for_m_ = place_m;
+    if (!path) {
+      follower_.clear();
+      if (exploring) vetoed_m_.push_back(place_m);
+      return {};
+    }
+    follower_.set_path(*path);
+  }
+  if (exploring && follower_.arrived(now.pose)) vetoed_m_.push_back(place_m);
+  return follower_.follow(now.pose, cost_);
+}
+
+core::VelocityCommand VlfmSearch::face(const Now& now, double bearing_rad) {
+  if (options_.motion == Motion::kPursuit) {
+    return follower_.turn_to(now.pose, bearing_rad, 0.05);
+  }
+  const double error = core::wrap_angle_rad(bearing_rad - now.pose.yaw_rad);
+  if (std::abs(error) <= options_.actions.turn_above_rad) return {};
+  return start(error > 0.0 ? DiscreteAction::kTurnLeft : DiscreteAction::kTurnRight, now);
+}
+
+void VlfmSearch::begin_recovery(const Now& now) {
+  if (recoveries_ >= options_.max_recoveries) {
+    stop("stuck");
+    return;
+  }
+  core::RandomStream random(seed_, "vlfm_recovery", static_cast<std::uint64_t>(recoveries_));
+  const double turn =
+      random.uniform(options_.recover_turn_min_rad, options_.recover_turn_max_rad);
+  recovery_yaw_rad_ = now.pose.yaw_rad + (random.chance(0.5) ? turn : -turn);
+  const glm::dvec2 ahead(std::cos(now.pose.yaw_rad), std::sin(now.pose.yaw_rad));
+  obstacles_.mark_blocked_disc(
+      now.position_m + (options_.obstacles.robot_radius_m + 0.05) * ahead, kFelt_m);
+  ++recoveries_;
+  recovering_ = true;
+  recovery_turning_ = false;
+  recovery_start_ = now.pose;
+  recovery_since_ns_ = now.time_ns;
+  mode_ = core::PolicyMode::kRecover;
+  executor_.reset();
+  follower_.clear();
+  target_m_.reset();
+  stuck_.reset();
+}
+
+core::VelocityCommand VlfmSearch::recover(const Now& now) {
+  const double elapsed_s = core::seconds(now.time_ns - recovery_since_ns_);
+  if (!recovery_turning_) {
+    const double backed_m =
+        std::hypot(now.pose.x_m - recovery_start_.x_m, now.pose.y_m - recovery_start_.y_m);
+    if (backed_m < options_.recover_back_m && elapsed_s < kRecoverPhase_s) {
+      return {-kBackSpeed_mps, 0.0};
+    }
+    recovery_turning_ = true;
+    recovery_since_ns_ = now.time_ns;
+    return follower_.turn_to(now.pose, recovery_yaw_rad_, 0.15);
+  }
+  const core::VelocityCommand turn = follower_.turn_to(now.pose, recovery_yaw_rad_, 0.15);
+  if (turn.turn_radps != 0.0 && elapsed_s < kRecoverPhase_s) return turn;
+  recovering_ = false;
+  mode_ = core::PolicyMode::kExplore;
+  planned_ns_ = -1;
+  return {};
+}
+
+}  // namespace segsim::nav::internal

@@ -1,0 +1,190 @@
+#include "nav/class_cloud.h"
+
+#include <bit>
+#include <set>
+
+#include <gtest/gtest.h>
+#include <glm/geometric.hpp>
+
+#include "tests/nav/test_view.h"
+
+namespace segsim::nav {
+namespace {
+
+using test::kNan;
+using test::TestView;
+
+VlfmRules published(Quirk quirk) {
+  VlfmRules rules;
+  rules.set(quirk, Rule::kVlfm);
+  return rules;
+}
+
+/// 640 x 480: erosion and cluster sizes as published.
+struct Scene : TestView {
+  Scene() : TestView({}, 3.0F, 0.88, 640, 480) {}
+  core::Image<std::uint8_t> mask{640, 480, 0};
+  /// An object that fills these pixels at a depth.
+  void object(int x0, int y0, int x1, int y1, float depth_m) {
+    std::fill(mask.pixels().begin(), mask.pixels().end(), std::uint8_t{0});
+    for (int y = y0; y < y1; ++y) {
+      for (int x = x0; x < x1; ++x) {
+        mask(x, y) = 1;
+        depth(x, y) = depth_m;
+      }
+    }
+  }
+};
+
+TEST(ClassCloud, KeepsTheObjectsSurface) {
+  Scene scene;
+  scene.object(280, 200, 360, 280, 2.0F);
+  ClassCloud cloud;
+  EXPECT_TRUE(cloud.add(scene.observation, scene.mask));
+  ASSERT_FALSE(cloud.points().empty());
+  for (const CloudPoint& p : cloud.points()) {
+    EXPECT_NEAR(p.p_odom_m.x, 2.0F, 1e-4F);
+    // 80 px less 2 x 5 of erosion, at 2 m and 388.19 px: 0.36 m.
+    EXPECT_LE(std::abs(p.p_odom_m.y), 0.5 * 70.0 / 388.19 * 2.0 + 1e-3);
+    EXPECT_EQ(p.detection, ClassCloud::kTrusted);
+  }
+}
+
+TEST(ClassCloud, ErosionRemovesWhatIsThinnerThanElevenPixels) {
+  Scene scene;
+  ClassCloud cloud;
+  scene.object(280, 100, 290, 380, 2.0F);
+  EXPECT_FALSE(cloud.add(scene.observation, scene.mask));
+  scene.object(280, 100, 292, 380, 2.0F);  // Two columns stay.
+  EXPECT_TRUE(cloud.add(scene.observation, scene.mask));
+}
+
+TEST(ClassCloud, TooCloseIsRejected) {
+  Scene scene;
+  ClassCloud cloud;
+  scene.object(200, 150, 440, 330, 0.95F);
+  EXPECT_FALSE(cloud.add(scene.observation, scene.mask));
+  scene.object(200, 150, 440, 330, 1.05F);
+  EXPECT_TRUE(cloud.add(scene.observation, scene.mask));
+}
+
+TEST(ClassCloud, FewerThanAHundredPointsAreNoObject) {
+  Scene scene;
+  ClassCloud cloud;
+  scene.object(300, 200, 319, 219, 2.0F);  // 9 x 9 after erosion.
+  EXPECT_FALSE(cloud.add(scene.observation, scene.mask));
+  scene.object(300, 200, 321, 221, 2.0F);  // 11 x 11.
+  EXPECT_TRUE(cloud.add(scene.observation, scene.mask));
+}
+
+TEST(ClassCloud, FarPointsAndEdgeDetectionsAreSecondClass) {
+  const auto trusted = [](const Scene& scene) {
+    ClassCloud cloud;
+    EXPECT_TRUE(cloud.add(scene.observation, scene.mask));
+    return cloud.points().front().detection == ClassCloud::kTrusted;
+  };
+  Scene scene;
+  scene.object(280, 200, 360, 280, 4.74F);
+  EXPECT_TRUE(trusted(scene));
+  scene.object(280, 200, 360, 280, 4.76F);  // 0.95 x 5 = 4.75 m.
+  EXPECT_FALSE(trusted(scene));
+  scene.object(10, 200, 200, 280, 2.0F);  // Touches the left 5 % (32 px), ends before 213.
+  EXPECT_FALSE(trusted(scene));
+  scene.object(40, 200, 200, 280, 2.0F);
+  EXPECT_TRUE(trusted(scene));
+  scene.object(10, 200, 240, 280, 2.0F);  // Reaches beyond the third.
+  EXPECT_TRUE(trusted(scene));
+  scene.object(440, 200, 630, 280, 2.0F);
+  EXPECT_FALSE(trusted(scene));
+}
+
+TEST(ClassCloud, SecondClassGoesWhenSeenFromNear) {
+  Scene scene;
+  scene.object(280, 200, 360, 280, 4.9F);
+  ClassCloud cloud;
+  ASSERT_TRUE(cloud.add(scene.observation, scene.mask));
+  cloud.refute_second_class(scene.observation);  // 4.9 m away: stays.
+  EXPECT_FALSE(cloud.points().empty());
+  scene.move_to({2.6, 0.0, 3.1});  // Near, but looking away.
+  cloud.refute_second_class(scene.observation);
+  EXPECT_FALSE(cloud.points().empty());
+  scene.move_to({2.6, 0.0, 0.0});  // 2.3 m.
+  cloud.refute_second_class(scene.observation);
+  EXPECT_TRUE(cloud.points().empty());
+  // Trusted points stay.
+  scene.move_to({});
+  scene.object(280, 200, 360, 280, 2.0F);
+  ASSERT_TRUE(cloud.add(scene.observation, scene.mask));
+  cloud.refute_second_class(scene.observation);
+  EXPECT_FALSE(cloud.points().empty());
+}
+
+TEST(ClassCloud, MissingDepthIsFarOrLeftOut) {  // Q8
+  Scene scene;
+  scene.object(280, 200, 360, 280, kNan);
+  ClassCloud far({}, published(Quirk::kZeroDepth)), none;
+  EXPECT_TRUE(far.add(scene.observation, scene.mask));
+  EXPECT_NEAR(far.points().front().p_odom_m.x, 5.0F, 1e-4F);
+  EXPECT_FALSE(none.add(scene.observation, scene.mask));
+}
+
+TEST(ClassCloud, CloudsGrowOrAreThinned) {  // Q11
+  Scene scene;
+  scene.object(200, 150, 440, 330, 2.0F);
+  ClassCloud endless({}, published(Quirk::kEndlessClouds), 7), thinned;
+  for (int k = 0; k < 4; ++k) {
+    ASSERT_TRUE(endless.add(scene.observation, scene.mask));
+    ASSERT_TRUE(thinned.add(scene.observation, scene.mask));
+  }
+  EXPECT_EQ(endless.points().size(), 4U * 5000U);
+  // 230 x 170 px at 2 m = 1.18 m x 0.88 m on a plane: voxels of 2 cm, two layers at the most.
+  EXPECT_LT(thinned.points().size(), 2U * 61U * 46U);
+  EXPECT_GT(thinned.points().size(), 1000U);
+}
+
+TEST(ClassCloud, IdsAreRandomNumbersOrCounted) {  // Q12
+  Scene scene;
+  scene.object(280, 200, 360, 280, 4.9F);
+  ClassCloud random({}, published(Quirk::kFloatIds), 3), counted;
+  std::set<std::uint64_t> ids;
+  for (int k = 0; k < 3; ++k) {
+    scene.move_to({0.0, 3.0 * k, 0.0});  // Other voxels.
+    ASSERT_TRUE(random.add(scene.observation, scene.mask));
+    ASSERT_TRUE(counted.add(scene.observation, scene.mask));
+    const float id =
+        std::bit_cast<float>(static_cast<std::uint32_t>(random.points().back().detection));
+    EXPECT_GT(id, 0.0F);
+    EXPECT_LT(id, 1.0F);
+    ids.insert(counted.points().back().detection);
+  }
+  EXPECT_EQ(ids, (std::set<std::uint64_t>{1, 2, 3}));
+}
+
+TEST(ClassCloud, TargetHasHysteresis) {
+  Scene scene;
+  scene.object(200, 200, 440, 280, 4.0F);  // About 2.4 m wide, 4 m ahead.
+  ClassCloud cloud;
+  ASSERT_TRUE(cloud.add(scene.observation, scene.mask));
+  const glm::dvec3 first = cloud.target_m({0.0, 0.0}).value();
+  EXPECT_NEAR(first.y, 0.0, 0.05);
+  EXPECT_EQ(cloud.target_m({0.0, 0.45}).value(), first);  // Moved 0.45 m, from 4 m away.
+  const glm::dvec3 second = cloud.target_m({0.0, 0.6}).value();
+  EXPECT_NEAR(second.y, 0.6, 0.05);
+  EXPECT_EQ(cloud.target_m({2.5, 0.55}).value(), second);  // Near: less than 0.1 m.
+  EXPECT_NEAR(cloud.target_m({2.5, 0.3}).value().y, 0.3, 0.05);
+  cloud.erase_around({4.0, 0.3}, 5.0);
+  EXPECT_FALSE(cloud.target_m({0.0, 0.0}));
+}
+
+TEST(ClassCloud, TrustedPointsFirst) {
+  Scene scene;
+  ClassCloud cloud;
+  scene.object(10, 200, 200, 280, 2.0F);  // Second class, nearer.
+  ASSERT_TRUE(cloud.add(scene.observation, scene.mask));
+  scene.object(280, 200, 360, 280, 4.0F);
+  ASSERT_TRUE(cloud.add(scene.observation, scene.mask));
+  EXPECT_NEAR(cloud.target_m({0.0, 0.0}).value().x, 4.0, 0.05);
+}
+
+}  // namespace
+}  // namespace segsim::nav
