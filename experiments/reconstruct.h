@@ -25,6 +25,10 @@ struct ReconstructOptions {
   /// None: lifting alone. Its `set` decides about held-out frames; `lift` follows it. Its
   /// `work` is filled in (<folder>.training) if empty.
   std::optional<TrainingOptions> training;
+  /// Surfels that training starts from instead of the lifted ones, for example those that were
+  /// trained elsewhere on an exported pack (PLY); empty: the lifted ones.
+  std::filesystem::path start;
+  std::filesystem::path pictures;  ///< robot_pictures() of the result (PNG); empty: none.
   sim::CollisionMeshOptions collision;
   sim::RobotModel robot = sim::RobotModel::jackal_gentle();
   double camera_height_m = 1.2;  ///< Mast height that suits the recording.
@@ -32,6 +36,10 @@ struct ReconstructOptions {
   /// own simulation uses (jackal.gazebo: 49.9 N, 8.9 E).
   core::GeodeticOrigin origin{49.9, 8.9, 0.0, 0.0};
 };
+
+/// lift() with progress lines.
+[[nodiscard]] renderer::LiftResult lift_recording(const renderer::RgbdSequence& sequence,
+                                                  const renderer::LiftOptions& options);
 
 /// Makes the bundle in a temporary folder beside `folder` and renames it: a bundle is there
 /// wholly or not at all. An existing bundle is replaced. Without training, frames held out by
@@ -41,5 +49,12 @@ struct ReconstructOptions {
 core::SceneBundle reconstruct_bundle(const renderer::RgbdSequence& sequence,
                                      const ReconstructOptions& options,
                                      const std::filesystem::path& folder);
+
+/// Lifts, loads the frames as `options.training` says, and writes both to a training pack
+/// (renderer/training/training_pack.h), to be trained on another machine. Makes no bundle.
+/// @throws core::InputError if frames have no depth or no labels.
+void export_training_pack(const renderer::RgbdSequence& sequence,
+                          const ReconstructOptions& options,
+                          const std::filesystem::path& file);
 
 }  // namespace segsim::experiments
