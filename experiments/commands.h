@@ -24,7 +24,8 @@ void add_detector_import(CLI::App& detector);
 void add_detector_forward(CLI::App& detector);
 void add_masks_command(CLI::App& app);
 void add_bench_command(CLI::App& app);
-/// `segsim table 2`, below `segsim table`.
+/// `segsim table 1` and `segsim table 2`, below `segsim table`.
+void add_panoptic_table(CLI::App& table);
 void add_ablation_table(CLI::App& table);
 
 }  // namespace segsim::experiments
