@@ -85,6 +85,7 @@ void print_table1(const Flags& flags) {
   PanopticScenes scenes = panoptic_scenes(
       flags.quick && flags.scenes.empty() ? "flat-3" : flags.scenes, flags.data);
   table.missing = scenes.missing;
+  table.quick = flags.quick;
   for (const MissingScene& scene : table.missing) {
     std::fprintf(stderr, "not run: %s: %s\n", scene.title.c_str(), scene.why.c_str());
   }

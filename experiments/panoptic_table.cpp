@@ -175,6 +175,11 @@ std::vector<std::string> notes_of(const PanopticTable& table) {
     notes.push_back("INTERIM: " + std::to_string(table.results.size()) + " of " +
                     std::to_string(table.planned) + " pairs of scene and method finished.");
   }
+  if (table.quick) {
+    notes.push_back(
+        "QUICK: tiny pictures and seconds of training. It shows that everything runs; "
+        "its figures mean nothing.");
+  }
   for (const MissingScene& scene : table.missing) {
     notes.push_back("Not run: " + scene.title + " (" + scene.why + ").");
   }

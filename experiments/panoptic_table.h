@@ -30,7 +30,8 @@ struct PanopticTable {
   std::vector<SceneFigures> results;  ///< In the order of heads, then scenes.
   std::vector<std::string> rules;     ///< Of panoptic_rule_names().
   std::vector<MissingScene> missing;
-  int planned = 0;  ///< Pairs of scene and head; fewer results: not finished.
+  bool quick = false;  ///< Trained for seconds (make_quick()): the table says so.
+  int planned = 0;     ///< Pairs of scene and head; fewer results: not finished.
 };
 
 /// @throws core::InputError for an unknown name; "all" stands for every set.

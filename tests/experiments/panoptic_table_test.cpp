@@ -154,7 +154,10 @@ TEST(PanopticTable, TextMarkdownAndCsvSayTheSame) {
 TEST(PanopticTable, AFinishedTableIsNotInterim) {
   PanopticTable t = table();
   t.planned = 3;
-  EXPECT_THAT(format_panoptic_table(t, TableFormat::kText), Not(HasSubstr("INTERIM")));
+  EXPECT_THAT(format_panoptic_table(t, TableFormat::kText),
+              AllOf(Not(HasSubstr("INTERIM")), Not(HasSubstr("QUICK"))));
+  t.quick = true;
+  EXPECT_THAT(format_panoptic_table(t, TableFormat::kText), HasSubstr("QUICK"));
 }
 
 std::string error_of(const std::function<void()>& call) {
