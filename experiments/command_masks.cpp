@@ -72,74 +72,29 @@ core::Image<core::Rgb8> preview_picture(const TrueLabels& truth,
   return both;
 }
 
-/// Exact labels of views spread over the recording.
-std::vector<TrueLabels> sample_views(const renderer::RgbdSequence& recording) {
-  constexpr std::size_t kViews = 64;
-  const std::size_t n = std::min(kViews, recording.frame_count());
-  std::vector<TrueLabels> views;
-  core::Progress progress("read labels", static_cast<std::int64_t>(n));
-  for (std::size_t k = 0; k < n; ++k) {
-    views.push_back(load_true_labels(recording, k * recording.frame_count() / n));
-    progress.update(static_cast<std::int64_t>(k) + 1);
-  }
-  return views;
-}
-
-sim::MaskNoise fitted_noise(const SimulateFlags& flags,
-                            const renderer::RgbdSequence& recording) {
-  const std::vector<TrueLabels> views = sample_views(recording);
-  int round = 0;
-  return fit_mask_noise(
-      sim::MaskNoise{}, recording.classes(), flags.seed, recording.name(), views,
-      recording.intrinsics(), published_quality(), 0.01,
-      [&](const renderer::ViewQuality& reached) {
-        std::fprintf(
-            stderr, "fit, round %d: PQ %.3f, SQ %.3f, RQ %.3f, recall %.3f, precision %.3f\n",
-            ++round, reached.pq, reached.sq, reached.rq, reached.recall, reached.precision);
-      });
-}
-
 void simulate(const SimulateFlags& flags) {
   if (fs::exists(flags.out / "masks.yaml") && !flags.overwrite) {
     throw InputError::expected(flags.out.string(), "a new folder, or --overwrite",
                                "a complete set of masks");
   }
   const auto recording = open_truth(flags.truth);
-  fs::remove(flags.out / "masks.yaml");  // Until it is complete again.
-  const sim::MaskNoise noise =
-      (flags.fit ? fitted_noise(flags, *recording) : sim::MaskNoise{}).at_level(flags.level);
-  const sim::MaskSimulator simulator(recording->classes(), noise, flags.seed,
-                                     recording->name());
+  MaskSimulation simulation;
+  simulation.level = flags.level;
+  simulation.fit = flags.fit;
+  simulation.seed = flags.seed;
+  simulation.frame_step = flags.truth.frame_step;
   const std::size_t step = static_cast<std::size_t>(flags.truth.frame_step);
   const std::size_t views = (recording->frame_count() + step - 1) / step;
-  renderer::ContingencyTable table;
-  core::Progress progress("simulate masks", static_cast<std::int64_t>(views));
-  for (std::size_t k = 0; k < views; ++k) {
-    const TrueLabels truth = load_true_labels(*recording, k * step);
-    const core::FrameMasks masks = simulator.simulate(truth.view(recording->intrinsics()));
-    table.add_frame({truth.semantic, truth.instance}, {masks.semantic, masks.instance});
-    renderer::write_masks(flags.out, recording->frame_name(k * step), masks,
-                          recording->classes());
-    if (k == views / 2 && !flags.preview.empty()) {
-      perception::write_image(flags.preview, preview_picture(truth, masks));
-    }
-    progress.update(static_cast<std::int64_t>(k) + 1);
-  }
-  progress.finish();
-
+  std::size_t done = 0;
   const MaskQuality quality =
-      mask_quality(table, recording->classes(), recording->intrinsics().width_px);
-  const std::string title = internal::print("simulated, level %g", flags.level) +
-                            (flags.fit ? ", fitted" : "") + ", seed " +
-                            std::to_string(flags.seed);
-  renderer::MaskSetInfo info;
-  info.source = title + ", of " + recording->name();
-  info.classes = recording->classes();
-  info.settings = noise.listing();
-  info.measured = quality.listing();
-  renderer::write_mask_set_info(flags.out, info);
+      simulate_masks(*recording, simulation, flags.out,
+                     [&](const TrueLabels& truth, const core::FrameMasks& masks) {
+                       if (done++ == views / 2 && !flags.preview.empty()) {
+                         perception::write_image(flags.preview, preview_picture(truth, masks));
+                       }
+                     });
   std::printf("%s: masks of %zu views\n\n%s", flags.out.string().c_str(), views,
-              mask_quality_text(title, quality).c_str());
+              mask_quality_text(describe(simulation), quality).c_str());
 }
 
 void measure(const MeasureFlags& flags) {

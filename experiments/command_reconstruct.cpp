@@ -19,7 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 
 struct Flags {
-  fs::path sequence, boxes, label_map, out, config, start;
+  fs::path sequence, boxes, label_map, out, config, start, export_pack;
   std::string layout = "auto", up = "auto", on_bad_frame = "refuse", robot = "jackal-gentle";
   std::string backend = "cpu";
   double floor_height_m = 0.0;
@@ -56,7 +56,22 @@ void check_head(const std::string& head) {
   throw core::InputError::expected("--head", words, "\"" + head + "\"");
 }
 
+/// What cannot be asked for together.
+void check_outputs(const Flags& flags) {
+  if (flags.out.empty() == flags.export_pack.empty()) {
+    throw core::InputError::expected("segsim reconstruct", "--out or --export-pack",
+                                     flags.out.empty() ? "neither" : "both");
+  }
+  if (!flags.init_only) return;
+  if (!flags.export_pack.empty() || !flags.reconstruct.surfels.empty() ||
+      !flags.reconstruct.pictures.empty()) {
+    throw core::InputError::expected("--init-only", "no --export-pack, --surfels or --pictures",
+                                     "one of them");
+  }
+}
+
 void reconstruct(Flags flags) {
+  check_outputs(flags);
   if (!flags.init_only) {
     check_head(flags.training.head);
     flags.training.config = config_of(flags);
@@ -77,6 +92,12 @@ void reconstruct(Flags flags) {
   const auto sequence = open_recording(flags.sequence, flags.boxes, options);
   for (const std::string& note : sequence->notes()) std::printf("%s\n", note.c_str());
 
+  if (!flags.export_pack.empty()) {
+    export_training_pack(*sequence, flags.reconstruct, flags.export_pack);
+    std::printf("%s: %.1f MB\n", flags.export_pack.string().c_str(),
+                1e-6 * static_cast<double>(fs::file_size(flags.export_pack)));
+    return;
+  }
   flags.reconstruct.name = flags.out.filename().string();
   flags.reconstruct.source = "recording " + flags.sequence.filename().string();
   flags.reconstruct.robot = sim::RobotModel::by_name(flags.robot);
@@ -116,6 +137,17 @@ void add_training_options(CLI::App& command, const std::shared_ptr<Flags>& flags
   command.add_flag("--align-held-out", training.align_held_out,
                    "Test also at held-out poses that fit the trained surfels best; both "
                    "figures are reported");
+  command
+      .add_option("--shrink", training.set.shrink,
+                  "Train and test on images whose pixels are the means of n x n recorded ones")
+      ->check(CLI::Range(1, 64))
+      ->capture_default_str();
+  command.add_option("--surfels", flags->reconstruct.surfels,
+                     "Train on from these surfels (PLY), for example train_pack's --out");
+  command.add_option("--export-pack", flags->export_pack,
+                     "Write frames and lifted surfels for train_pack, and stop");
+  command.add_option("--pictures", flags->reconstruct.pictures,
+                     "Contact sheet (.png) of views where a robot would be");
   command.add_option("--backend", flags->backend, "cpu | cuda | auto")->capture_default_str();
   command.add_option("--threads", training.device.threads, "Of the CPU; 0: all")
       ->check(CLI::Range(0, 4096))
@@ -141,7 +173,7 @@ void add_reconstruct_command(CLI::App& app) {
       ->add_option("sequence", flags->sequence,
                    "Folder in one of the layouts of docs/datasets.md")
       ->required();
-  command->add_option("--out", flags->out, "Bundle folder")->required();
+  command->add_option("--out", flags->out, "Bundle folder");
   command->add_option("--boxes", flags->boxes,
                       "3-D boxes (JSON) that label a recording without masks");
   command->add_option("--label-map", flags->label_map,

@@ -56,7 +56,7 @@ RunRow chosen_run(const Store& store, const std::filesystem::path& file, std::in
 void print_table(const TableFlags& flags) {
   const TableFormat format = table_format_from(flags.format);
   if (flags.work.empty()) {
-    throw core::InputError::expected("segsim table", "a work folder, or 2", "nothing");
+    throw core::InputError::expected("segsim table", "a work folder, or 1, or 2", "nothing");
   }
   const std::filesystem::path file =
       std::filesystem::is_directory(flags.work) ? flags.work / "results.sqlite" : flags.work;
@@ -107,6 +107,7 @@ void add_table_command(CLI::App& app) {
   command->add_option("--run", flags->run_id, "Number of the run (default: the last)");
   command->add_option("--before", flags->before, "Arm to compare from (default: before)");
   command->add_option("--after", flags->after, "Arm to compare with (default: after)");
+  add_panoptic_table(*command);
   add_ablation_table(*command);
   command->callback([flags, command] {
     if (!command->get_subcommands().empty()) return;  // It has printed its own table.

@@ -23,8 +23,7 @@ std::vector<std::pair<std::string, double>> RobotCoverage::listing() const {
   return {{kMeanName, mean_alpha}, {kThinName, share}};
 }
 
-RobotCoverage robot_coverage(core::Renderer& renderer, const sim::World& world,
-                             double camera_height_m, int views) {
+std::vector<glm::dvec2> reachable_cells_m(const sim::World& world) {
   const sim::FreeSpace& space = world.free_space();
   std::vector<glm::dvec2> cells_m;
   for (int y = 0; y < space.island.height_px(); ++y) {
@@ -35,6 +34,12 @@ RobotCoverage robot_coverage(core::Renderer& renderer, const sim::World& world,
   if (cells_m.empty()) {
     throw core::InputError::expected(world.manifest().name, "room for the robot", "none");
   }
+  return cells_m;
+}
+
+RobotCoverage robot_coverage(core::Renderer& renderer, const sim::World& world,
+                             double camera_height_m, int views) {
+  const std::vector<glm::dvec2> cells_m = reachable_cells_m(world);
   const auto camera = core::CameraIntrinsics::from_fov(160, 120, std::numbers::pi / 2.0);
   const auto T_robot_camera = core::mast_camera(camera_height_m, 0.0);
   core::RandomStream random(kSeed, "robot_coverage");

@@ -8,6 +8,8 @@
 #include <utility>
 #include <vector>
 
+#include <glm/vec2.hpp>
+
 #include "core/render.h"
 #include "core/scene_bundle.h"
 #include "sim/world.h"
@@ -24,6 +26,10 @@ struct RobotCoverage {
 
 inline constexpr double kMinCoverage = 0.6;
 inline constexpr double kMaxThinShare = 0.1;
+
+/// Centres of the cells of the free space that a robot can drive between.
+/// @throws core::InputError if there are none.
+[[nodiscard]] std::vector<glm::dvec2> reachable_cells_m(const sim::World& world);
 
 /// Views from random places of the free space, all around, level, at the scene's camera
 /// height.

@@ -2,9 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 
 #include "core/error.h"
+#include "core/progress.h"
 #include "experiments/internal/text_grid.h"
+#include "renderer/datasets/mask_files.h"
 
 namespace segsim::experiments {
 namespace {
@@ -23,6 +26,33 @@ double shortfall(double measured, double wanted) {
 /// figures.
 double adjusted(double factor, double step) {
   return std::clamp(factor * std::exp(std::clamp(0.8 * step, -0.9, 0.9)), 0.02, 20.0);
+}
+
+/// Exact labels of views spread over the recording.
+std::vector<TrueLabels> sample_views(const renderer::RgbdSequence& recording) {
+  constexpr std::size_t kViews = 64;
+  const std::size_t n = std::min(kViews, recording.frame_count());
+  std::vector<TrueLabels> views;
+  core::Progress progress("read labels", static_cast<std::int64_t>(n));
+  for (std::size_t k = 0; k < n; ++k) {
+    views.push_back(load_true_labels(recording, k * recording.frame_count() / n));
+    progress.update(static_cast<std::int64_t>(k) + 1);
+  }
+  return views;
+}
+
+sim::MaskNoise fitted_noise(const MaskSimulation& simulation,
+                            const renderer::RgbdSequence& recording) {
+  const std::vector<TrueLabels> views = sample_views(recording);
+  int round = 0;
+  return fit_mask_noise(
+      simulation.noise, recording.classes(), simulation.seed, recording.name(), views,
+      recording.intrinsics(), published_quality(), 0.01,
+      [&](const renderer::ViewQuality& reached) {
+        std::fprintf(
+            stderr, "fit, round %d: PQ %.3f, SQ %.3f, RQ %.3f, recall %.3f, precision %.3f\n",
+            ++round, reached.pq, reached.sq, reached.rq, reached.recall, reached.precision);
+      });
 }
 
 }  // namespace
@@ -147,6 +177,45 @@ sim::MaskNoise fit_mask_noise(const sim::MaskNoise& noise,
     shapes = adjusted(shapes, sq);
   }
   return fitted;
+}
+
+std::string describe(const MaskSimulation& simulation) {
+  return internal::print("simulated, level %g", simulation.level) +
+         (simulation.fit ? ", fitted" : "") + ", seed " + std::to_string(simulation.seed);
+}
+
+MaskQuality simulate_masks(
+    const renderer::RgbdSequence& recording, const MaskSimulation& simulation,
+    const std::filesystem::path& folder,
+    const std::function<void(const TrueLabels&, const core::FrameMasks&)>& on_view) {
+  std::filesystem::remove(folder / "masks.yaml");  // Until it is complete again.
+  const sim::MaskNoise noise =
+      (simulation.fit ? fitted_noise(simulation, recording) : simulation.noise)
+          .at_level(simulation.level);
+  const sim::MaskSimulator simulator(recording.classes(), noise, simulation.seed,
+                                     recording.name());
+  const std::size_t step = static_cast<std::size_t>(simulation.frame_step);
+  const std::size_t views = (recording.frame_count() + step - 1) / step;
+  renderer::ContingencyTable table;
+  core::Progress progress("simulate masks", static_cast<std::int64_t>(views));
+  for (std::size_t k = 0; k < views; ++k) {
+    const TrueLabels truth = load_true_labels(recording, k * step);
+    const core::FrameMasks masks = simulator.simulate(truth.view(recording.intrinsics()));
+    table.add_frame({truth.semantic, truth.instance}, {masks.semantic, masks.instance});
+    renderer::write_masks(folder, recording.frame_name(k * step), masks, recording.classes());
+    if (on_view) on_view(truth, masks);
+    progress.update(static_cast<std::int64_t>(k) + 1);
+  }
+  progress.finish();
+  const MaskQuality quality =
+      mask_quality(table, recording.classes(), recording.intrinsics().width_px);
+  renderer::MaskSetInfo info;
+  info.source = describe(simulation) + ", of " + recording.name();
+  info.classes = recording.classes();
+  info.settings = noise.listing();
+  info.measured = quality.listing();
+  renderer::write_mask_set_info(folder, info);
+  return quality;
 }
 
 }  // namespace segsim::experiments

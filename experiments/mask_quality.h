@@ -4,6 +4,7 @@
 /// What 2-D masks are worth, measured against exact labels, and noise fitted to a wanted
 /// quality.
 
+#include <filesystem>
 #include <functional>
 #include <span>
 #include <string>
@@ -61,5 +62,25 @@ struct MaskQuality {
     std::uint64_t seed, const std::string& scene, std::span<const TrueLabels> views,
     const core::CameraIntrinsics& intrinsics, const renderer::ViewQuality& target,
     double tolerance, const std::function<void(const renderer::ViewQuality&)>& note);
+
+/// What noisy masks are made of.
+struct MaskSimulation {
+  sim::MaskNoise noise;  ///< At level 1.
+  double level = 1.0;
+  bool fit = false;  ///< First scale the noise until views give the published quality.
+  std::uint64_t seed = 1;
+  int frame_step = 1;
+};
+
+/// "simulated, level 1, fitted, seed 1".
+[[nodiscard]] std::string describe(const MaskSimulation& simulation);
+
+/// Spoils the recording's exact labels and writes the masks of every n-th frame, masks.yaml
+/// last.
+/// @param on_view  Gets truth and masks of every view; may be empty.
+MaskQuality simulate_masks(
+    const renderer::RgbdSequence& recording, const MaskSimulation& simulation,
+    const std::filesystem::path& folder,
+    const std::function<void(const TrueLabels&, const core::FrameMasks&)>& on_view = {});
 
 }  // namespace segsim::experiments

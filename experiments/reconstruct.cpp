@@ -2,18 +2,24 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <memory>
+#include <span>
 
 #include <glm/gtc/quaternion.hpp>
 
+#include "core/check.h"
 #include "core/error.h"
 #include "core/progress.h"
 #include "core/version.h"
 #include "experiments/coverage.h"
+#include "experiments/robot_pictures.h"
+#include "perception/image_file.h"
 #include "renderer/cloud_start.h"
 #include "renderer/cpu_renderer.h"
 #include "renderer/ply_io.h"
+#include "renderer/training/training_pack.h"
 #include "sim/bundle_files.h"
 #include "sim/world.h"
 
@@ -22,28 +28,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Surfels to start from: the cloud's, or those of the frames' depth.
-renderer::LiftResult start_surfels(const renderer::RgbdSequence& sequence,
-                                   const std::optional<renderer::PointCloud>& cloud,
-                                   const renderer::LiftOptions& options) {
-  std::unique_ptr<core::Progress> progress;
-  std::string current;
-  const auto report = [&](const std::string& stage, std::int64_t done, std::int64_t total) {
-    if (stage != current) {
-      current = stage;
-      progress = std::make_unique<core::Progress>("lift: " + stage, total);
-    }
-    progress->update(done);
-  };
-  if (cloud) return renderer::start_from_cloud(*cloud, sequence, options, report);
-  if (!sequence.has_depth()) {
-    throw core::InputError::expected(sequence.name(),
-                                     "frames with depth, or a cloud to start from (--start)",
-                                     "colour alone");
-  }
-  return renderer::lift(sequence, options, report);
-}
-
 std::vector<glm::vec3> surfel_normals(const renderer::SurfelCloud& surfels) {
   std::vector<glm::vec3> normals;
   normals.reserve(surfels.size());
@@ -51,6 +35,22 @@ std::vector<glm::vec3> surfel_normals(const renderer::SurfelCloud& surfels) {
     normals.push_back(R_world_surfel * glm::vec3(0.0F, 0.0F, 1.0F));
   }
   return normals;
+}
+
+/// Those of the options, without the frames that training holds out.
+renderer::LiftOptions lift_options_of(const renderer::RgbdSequence& sequence,
+                                      const ReconstructOptions& options) {
+  renderer::LiftOptions lift_options = options.lift;
+  if (!options.training) return lift_options;
+  if (!sequence.has_depth()) {
+    throw core::InputError::expected(sequence.name(),
+                                     "frames with depth: training starts "
+                                     "from lifted surfels",
+                                     "colour alone");
+  }
+  lift_options.held_out_every = options.training->set.held_out_every;
+  lift_options.frame_step = options.training->set.frame_step;
+  return lift_options;
 }
 
 /// What goes into the bundle.
@@ -72,7 +72,11 @@ Scene trained(const renderer::RgbdSequence& sequence, const renderer::LiftResult
   TrainingOptions training = *options.training;
   training.work = training_folder(options, folder);
   const renderer::TrainingSet set = load_set(sequence, training);
-  TrainedScene result = train_scene(set, lifted.surfels, training);
+  const renderer::SurfelCloud start =
+      options.surfels.empty() ? lifted.surfels : renderer::read_surfels_ply(options.surfels);
+  int& sh_degree = training.config.geometry.sh_degree;
+  sh_degree = std::max(sh_degree, start.sh_degree);
+  TrainedScene result = train_scene(set, start, training);
   std::printf("%s\n", result.quality.text().c_str());
   if (result.aligned_quality) {
     std::printf("at aligned poses: %s\n", result.aligned_quality->text().c_str());
@@ -91,17 +95,44 @@ Scene trained(const renderer::RgbdSequence& sequence, const renderer::LiftResult
 
 /// Draws the finished bundle from where a robot can stand; the figures join the manifest.
 void add_coverage(const fs::path& folder, const renderer::SurfelCloud& surfels,
-                  const sim::RobotModel& robot, core::SceneManifest& manifest) {
-  const sim::World world = sim::World::load(core::load_bundle(folder), robot);
+                  std::span<const glm::dvec3> camera_positions_m,
+                  const ReconstructOptions& options, core::SceneManifest& manifest) {
+  const sim::World world = sim::World::load(core::load_bundle(folder), options.robot);
   const auto renderer =
       renderer::make_cpu_renderer(std::make_shared<const renderer::SurfelCloud>(surfels));
   const auto figures = robot_coverage(*renderer, world, manifest.camera_height_m).listing();
   manifest.statistics.insert(manifest.statistics.end(), figures.begin(), figures.end());
   const std::string warning = coverage_warning(manifest);
   if (!warning.empty()) std::fprintf(stderr, "warning: %s\n", warning.c_str());
+  if (options.pictures.empty()) return;
+  RobotPictureOptions pictures;
+  pictures.mast_height_m = manifest.camera_height_m;
+  perception::write_image(options.pictures,
+                          robot_pictures(*renderer, world, camera_positions_m, pictures));
 }
 
 }  // namespace
+
+renderer::LiftResult lift_recording(const renderer::RgbdSequence& sequence,
+                                    const renderer::LiftOptions& options,
+                                    const std::optional<renderer::PointCloud>& cloud) {
+  std::unique_ptr<core::Progress> progress;
+  std::string current;
+  const auto report = [&](const std::string& stage, std::int64_t done, std::int64_t total) {
+    if (stage != current) {
+      current = stage;
+      progress = std::make_unique<core::Progress>("lift: " + stage, total);
+    }
+    progress->update(done);
+  };
+  if (cloud) return renderer::start_from_cloud(*cloud, sequence, options, report);
+  if (!sequence.has_depth()) {
+    throw core::InputError::expected(sequence.name(),
+                                     "frames with depth, or a cloud to start from (--start)",
+                                     "colour alone");
+  }
+  return renderer::lift(sequence, options, report);
+}
 
 core::SceneBundle reconstruct_bundle(const renderer::RgbdSequence& sequence,
                                      const ReconstructOptions& options,
@@ -109,12 +140,8 @@ core::SceneBundle reconstruct_bundle(const renderer::RgbdSequence& sequence,
   for (const std::string& warning : sequence.warnings()) {
     std::fprintf(stderr, "warning: %s\n", warning.c_str());
   }
-  renderer::LiftOptions lift_options = options.lift;
-  if (options.training) {
-    lift_options.held_out_every = options.training->set.held_out_every;
-    lift_options.frame_step = options.training->set.frame_step;
-  }
-  renderer::LiftResult lifted = start_surfels(sequence, options.start, lift_options);
+  const renderer::LiftOptions lift_options = lift_options_of(sequence, options);
+  renderer::LiftResult lifted = lift_recording(sequence, lift_options, options.start);
   const std::vector<glm::vec3> lifted_points_m = lifted.surfels.position_m;
   const std::vector<glm::vec3> lifted_normals = surfel_normals(lifted.surfels);
   Scene scene;
@@ -157,7 +184,7 @@ core::SceneBundle reconstruct_bundle(const renderer::RgbdSequence& sequence,
     }
     core::write_bundle_manifest(temporary, manifest);
     if (options.training) {
-      add_coverage(temporary, scene.surfels, options.robot, manifest);
+      add_coverage(temporary, scene.surfels, lifted.camera_positions_m, options, manifest);
       core::write_bundle_manifest(temporary, manifest);
     }
     fs::remove_all(folder);
@@ -168,6 +195,18 @@ core::SceneBundle reconstruct_bundle(const renderer::RgbdSequence& sequence,
     throw;
   }
   return core::load_bundle(folder);
+}
+
+void export_training_pack(const renderer::RgbdSequence& sequence,
+                          const ReconstructOptions& options, const fs::path& file) {
+  SEGSIM_CHECK(options.training.has_value(), "a pack is for training");
+  if (!sequence.has_masks()) {
+    throw core::InputError::expected(
+        sequence.name(), "labels (a capture, a labelled data set, or --boxes)", "none");
+  }
+  const renderer::LiftResult lifted =
+      lift_recording(sequence, lift_options_of(sequence, options), options.start);
+  renderer::write_training_pack(file, load_set(sequence, *options.training), lifted.surfels);
 }
 
 }  // namespace segsim::experiments

@@ -28,6 +28,10 @@ struct ReconstructOptions {
   /// None: lifting alone. Its `set` decides about held-out frames; `lift` follows it. Its
   /// `work` is filled in (<folder>.training) if empty.
   std::optional<TrainingOptions> training;
+  /// Surfels that training starts from instead of the lifted ones, for example those that were
+  /// trained elsewhere on an exported pack (PLY); empty: the lifted ones.
+  std::filesystem::path surfels;
+  std::filesystem::path pictures;  ///< robot_pictures() of the result (PNG); empty: none.
   sim::CollisionMeshOptions collision;
   sim::RobotModel robot = sim::RobotModel::jackal_gentle();
   double camera_height_m = 1.2;  ///< Mast height that suits the recording.
@@ -35,6 +39,12 @@ struct ReconstructOptions {
   /// own simulation uses (jackal.gazebo: 49.9 N, 8.9 E).
   core::GeodeticOrigin origin{49.9, 8.9, 0.0, 0.0};
 };
+
+/// Surfels to start from, with progress lines: the cloud's, or lifted from the frames' depth.
+/// @throws core::InputError for frames without depth and no cloud.
+[[nodiscard]] renderer::LiftResult lift_recording(
+    const renderer::RgbdSequence& sequence, const renderer::LiftOptions& options,
+    const std::optional<renderer::PointCloud>& cloud = {});
 
 /// Makes the bundle in a temporary folder beside `folder` and renames it: a bundle is there
 /// wholly or not at all. An existing bundle is replaced. Without training, frames held out by
@@ -44,5 +54,12 @@ struct ReconstructOptions {
 core::SceneBundle reconstruct_bundle(const renderer::RgbdSequence& sequence,
                                      const ReconstructOptions& options,
                                      const std::filesystem::path& folder);
+
+/// Lifts, loads the frames as `options.training` says, and writes both to a training pack
+/// (renderer/training/training_pack.h), to be trained on another machine. Makes no bundle.
+/// @throws core::InputError if frames have no depth or no labels.
+void export_training_pack(const renderer::RgbdSequence& sequence,
+                          const ReconstructOptions& options,
+                          const std::filesystem::path& file);
 
 }  // namespace segsim::experiments

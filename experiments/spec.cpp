@@ -396,6 +396,16 @@ bool ExperimentSpec::leaks(const ArmSpec& arm, const SceneSpec& scene) const {
   return std::find(tuned.begin(), tuned.end(), scene.name) != tuned.end();
 }
 
+SourceSpec read_source_spec(const ConfigNode& node, const SpecFolders& folders,
+                            const fs::path& file) {
+  return read_source(node, Variables(folders, file));
+}
+
+fs::path read_spec_path(const ConfigNode& node, const SpecFolders& folders,
+                        const fs::path& file) {
+  return Variables(folders, file).expand(node);
+}
+
 ExperimentSpec load_spec(const fs::path& file, SpecFolders& folders) {
   return parse_spec(core::read_file(file), file, folders);
 }

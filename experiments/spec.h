@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "core/camera.h"
+#include "core/config.h"
 #include "nav/policy_factory.h"
 #include "renderer/renderer_backend.h"
 
@@ -180,5 +181,15 @@ struct SpecFolders {
 [[nodiscard]] ExperimentSpec parse_spec(const std::string& text,
                                         const std::filesystem::path& origin,
                                         SpecFolders& folders);
+
+/// A `source:` section alone, for other files that name scenes.
+/// @param file  That it stands in: ${spec} is its folder.
+[[nodiscard]] SourceSpec read_source_spec(const core::ConfigNode& node,
+                                          const SpecFolders& folders,
+                                          const std::filesystem::path& file);
+/// A path with its variables replaced.
+[[nodiscard]] std::filesystem::path read_spec_path(const core::ConfigNode& node,
+                                                   const SpecFolders& folders,
+                                                   const std::filesystem::path& file);
 
 }  // namespace segsim::experiments

@@ -3,6 +3,7 @@
 /// @file
 /// How good a reconstruction is on views that it has not seen.
 
+#include <functional>
 #include <span>
 #include <string>
 #include <utility>
@@ -18,11 +19,18 @@ namespace segsim::experiments {
 
 struct HeldOutQuality {
   renderer::ColorQuality color;
-  renderer::DepthQuality depth;        ///< Against the recorded depth.
-  renderer::NormalQuality normal;      ///< Against the normals of the recorded depth.
-  renderer::ContingencyTable labels;   ///< Without frames if there are no true labels.
-  renderer::PanopticQuality panoptic;  ///< Strict rules, of the whole scene.
-  double mean_iou = 0.0;               ///< Pooled over the views.
+  /// The same views after each channel was given the gain that fits best (gain_fitted()): of
+  /// a recording with automatic exposure. A figure of its own, not to be quoted as the first.
+  renderer::ColorQuality gain_fitted_color;
+  renderer::DepthQuality depth;  ///< Against the recorded depth.
+  /// Recorded depth of the nearest training frame before and after, brought into the view
+  /// (depth_repeatability.h), against the recorded depth: the sensor's own level ...
+  renderer::DepthQuality sensor_depth;
+  renderer::DepthQuality depth_at_sensor;  ///< ... and `depth` on the same pixels.
+  renderer::NormalQuality normal;          ///< Against the normals of the recorded depth.
+  renderer::ContingencyTable labels;       ///< Without frames if there are no true labels.
+  renderer::PanopticQuality panoptic;      ///< Strict rules, of the whole scene.
+  double mean_iou = 0.0;                   ///< Pooled over the views.
 
   /// For the manifest: prefix + "psnr_db", ...; empty without held-out views.
   [[nodiscard]] std::vector<std::pair<std::string, double>> listing(
@@ -36,5 +44,11 @@ struct HeldOutQuality {
 [[nodiscard]] HeldOutQuality held_out_quality(core::Renderer& renderer,
                                               const renderer::TrainingSet& set,
                                               std::span<const core::CameraPose> poses = {});
+
+/// Labels of the views on the training trajectory against `truth`, view by view.
+/// @param truth  Exact labels of a training view, of the set's size.
+[[nodiscard]] renderer::ContingencyTable trajectory_labels(
+    core::Renderer& renderer, const renderer::TrainingSet& set,
+    const std::function<core::FrameMasks(const renderer::TrainingView&)>& truth);
 
 }  // namespace segsim::experiments

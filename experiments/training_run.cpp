@@ -143,6 +143,7 @@ class TrainingRun {
       scene.surfels.semantic_id = start_.semantic_id;
       scene.surfels.instance_id = start_.instance_id;
     }
+    scene.field = field;
     const auto surfels = std::make_shared<const SurfelCloud>(scene.surfels);
     write_preview(options_.work / "preview.png", set_, surfels, field,
                   options_.device.threads);

@@ -146,6 +146,27 @@ double ssim(const core::Image<core::Rgb8>& image, const core::Image<core::Rgb8>&
   return sum / 3.0;
 }
 
+core::Image<core::Rgb8> gain_fitted(const core::Image<core::Rgb8>& image,
+                                    const core::Image<core::Rgb8>& truth) {
+  check_sizes(image, truth);
+  core::Image<core::Rgb8> fitted = image;
+  for (const auto channel : {&core::Rgb8::r, &core::Rgb8::g, &core::Rgb8::b}) {
+    // Least squares of gain * image = truth.
+    double product = 0.0, square = 0.0;
+    for (std::size_t i = 0; i < image.size(); ++i) {
+      const double value = image.pixels()[i].*channel;
+      product += value * (truth.pixels()[i].*channel);
+      square += value * value;
+    }
+    const double gain = square > 0.0 ? product / square : 1.0;
+    for (core::Rgb8& pixel : fitted.pixels()) {
+      const double value = std::round(gain * (pixel.*channel));
+      pixel.*channel = static_cast<std::uint8_t>(std::clamp(value, 0.0, 255.0));
+    }
+  }
+  return fitted;
+}
+
 void ColorQuality::add(const core::Image<core::Rgb8>& image,
                        const core::Image<core::Rgb8>& truth) {
   psnr_sum_db_ += renderer::psnr_db(image, truth);
@@ -168,11 +189,20 @@ void DepthQuality::add(const core::Image<float>& depth_m, const core::Image<floa
     ++pixels_;
     abs_sum_m_ += error_m;
     square_sum_m2_ += error_m * error_m;
+    ++by_mm_[static_cast<std::size_t>(1000.0 * std::min(error_m, kMedianLimit_m))];
     relative_sum_ += error_m / truth;
     close_ += std::max(depth / truth, truth / depth) < 1.25F ? 1 : 0;
   }
 }
 double DepthQuality::mean_abs_m() const { return mean_of(abs_sum_m_, pixels_); }
+double DepthQuality::median_abs_m() const {
+  std::uint64_t below = 0;
+  for (std::size_t mm = 0; mm < by_mm_.size(); ++mm) {
+    below += by_mm_[mm];
+    if (2 * below >= pixels_ && pixels_ > 0) return 1e-3 * static_cast<double>(mm);
+  }
+  return 0.0;
+}
 double DepthQuality::rms_m() const { return std::sqrt(mean_of(square_sum_m2_, pixels_)); }
 double DepthQuality::mean_relative() const { return mean_of(relative_sum_, pixels_); }
 double DepthQuality::within_1_25() const {

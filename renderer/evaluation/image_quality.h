@@ -30,6 +30,12 @@ enum class SsimBorder : std::uint8_t {
                           const core::Image<core::Rgb8>& truth,
                           SsimBorder border = SsimBorder::kZeroPadded);
 
+/// `image` with each channel times the factor that brings it nearest to `truth` in the mean
+/// square. What is left of the error is not the exposure's: a camera with automatic exposure
+/// shows the same wall brighter or darker from view to view.
+[[nodiscard]] core::Image<core::Rgb8> gain_fitted(const core::Image<core::Rgb8>& image,
+                                                  const core::Image<core::Rgb8>& truth);
+
 /// Means over views.
 class ColorQuality {
  public:
@@ -43,12 +49,16 @@ class ColorQuality {
   double psnr_sum_db_ = 0.0, ssim_sum_ = 0.0;
 };
 
+inline constexpr double kMedianLimit_m = 1.0;
+
 /// Depth where both sides have one; NaN and values <= 0 mean "none".
 class DepthQuality {
  public:
   void add(const core::Image<float>& depth_m, const core::Image<float>& truth_m);
   [[nodiscard]] std::uint64_t pixels() const { return pixels_; }
   [[nodiscard]] double mean_abs_m() const;  ///< "Depth L1". 0 without pixels, as the others.
+  /// In whole millimetres, rounded down; errors from kMedianLimit_m on count as that.
+  [[nodiscard]] double median_abs_m() const;
   [[nodiscard]] double rms_m() const;
   [[nodiscard]] double mean_relative() const;  ///< |d - d*| / d*.
   [[nodiscard]] double within_1_25() const;    ///< Share with max(d / d*, d* / d) < 1.25.
@@ -58,6 +68,7 @@ class DepthQuality {
  private:
   std::uint64_t pixels_ = 0, missing_ = 0, close_ = 0;
   double abs_sum_m_ = 0.0, square_sum_m2_ = 0.0, relative_sum_ = 0.0;
+  std::array<std::uint64_t, 1001> by_mm_{};  ///< Pixels by error; the last: all larger ones.
 };
 
 /// Angle between unit normals where both sides have one (not 0, not NaN).

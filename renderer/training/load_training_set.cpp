@@ -31,7 +31,7 @@ core::Image<float> depth_of_size(core::Image<float> depth_m, int width_px, int h
 }
 
 TrainingView load_view(const RgbdSequence& recording, const MaskSet* masks, std::size_t frame,
-                       bool with_labels) {
+                       const TrainingSetOptions& options, bool with_labels) {
   RgbdFrame source = recording.load(frame);
   TrainingView view;
   view.frame = frame;
@@ -46,7 +46,7 @@ TrainingView load_view(const RgbdSequence& recording, const MaskSet* masks, std:
   view.rgb = std::move(source.rgb);
   view.depth_m = depth_of_size(std::move(source.depth_m), width, height);
   view.valid = std::move(source.valid);
-  return view;
+  return options.shrink > 1 ? shrunk(view, options.shrink) : view;
 }
 
 /// Loads the given frames in order, several at a time.
@@ -142,7 +142,8 @@ class Duplicates {
 TrainingSet load_training_set(
     const RgbdSequence& recording, const MaskSet* masks, const TrainingSetOptions& options,
     const std::function<void(std::int64_t done, std::int64_t total)>& progress) {
-  SEGSIM_CHECK(options.frame_step >= 1, std::to_string(options.frame_step));
+  SEGSIM_CHECK(options.frame_step >= 1 && options.shrink >= 1,
+               std::to_string(options.frame_step) + ", " + std::to_string(options.shrink));
   LiftOptions split;
   split.held_out_every = options.held_out_every;
   split.frame_step = options.frame_step;
@@ -161,7 +162,13 @@ TrainingSet load_training_set(
         std::to_string(recording.frame_count()) + " frames, all held out");
   }
   TrainingSet set;
-  set.intrinsics = recording.intrinsics();
+  const core::CameraIntrinsics& recorded = recording.intrinsics();
+  if (options.shrink > std::min(recorded.width_px, recorded.height_px)) {
+    throw core::InputError::expected(
+        recording.name(), "images of at least " + std::to_string(options.shrink) + " pixels",
+        std::to_string(recorded.width_px) + " x " + std::to_string(recorded.height_px));
+  }
+  set.intrinsics = shrunk(recorded, options.shrink);
   if (options.labels)
     set.classes = masks != nullptr ? masks->info().classes : recording.classes();
   set.has_true_labels = options.labels && recording.has_masks();
@@ -171,10 +178,13 @@ TrainingSet load_training_set(
   };
   load_all(
       training, set.training,
-      [&](std::size_t i) { return load_view(recording, masks, i, options.labels); }, report);
+      [&](std::size_t i) { return load_view(recording, masks, i, options, options.labels); },
+      report);
   load_all(
       held_out, set.held_out,
-      [&](std::size_t i) { return load_view(recording, nullptr, i, set.has_true_labels); },
+      [&](std::size_t i) {
+        return load_view(recording, nullptr, i, options, set.has_true_labels);
+      },
       [&](std::size_t done) { report(training.size() + done); });
   Duplicates duplicates(set.warnings);
   duplicates.remove(set.held_out);

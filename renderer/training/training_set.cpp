@@ -10,6 +10,40 @@ namespace {
 
 constexpr double kExtentMargin = 1.1, kSmallestExtent_m = 0.5;
 
+/// The middle pixel of each block; empty stays empty.
+template <class Pixel>
+core::Image<Pixel> middles(const core::Image<Pixel>& image, int n) {
+  core::Image<Pixel> small(image.width_px() / n, image.height_px() / n);
+  for (int y = 0; y < small.height_px(); ++y) {
+    for (int x = 0; x < small.width_px(); ++x) {
+      small(x, y) = image(n * x + n / 2, n * y + n / 2);
+    }
+  }
+  return small;
+}
+
+/// The mean of each block, rounded.
+core::Image<core::Rgb8> block_means(const core::Image<core::Rgb8>& image, int n) {
+  core::Image<core::Rgb8> small(image.width_px() / n, image.height_px() / n);
+  const int pixels = n * n;
+  for (int y = 0; y < small.height_px(); ++y) {
+    for (int x = 0; x < small.width_px(); ++x) {
+      int r = 0, g = 0, b = 0;
+      for (int j = 0; j < n; ++j) {
+        for (int i = 0; i < n; ++i) {
+          const core::Rgb8& pixel = image(n * x + i, n * y + j);
+          r += pixel.r, g += pixel.g, b += pixel.b;
+        }
+      }
+      const auto mean = [pixels](int sum) {
+        return static_cast<std::uint8_t>((sum + pixels / 2) / pixels);
+      };
+      small(x, y) = {mean(r), mean(g), mean(b)};
+    }
+  }
+  return small;
+}
+
 }  // namespace
 
 core::FrameMasks exact_masks(const RgbdFrame& frame) {
@@ -23,6 +57,28 @@ core::FrameMasks exact_masks(const RgbdFrame& frame) {
   }
   masks.segments = core::segments_of(masks);
   return masks;
+}
+
+core::CameraIntrinsics shrunk(const core::CameraIntrinsics& intrinsics, int n) {
+  core::CameraIntrinsics small = intrinsics;
+  small.width_px /= n, small.height_px /= n;
+  for (double* value : {&small.fx_px, &small.fy_px, &small.cx_px, &small.cy_px}) *value /= n;
+  return small;
+}
+
+TrainingView shrunk(const TrainingView& view, int n) {
+  TrainingView small;
+  small.frame = view.frame;
+  small.name = view.name;
+  small.T_world_camera = view.T_world_camera;
+  small.rgb = block_means(view.rgb, n);
+  small.depth_m = middles(view.depth_m, n);
+  small.valid = middles(view.valid, n);
+  small.masks.semantic = middles(view.masks.semantic, n);
+  small.masks.instance = middles(view.masks.instance, n);
+  small.masks.confidence = middles(view.masks.confidence, n);
+  if (!small.masks.semantic.empty()) small.masks.segments = core::segments_of(small.masks);
+  return small;
 }
 
 double TrainingSet::extent_m() const {

@@ -34,6 +34,7 @@ struct TrainingSetOptions {
   int held_out_every = 8;  ///< n > 1: frames with index % n == 0 are for testing; else none.
   int frame_step = 1;      ///< Use every n-th frame, for training and for testing.
   bool labels = true;      ///< Keep masks.
+  int shrink = 1;          ///< n > 1: n x n pixels become one (shrunk()).
 };
 
 struct TrainingSet {
@@ -49,6 +50,13 @@ struct TrainingSet {
   /// extent"), at least 0.5 m.
   [[nodiscard]] double extent_m() const;
 };
+
+/// The camera of shrunk() views: columns and rows that fill no block are cut off on the right
+/// and below.
+[[nodiscard]] core::CameraIntrinsics shrunk(const core::CameraIntrinsics& intrinsics, int n);
+/// A view with one pixel for n x n: the mean colour of the block; depth, labels and validity
+/// of the pixel in its middle, since a mean over an edge is on neither side of it.
+[[nodiscard]] TrainingView shrunk(const TrainingView& view, int n);
 
 /// Loads all frames that are used. A frame that repeats another, picture and pose, is left out
 /// with a warning: training frames before held-out ones, which it would flatter; the same

@@ -110,6 +110,36 @@ TEST(ImageQuality, DepthErrorSkipsWhatIsMissing) {
   EXPECT_EQ(DepthQuality().mean_abs_m(), 0.0);
 }
 
+TEST(ImageQuality, MedianDepthErrorIsThatOfTheMiddlePixel) {
+  core::Image<float> depth_m(5, 1, 2.0F), truth_m(5, 1);
+  truth_m.pixels() = {2.0F, 2.0105F, 1.9795F, 2.3F, 9.0F};  // Errors 0, 10.5, 20.5, 300, 7000.
+  DepthQuality quality;
+  quality.add(depth_m, truth_m);
+  EXPECT_DOUBLE_EQ(quality.median_abs_m(), 0.020);
+  EXPECT_EQ(DepthQuality().median_abs_m(), 0.0);
+  DepthQuality far;
+  far.add(core::Image<float>(2, 1, 1.0F), core::Image<float>(2, 1, 5.0F));
+  EXPECT_DOUBLE_EQ(far.median_abs_m(), kMedianLimit_m);
+}
+
+TEST(ImageQuality, AFittedGainTakesOutTheExposureAndNothingElse) {
+  core::Image<Rgb8> truth = noise_image(16, 12, 5);
+  for (Rgb8& pixel : truth.pixels()) pixel.r /= 2, pixel.g /= 2, pixel.b /= 2;
+  core::Image<Rgb8> darker = truth;
+  for (Rgb8& pixel : darker.pixels()) {
+    pixel.r = static_cast<std::uint8_t>(std::lround(0.7 * pixel.r));
+    pixel.b = static_cast<std::uint8_t>(std::lround(1.4 * pixel.b));
+  }
+  // What rounding to bytes leaves.
+  EXPECT_GT(psnr_db(gain_fitted(darker, truth), truth), 48.0);
+  EXPECT_LT(psnr_db(darker, truth), 30.0);
+
+  const core::Image<Rgb8> other = noise_image(16, 12, 6);
+  EXPECT_GE(psnr_db(gain_fitted(other, truth), truth), psnr_db(other, truth));
+  const core::Image<Rgb8> black(16, 12);
+  EXPECT_EQ(gain_fitted(black, truth).pixels(), black.pixels());
+}
+
 TEST(ImageQuality, NormalErrorIsTheAngle) {
   const auto tilted = [](double degrees) {
     const double angle_rad = degrees * std::numbers::pi / 180.0;

@@ -4,9 +4,11 @@
 /// cuda` does, without the libraries that a recording needs.
 ///
 ///     train_pack PACK [--geometry 7000] [--labels 15000] [--head query] [--max-surfels N]
-///                [--masks PACK2]... [--sh 2] [--fixed-order] [--start IN.ply] [--out OUT.ply]
+///                [--masks PACK2]... [--sh 2] [--exposure 0.001] [--fixed-order]
+///                [--start IN.ply] [--out OUT.ply]
 ///
-/// --start takes other surfels than the pack's, --out keeps the trained ones; --masks trains
+/// `segsim reconstruct --export-pack` writes packs, and `--start OUT.ply --iterations 0` makes
+/// a bundle of what comes back. --exposure is the rate of every image's gain. --start takes other surfels than the pack's, --out keeps the trained ones; --masks trains
 /// the labels once more with the masks of another pack of the same views.
 
 #include <chrono>
@@ -71,6 +73,8 @@ Flags parse(int argc, char** argv) {
       flags.geometry.densify.max_surfels = std::stoll(value());
     } else if (word == "--sh") {
       flags.geometry.sh_degree = std::stoi(value());
+    } else if (word == "--exposure") {
+      flags.geometry.rate.exposure = std::stod(value());
     } else if (word == "--masks") {
       flags.masks.push_back(value());
     } else if (word == "--start") {

@@ -193,5 +193,55 @@ TEST(TrainingSet, ClassIdsOutsideTheTableAreRefused) {
                   ::testing::HasSubstr("expected class ids of the scene's table, found 7")));
 }
 
+TEST(TrainingSet, ShrunkViewsSeeTheSamePointsWithFewerPixels) {
+  const core::CameraIntrinsics camera{7, 5, 6.0, 9.0, 3.5, 2.5};
+  const core::CameraIntrinsics small = shrunk(camera, 3);
+  EXPECT_EQ(small.width_px, 2);
+  EXPECT_EQ(small.height_px, 1);
+  const glm::dvec3 p_m(0.3, -0.2, 2.0);
+  EXPECT_NEAR(small.project(p_m).x, camera.project(p_m).x / 3.0, 1e-12);
+  EXPECT_NEAR(small.project(p_m).y, camera.project(p_m).y / 3.0, 1e-12);
+
+  TrainingView view;
+  view.frame = 4;
+  view.rgb = core::Image<core::Rgb8>(7, 5);
+  view.depth_m = core::Image<float>(7, 5);
+  view.masks.semantic = core::Image<std::uint16_t>(7, 5);
+  view.masks.instance = core::Image<std::uint16_t>(7, 5);
+  view.masks.confidence = core::Image<std::uint8_t>(7, 5, 255);
+  for (int y = 0; y < 5; ++y) {
+    for (int x = 0; x < 7; ++x) {
+      view.rgb(x, y).r = static_cast<std::uint8_t>(10 * x + y);
+      view.depth_m(x, y) = static_cast<float>(10 * x + y);
+      view.masks.semantic(x, y) = static_cast<std::uint16_t>(10 * x + y);
+    }
+  }
+  const TrainingView half = shrunk(view, 3);
+  EXPECT_EQ(half.frame, 4U);
+  ASSERT_EQ(half.rgb.width_px(), 2);
+  ASSERT_EQ(half.rgb.height_px(), 1);
+  // Means of columns 0 ... 2 and 3 ... 5, rows 0 ... 2; middles (1, 1) and (4, 1).
+  EXPECT_EQ(half.rgb(0, 0).r, 11);
+  EXPECT_EQ(half.rgb(1, 0).r, 41);
+  EXPECT_EQ(half.depth_m(0, 0), 11.0F);
+  EXPECT_EQ(half.depth_m(1, 0), 41.0F);
+  EXPECT_EQ(half.masks.semantic(1, 0), 41);
+  EXPECT_EQ(half.masks.segments.size(), 2U);
+  EXPECT_TRUE(half.valid.empty());
+}
+
+TEST(TrainingSet, LoadsShrunkAndRefusesToShrinkToNothing) {
+  const CountingSequence recording(4);
+  TrainingSetOptions options;
+  options.shrink = 2;
+  const TrainingSet set = load_training_set(recording, nullptr, options);
+  EXPECT_EQ(set.intrinsics.width_px, 4);
+  EXPECT_EQ(set.training.front().rgb.height_px(), 3);
+  EXPECT_EQ(set.training.front().depth_m.width_px(), 4);
+  EXPECT_EQ(set.held_out.front().masks.semantic.width_px(), 4);
+  options.shrink = 7;
+  EXPECT_THROW((void)load_training_set(recording, nullptr, options), core::InputError);
+}
+
 }  // namespace
 }  // namespace segsim::renderer
