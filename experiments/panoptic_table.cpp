@@ -147,7 +147,7 @@ internal::TextGrid geometry_grid(const PanopticTable& table) {
          cell("held_out_gain_fitted_psnr_db", 1.0, "%.2f"), cell("held_out_ssim", 1.0, "%.3f"),
          cell("held_out_depth_l1_m", 100.0, "%.1f"),
          cell("held_out_depth_l1_at_sensor_m", 100.0, "%.1f"),
-         cell("sensor_depth_l1_m", 100.0, "%.1f"),
+         cell("held_out_sensor_depth_l1_m", 100.0, "%.1f"),
          cell("held_out_normal_error_deg", 1.0, "%.1f")});
   }
   return grid;

@@ -87,7 +87,7 @@ TEST(PanopticRun, KilledAndResumedGivesTheSameTable) {
     EXPECT_EQ(f.find("strict")->views, 8);  // Every fourth of 32.
     EXPECT_EQ(f.find("trajectory")->views, 24);
     EXPECT_GT(f.statistic("held_out_psnr_db"), 12.0);  // Before holes are filled: 8 dB.
-    EXPECT_GT(f.statistic("sensor_depth_l1_m"), 0.0);
+    EXPECT_GT(f.statistic("held_out_sensor_depth_l1_m"), 0.0);
     EXPECT_GT(f.find("strict")->mean_iou(), 0.0);
     EXPECT_GT(f.mask_figure("pq"), 0.0);
     EXPECT_LT(f.mask_figure("pq"), 1.0);
