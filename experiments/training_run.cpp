@@ -138,6 +138,7 @@ class TrainingRun {
     renderer::RenderOptions draw;
     draw.threads = options_.device.threads;
     const auto renderer = renderer::make_cpu_renderer(surfels, draw, field);
+    scene.field = field;
     scene.quality = held_out_quality(*renderer, set_);
     scene.statistics = std::move(statistics_);
     const auto quality = scene.quality.listing();

@@ -10,6 +10,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -42,6 +43,8 @@ struct TrainingOptions {
 struct TrainedScene {
   renderer::SurfelCloud surfels;                 ///< With ids if a head was trained.
   std::optional<renderer::PanopticModel> model;  ///< Of query heads.
+  /// Label distributions of the surfels; nullptr without a head.
+  std::shared_ptr<const renderer::PanopticField> field;
   std::vector<core::SceneClass> classes;
   std::vector<core::SceneInstance> instances;
   HeldOutQuality quality;

@@ -12,6 +12,7 @@
 #include "core/progress.h"
 #include "core/random.h"
 #include "core/render.h"
+#include "experiments/scene_surfels.h"
 #include "perception/image_file.h"
 #include "renderer/cpu_renderer.h"
 #include "renderer/ply_io.h"
@@ -170,7 +171,8 @@ perception::CocoDataset label_views(const core::SceneBundle& bundle,
     throw core::InputError::expected(bundle.surfels_file().string(), "labelled surfels",
                                      "no semantic_id property");
   }
-  const auto view_renderer = renderer::make_cpu_renderer(surfels, {});
+  const auto view_renderer =
+      renderer::make_cpu_renderer(surfels, {}, load_scene_labels(bundle, *surfels));
   InstanceRenderers alone(surfels);
   ViewSampler sampler(world, options);
   const auto T_robot_camera =
