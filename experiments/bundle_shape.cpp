@@ -28,14 +28,20 @@ SceneShape fuse_rendered_depth(core::Renderer& renderer,
   }
   SceneShape shape;
   sim::DepthFusion fusion(options.fusion);
-  core::Progress progress("fuse depth", static_cast<std::int64_t>(poses.size()));
+  core::Progress progress("fuse depth", 2 * static_cast<std::int64_t>(poses.size()));
   core::Frame frame;
   std::int64_t done = 0;
+  // Drawn twice instead of kept: hundreds of views do not fit everywhere.
+  for (const bool adding : {false, true}) {
+    for (const core::CameraPose& pose : poses) {
+      renderer.render(pose, camera, core::Channels::kDepth | core::Channels::kNormal, frame);
+      const sim::DepthView view{camera, pose, &frame.depth_m, &frame.normal};
+      adding ? fusion.add(view) : fusion.reserve(view);
+      progress.update(++done);
+    }
+  }
   for (const core::CameraPose& pose : poses) {
-    renderer.render(pose, camera, core::Channels::kDepth | core::Channels::kNormal, frame);
-    fusion.add({camera, pose, &frame.depth_m, &frame.normal});
     shape.camera_positions_m.push_back(pose.translation_m());
-    progress.update(++done);
   }
   progress.finish();
   shape.surface = fusion.surface();

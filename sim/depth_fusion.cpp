@@ -123,6 +123,22 @@ PreparedView prepared(const DepthView& view, const DepthFusionOptions& options,
   return result;
 }
 
+void check_view(const DepthView& view) {
+  SEGSIM_CHECK(view.depth_m != nullptr, "a view has depth");
+  const auto fits = [&](const auto& image) {
+    return image.width_px() == view.intrinsics.width_px &&
+           image.height_px() == view.intrinsics.height_px;
+  };
+  SEGSIM_CHECK(fits(*view.depth_m), "size of the depth image");
+  SEGSIM_CHECK(view.normal == nullptr || fits(*view.normal), "size of the normal image");
+  const glm::dvec3& eye_m = view.T_world_camera.translation_m();
+  const double far_m = std::max({std::abs(eye_m.x), std::abs(eye_m.y), std::abs(eye_m.z)});
+  if (!(far_m < kLargestPlace_m)) {
+    throw core::InputError::expected("depth fusion", "cameras within 10 km of the origin",
+                                     "one farther away");
+  }
+}
+
 /// The keys of one row of pixels, nearly without repetition.
 class KeyCollector {
  public:
@@ -287,20 +303,13 @@ DepthFusion::~DepthFusion() = default;
 DepthFusion::DepthFusion(DepthFusion&&) noexcept = default;
 DepthFusion& DepthFusion::operator=(DepthFusion&&) noexcept = default;
 
+void DepthFusion::reserve(const DepthView& view) {
+  check_view(view);
+  volume_->allocate(prepared(view, volume_->options, volume_->arena));
+}
+
 void DepthFusion::add(const DepthView& view) {
-  SEGSIM_CHECK(view.depth_m != nullptr, "a view has depth");
-  const auto fits = [&](const auto& image) {
-    return image.width_px() == view.intrinsics.width_px &&
-           image.height_px() == view.intrinsics.height_px;
-  };
-  SEGSIM_CHECK(fits(*view.depth_m), "size of the depth image");
-  SEGSIM_CHECK(view.normal == nullptr || fits(*view.normal), "size of the normal image");
-  const glm::dvec3& eye_m = view.T_world_camera.translation_m();
-  const double far_m = std::max({std::abs(eye_m.x), std::abs(eye_m.y), std::abs(eye_m.z)});
-  if (!(far_m < kLargestPlace_m)) {
-    throw core::InputError::expected("depth fusion", "cameras within 10 km of the origin",
-                                     "one farther away");
-  }
+  check_view(view);
   Volume& volume = *volume_;
   const PreparedView ready = prepared(view, volume.options, volume.arena);
   volume.allocate(ready);

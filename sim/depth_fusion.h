@@ -39,7 +39,7 @@ struct DepthFusionOptions {
   double min_depth_m = 0.1, max_depth_m = 8.0;  ///< Pixels outside are not used.
   double max_grazing_deg = 80.0;  ///< Largest angle between surface normal and line of sight.
   /// Views, weighted with the cosine of that angle, that a piece of surface needs.
-  double min_weight = 1.0;
+  double min_weight = 1.5;
   /// Memory bound: a block takes 4 KiB. The default is 4 GiB, about 9000 m2 of surface.
   std::size_t max_blocks = std::size_t{1} << 20U;
   int threads = 0;  ///< 0 = all processors.
@@ -62,6 +62,12 @@ class DepthFusion {
   ~DepthFusion();
   DepthFusion(DepthFusion&&) noexcept;
   DepthFusion& operator=(DepthFusion&&) noexcept;
+
+  /// Makes room for what a view sees, without looking at its distances. If all views are
+  /// reserved before the first is added, every view testifies to the free space in front of
+  /// every surface; without, a surface that appears late has missed the views before it.
+  /// @throws as add().
+  void reserve(const DepthView& view);
 
   /// @throws core::InputError if the surface needs more than max_blocks or lies more than
   ///     10 km from the origin; core::ContractViolation for images of another size.

@@ -215,6 +215,29 @@ TEST(DepthFusion, SurfaceAcrossPiecesAndNegativePlacesIsWhole) {
   EXPECT_NEAR(total_area_m2(mesh), 6.0 * 4.5, 1.0);
 }
 
+TEST(DepthFusion, ReservedViewsCarveWhatAppearsLate) {
+  // Three views see a wall at 2 m; a fourth claims a surface at 1 m that the others saw
+  // through.
+  std::vector<ShapeView> views;
+  for (const double y : {-0.1, 0.0, 0.1}) {
+    views.push_back(look(plane_shape({1, 0, 0}, 2.0), {0, y, 0}, {1, y, 0}));
+  }
+  views.push_back(look(plane_shape({1, 0, 0}, 1.0), {0, 0, 0}, {1, 0, 0}));
+  DepthFusionOptions options;
+  options.min_weight = 0.2;
+  const auto phantom = [](const TriangleMesh& mesh) {
+    return std::count_if(mesh.positions_m.begin(), mesh.positions_m.end(),
+                         [](const glm::vec3& p) { return p.x < 1.5F; });
+  };
+  EXPECT_GT(phantom(fused(views, options)), 1000);
+  DepthFusion fusion(options);
+  for (const ShapeView& view : views) fusion.reserve(view.view());
+  EXPECT_TRUE(fusion.surface().triangles.empty());
+  for (const ShapeView& view : views) fusion.add(view.view());
+  // The part that all three saw through is gone; they did not see the outermost rim.
+  EXPECT_LT(phantom(fusion.surface()), phantom(fused(views, options)) / 5);
+}
+
 TEST(DepthFusion, GivenNormalsAreUsed) {
   ShapeView view = look(plane_shape({1, 0, 0}, 2.0), {0, 0, 0}, {1, 0, 0});
   const core::Image<glm::vec3> none(160, 120, glm::vec3(0.0F));
