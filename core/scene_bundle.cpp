@@ -1,9 +1,12 @@
 #include "core/scene_bundle.h"
 
+#include <cmath>
 #include <set>
+#include <utility>
 
 #include <yaml-cpp/yaml.h>
 
+#include "core/bundle_parts.h"
 #include "core/config.h"
 #include "core/error.h"
 #include "core/file_io.h"
@@ -39,6 +42,54 @@ BundleFile read_file_entry(const ConfigNode& files, const std::string& key,
     throw InputError::expected(path.string(), "SHA-256 " + file.sha256, found);
   }
   return file;
+}
+
+int read_version(const ConfigNode& root) {
+  const std::int64_t version = root.integer("version");
+  if (version > kBundleVersion) {
+    root.child("version").fail("version 1 or " + std::to_string(kBundleVersion) +
+                                   " (a newer bundle needs a newer program)",
+                               std::to_string(version));
+  }
+  if (version < 1) root.child("version").fail("version 1 or 2", std::to_string(version));
+  return static_cast<int>(version);
+}
+
+SceneLevelling read_levelling(const ConfigNode& node) {
+  SceneLevelling levelling;
+  const std::vector<double> q = node.numbers("R_world_source_wxyz");
+  if (q.size() != 4) {
+    node.child("R_world_source_wxyz").fail("4 numbers", std::to_string(q.size()));
+  }
+  levelling.R_world_source = {q[0], q[1], q[2], q[3]};
+  if (!(std::abs(glm::length(levelling.R_world_source) - 1.0) < 1e-6)) {
+    node.child("R_world_source_wxyz").fail("a unit quaternion", "another length");
+  }
+  levelling.p_world_source_m = read_vec3(node, "p_world_source_m");
+  node.finish();
+  return levelling;
+}
+
+BundleParts read_parts(const ConfigNode& root, const fs::path& folder) {
+  BundleParts parts;
+  parts.version = read_version(root);
+  if (parts.version < 2) return parts;
+  parts.levelling = read_levelling(root.child("levelling"));
+  parts.mesh_source = root.text("mesh_source");
+  if (root.has("label_distributions")) {
+    parts.labels = read_file_entry(root, "label_distributions", folder);
+  }
+  return parts;
+}
+
+ConfigNode open_manifest(const fs::path& folder) {
+  const fs::path file = folder / "scene.yaml";
+  if (!fs::exists(file)) {
+    throw InputError::expected(folder.string(), "a scene bundle with scene.yaml", "none");
+  }
+  ConfigNode root = ConfigNode::load(file);
+  if (root.text("schema") != kSchema) root.child("schema").fail(kSchema, root.text("schema"));
+  return root;
 }
 
 YAML::Emitter& emit_vec3(YAML::Emitter& out, const glm::dvec3& v) {
@@ -80,19 +131,11 @@ std::string SceneManifest::class_name(std::uint16_t class_id) const {
 }
 
 SceneBundle load_bundle(const fs::path& folder) {
-  const fs::path file = folder / "scene.yaml";
-  if (!fs::exists(file)) {
-    throw InputError::expected(folder.string(), "a scene bundle with scene.yaml", "none");
-  }
-  const ConfigNode root = ConfigNode::load(file);
-  SceneBundle bundle{.folder = folder, .manifest = {}, .scene_sha256 = sha256_of_file(file)};
+  const ConfigNode root = open_manifest(folder);
+  static_cast<void>(read_parts(root, folder));
+  SceneBundle bundle{
+      .folder = folder, .manifest = {}, .scene_sha256 = sha256_of_file(folder / "scene.yaml")};
   SceneManifest& m = bundle.manifest;
-
-  if (root.text("schema") != kSchema) root.child("schema").fail(kSchema, root.text("schema"));
-  if (root.integer("version") != SceneManifest::kVersion) {
-    root.child("version").fail("version " + std::to_string(SceneManifest::kVersion),
-                               root.text("version"));
-  }
   m.name = root.text("name");
 
   const ConfigNode world = root.child("world");
@@ -164,21 +207,39 @@ SceneBundle load_bundle(const fs::path& folder) {
   return bundle;
 }
 
+BundleParts load_bundle_parts(const fs::path& folder) {
+  return read_parts(open_manifest(folder), folder);
+}
+
 void write_bundle_manifest(const fs::path& folder, SceneManifest m) {
+  write_bundle_manifest(folder, std::move(m), BundleParts{});
+}
+
+void write_bundle_manifest(const fs::path& folder, SceneManifest m, BundleParts parts) {
   m.surfels.sha256 = sha256_of_file(folder / m.surfels.name);
   m.collision_mesh.sha256 = sha256_of_file(folder / m.collision_mesh.name);
   m.navmesh.sha256 = sha256_of_file(folder / m.navmesh.name);
+  if (!parts.labels.name.empty())
+    parts.labels.sha256 = sha256_of_file(folder / parts.labels.name);
 
   YAML::Emitter out;
   out.SetDoublePrecision(12);
   out << YAML::BeginMap;
   out << YAML::Key << "schema" << YAML::Value << kSchema;
-  out << YAML::Key << "version" << YAML::Value << SceneManifest::kVersion;
+  out << YAML::Key << "version" << YAML::Value << kBundleVersion;
   out << YAML::Key << "name" << YAML::Value << m.name;
   out << YAML::Key << "world" << YAML::Value << YAML::BeginMap;
   out << YAML::Key << "up" << YAML::Value << "z" << YAML::Key << "unit" << YAML::Value << "m";
   out << YAML::Key << "gravity_mps2" << YAML::Value;
   emit_vec3(out, {0.0, 0.0, -9.80665}) << YAML::EndMap;
+  const glm::dquat& R = parts.levelling.R_world_source;
+  out << YAML::Key << "levelling" << YAML::Value << YAML::BeginMap;
+  out << YAML::Key << "R_world_source_wxyz" << YAML::Value << YAML::Flow << YAML::BeginSeq
+      << R.w << R.x << R.y << R.z << YAML::EndSeq;
+  out << YAML::Key << "p_world_source_m" << YAML::Value;
+  emit_vec3(out, parts.levelling.p_world_source_m) << YAML::EndMap;
+  out << YAML::Key << "mesh_source" << YAML::Value << parts.mesh_source;
+  if (!parts.labels.name.empty()) emit_file(out, "label_distributions", parts.labels);
   out << YAML::Key << "geodetic_origin" << YAML::Value << YAML::BeginMap;
   out << YAML::Key << "latitude_deg" << YAML::Value << m.origin.latitude_deg;
   out << YAML::Key << "longitude_deg" << YAML::Value << m.origin.longitude_deg;

@@ -1,12 +1,12 @@
 #pragma once
 
 /// @file
-/// Scene bundle v1: one folder that holds everything a trial needs to know about a place.
+/// Scene bundle: one folder with all that a trial needs to know about a place (docs/bundle.md).
 ///
 ///     scene.yaml           this manifest
 ///     surfels.ply          surfels (official 2DGS layout + semantic_id, instance_id)
 ///     collision.ply        triangle mesh, world frame
-///     navmesh.bin          Detour navigation mesh
+///     navmesh.bin          Detour navigation mesh; labels.bin: see core/bundle_parts.h
 ///
 /// World frame: metres, z up, floor at z = 0.
 
@@ -45,7 +45,7 @@ struct BundleFile {
 };
 
 struct SceneManifest {
-  static constexpr int kVersion = 1;
+  static constexpr int kVersion = 1;  ///< The first; core/bundle_parts.h has the present one.
 
   std::string name;
   std::string created_by;     ///< Program version.
@@ -87,7 +87,7 @@ struct SceneBundle {
 };
 
 /// Reads and checks a bundle.
-/// @throws InputError naming the file and the reason: no scene.yaml, another version, a
+/// @throws InputError naming the file and the reason: no scene.yaml, a newer version, a
 /// missing file, a hash that differs, an unknown key, an instance of an unknown class.
 [[nodiscard]] SceneBundle load_bundle(const std::filesystem::path& folder);
 

@@ -21,7 +21,7 @@ namespace fs = std::filesystem;
 struct Flags {
   fs::path sequence, boxes, label_map, out, config, start, export_pack;
   std::string layout = "auto", up = "auto", on_bad_frame = "refuse", robot = "jackal-gentle";
-  std::string backend = "cpu";
+  std::string backend = "cpu", mesh = "auto";
   double floor_height_m = 0.0;
   bool floor_given = false, init_only = false;
   std::int64_t iterations = -1, label_iterations = -1;
@@ -98,6 +98,9 @@ void reconstruct(Flags flags) {
                 1e-6 * static_cast<double>(fs::file_size(flags.export_pack)));
     return;
   }
+  flags.reconstruct.mesh = parse_mesh_source(flags.mesh, "--mesh");
+  sim::DepthFusionOptions& fusion = flags.reconstruct.surface.fusion;
+  fusion.truncation_m = kTruncationVoxels * fusion.voxel_m;
   flags.reconstruct.name = flags.out.filename().string();
   flags.reconstruct.source = "recording " + flags.sequence.filename().string();
   flags.reconstruct.robot = sim::RobotModel::by_name(flags.robot);
@@ -203,6 +206,16 @@ void add_reconstruct_command(CLI::App& app) {
       ->capture_default_str();
   command->add_option("--frame-step", lift.frame_step, "Use every n-th frame")
       ->check(CLI::Range(1, 100000))
+      ->capture_default_str();
+  command
+      ->add_option("--mesh", flags->mesh,
+                   "auto | lifted | depth: what the collision mesh is made from; auto: depth "
+                   "rendered from a trained scene, else the lifted points")
+      ->capture_default_str();
+  command
+      ->add_option("--mesh-voxel", flags->reconstruct.surface.fusion.voxel_m,
+                   "Of the surface that rendered depth is fused to [m]")
+      ->check(CLI::Range(0.005, 0.2))
       ->capture_default_str();
   command->add_option("--robot", flags->robot, "Whose free space is checked and meshed")
       ->capture_default_str();

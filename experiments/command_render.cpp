@@ -16,6 +16,7 @@
 #include "experiments/backend_warning.h"
 #include "experiments/commands.h"
 #include "experiments/frame_picture.h"
+#include "experiments/scene_surfels.h"
 #include "perception/image_file.h"
 #include "renderer/exr_io.h"
 #include "renderer/ply_io.h"
@@ -85,15 +86,19 @@ void add_choice(CLI::App& command, const std::string& flag, Enum& value,
 }
 
 /// A bundle's surfels and names, or those of a bare surfel file, which has none.
-std::pair<fs::path, renderer::FrameInfo> read_scene(const fs::path& scene) {
+std::pair<SceneSurfels, renderer::FrameInfo> read_scene(const fs::path& scene) {
   renderer::FrameInfo info;
-  if (scene.extension() == ".ply") return {scene, info};
+  if (scene.extension() == ".ply") {
+    return {
+        {std::make_shared<renderer::SurfelCloud>(renderer::read_surfels_ply(scene)), nullptr},
+        info};
+  }
   const core::SceneBundle bundle = core::load_bundle(scene);
   info.scene = bundle.manifest.name;
   info.scene_sha256 = bundle.scene_sha256;
   info.names =
       std::make_shared<const renderer::SceneNames>(renderer::SceneNames::of(bundle.manifest));
-  return {bundle.surfels_file(), info};
+  return {load_scene_surfels(bundle), info};
 }
 
 core::CameraPose camera_pose(const std::vector<double>& pose) {
@@ -104,13 +109,12 @@ core::CameraPose camera_pose(const std::vector<double>& pose) {
 }
 
 void render(const Flags& flags) {
-  const auto [surfels_file, info] = read_scene(flags.scene);
-  auto surfels =
-      std::make_shared<renderer::SurfelCloud>(renderer::read_surfels_ply(surfels_file));
+  const auto [scene, info] = read_scene(flags.scene);
   const auto renderer =
-      flags.reference ? renderer::make_reference_renderer(surfels, flags.options)
-                      : renderer::make_renderer(renderer::backend_of(flags.backend), surfels,
-                                                flags.options, nullptr, warn_about_backend);
+      flags.reference
+          ? renderer::make_reference_renderer(scene.surfels, flags.options)
+          : renderer::make_renderer(renderer::backend_of(flags.backend), scene.surfels,
+                                    flags.options, scene.labels, warn_about_backend);
   const auto intrinsics = core::CameraIntrinsics::from_fov(
       flags.width_px, flags.height_px, flags.hfov_deg * std::numbers::pi / 180.0);
   const core::Frame frame =
@@ -128,7 +132,7 @@ void render(const Flags& flags) {
                                      flags.out.string());
   }
   std::printf("%s: %zu surfels, %llu on screen, %llu tile pairs, %.1f ms\n",
-              flags.out.string().c_str(), surfels->size(),
+              flags.out.string().c_str(), scene.surfels->size(),
               static_cast<unsigned long long>(frame.stats.surfels_projected),
               static_cast<unsigned long long>(frame.stats.pairs_binned),
               frame.stats.render_ms);

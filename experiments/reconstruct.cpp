@@ -18,9 +18,11 @@
 #include "perception/image_file.h"
 #include "renderer/cloud_start.h"
 #include "renderer/cpu_renderer.h"
+#include "renderer/panoptic_field_file.h"
 #include "renderer/ply_io.h"
+#include "renderer/renderer_backend.h"
+#include "renderer/surfel_transform.h"
 #include "renderer/training/training_pack.h"
-#include "sim/bundle_files.h"
 #include "sim/world.h"
 
 namespace segsim::experiments {
@@ -57,6 +59,7 @@ renderer::LiftOptions lift_options_of(const renderer::RgbdSequence& sequence,
 struct Scene {
   renderer::SurfelCloud surfels;
   std::optional<renderer::PanopticModel> model;
+  std::shared_ptr<const renderer::PanopticField> field;
   std::vector<core::SceneClass> classes;
   std::vector<core::SceneInstance> instances;
   std::vector<std::pair<std::string, double>> statistics;
@@ -81,7 +84,8 @@ Scene trained(const renderer::RgbdSequence& sequence, const renderer::LiftResult
   if (result.aligned_quality) {
     std::printf("at aligned poses: %s\n", result.aligned_quality->text().c_str());
   }
-  Scene scene{std::move(result.surfels), std::move(result.model), std::move(result.classes),
+  Scene scene{std::move(result.surfels),   std::move(result.model),
+              std::move(result.field),     std::move(result.classes),
               std::move(result.instances), lifted.statistics.listing()};
   if (!scene.surfels.has_labels()) {
     scene.classes.clear();
@@ -91,6 +95,40 @@ Scene trained(const renderer::RgbdSequence& sequence, const renderer::LiftResult
   scene.statistics.insert(scene.statistics.end(), result.statistics.begin(),
                           result.statistics.end());
   return scene;
+}
+
+std::vector<core::CameraPose> poses_of(const renderer::RgbdSequence& sequence,
+                                       const renderer::LiftOptions& options) {
+  std::vector<core::CameraPose> poses;
+  for (std::size_t i = 0; i < sequence.frame_count(); ++i) {
+    if (renderer::lift_uses_frame(options, i)) poses.push_back(sequence.pose(i));
+  }
+  return poses;
+}
+
+/// By the source that was asked for. Training moves surfels to please pictures, so that their
+/// centres are no measurement any more; where they hide the light is.
+SceneShape shape_of(const Scene& scene, const renderer::RgbdSequence& sequence,
+                    const renderer::LiftOptions& lift, const ReconstructOptions& options,
+                    SceneShape lifted) {
+  const bool depth = options.mesh == MeshSource::kDepth ||
+                     (options.mesh == MeshSource::kAuto && options.training);
+  if (!depth) return lifted;
+  const auto renderer = renderer::make_renderer(
+      options.training ? options.training->device.backend : renderer::Backend::kCpu,
+      std::make_shared<const renderer::SurfelCloud>(scene.surfels));
+  return fuse_rendered_depth(*renderer, sequence.intrinsics(), poses_of(sequence, lift),
+                             options.surface);
+}
+
+/// Moves the scene along with its shape.
+void follow(const core::SceneLevelling& levelling, Scene& scene) {
+  const glm::dquat& R = levelling.R_world_source;
+  const glm::dvec3& t_m = levelling.p_world_source_m;
+  if (R == glm::dquat(1.0, 0.0, 0.0, 0.0) && t_m == glm::dvec3(0.0)) return;
+  renderer::transform_surfels(R, t_m, scene.surfels);
+  if (scene.model) renderer::transform_panoptic_model(R, t_m, *scene.model);
+  scene.instances = renderer::instance_boxes(scene.surfels, scene.instances);
 }
 
 /// Draws the finished bundle from where a robot can stand; the figures join the manifest.
@@ -142,15 +180,25 @@ core::SceneBundle reconstruct_bundle(const renderer::RgbdSequence& sequence,
   }
   const renderer::LiftOptions lift_options = lift_options_of(sequence, options);
   renderer::LiftResult lifted = lift_recording(sequence, lift_options, options.start);
-  const std::vector<glm::vec3> lifted_points_m = lifted.surfels.position_m;
-  const std::vector<glm::vec3> lifted_normals = surfel_normals(lifted.surfels);
+  SceneShape lifted_shape;
+  lifted_shape.points_m = lifted.surfels.position_m;
+  lifted_shape.normals = surfel_normals(lifted.surfels);
+  lifted_shape.camera_positions_m = lifted.camera_positions_m;
+  lifted_shape.source = "lifted points";
   Scene scene;
   if (options.training) {
     scene = trained(sequence, lifted, options, folder);
   } else {
-    scene = {std::move(lifted.surfels), std::nullopt, lifted.classes, lifted.instances,
-             lifted.statistics.listing()};
+    scene = {
+        std::move(lifted.surfels),  std::nullopt, nullptr, lifted.classes, lifted.instances,
+        lifted.statistics.listing()};
   }
+  SceneShape shape = shape_of(scene, sequence, lift_options, options, std::move(lifted_shape));
+  core::BundleParts parts;
+  parts.mesh_source = shape.source;
+  parts.levelling = level_shape(shape);
+  follow(parts.levelling, scene);
+  decimate_shape(shape, options.surface.max_error_m);
 
   const fs::path temporary = folder.string() + ".tmp" + std::to_string(::getpid());
   fs::remove_all(temporary);
@@ -175,17 +223,19 @@ core::SceneBundle reconstruct_bundle(const renderer::RgbdSequence& sequence,
     if (scene.model) {
       renderer::write_panoptic_model(temporary / renderer::kPanopticFileName, *scene.model);
     }
-    // The mesh is the measured surface: training moves surfels to please pictures.
-    const sim::CollisionMeshResult collision = sim::write_collision_files(
-        temporary, lifted_points_m, lifted_normals, lifted.camera_positions_m, options.robot,
-        options.collision, manifest);
+    if (scene.field) {
+      parts.labels.name = renderer::kPanopticFieldFileName;
+      renderer::write_panoptic_field(temporary / parts.labels.name, *scene.field);
+    }
+    const sim::CollisionMeshResult collision =
+        write_shape(temporary, shape, options.robot, options.collision, manifest);
     for (const std::string& warning : collision.warnings) {
       std::fprintf(stderr, "warning: %s\n", warning.c_str());
     }
-    core::write_bundle_manifest(temporary, manifest);
+    core::write_bundle_manifest(temporary, manifest, parts);
     if (options.training) {
       add_coverage(temporary, scene.surfels, lifted.camera_positions_m, options, manifest);
-      core::write_bundle_manifest(temporary, manifest);
+      core::write_bundle_manifest(temporary, manifest, parts);
     }
     fs::remove_all(folder);
     fs::rename(temporary, folder);

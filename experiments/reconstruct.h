@@ -1,14 +1,15 @@
 #pragma once
 
 /// @file
-/// RGB-D recording -> scene bundle: lifting and training (renderer), collision mesh and
-/// navmesh (sim), manifest.
+/// RGB-D recording -> scene bundle: lifting and training (renderer), levelling, collision mesh
+/// and navmesh (sim), label distributions, manifest.
 
 #include <filesystem>
 #include <optional>
 #include <string>
 
 #include "core/scene_bundle.h"
+#include "experiments/bundle_shape.h"
 #include "experiments/training_run.h"
 #include "renderer/datasets/point_cloud_file.h"
 #include "renderer/datasets/rgbd_sequence.h"
@@ -32,6 +33,8 @@ struct ReconstructOptions {
   /// trained elsewhere on an exported pack (PLY); empty: the lifted ones.
   std::filesystem::path surfels;
   std::filesystem::path pictures;  ///< robot_pictures() of the result (PNG); empty: none.
+  MeshSource mesh = MeshSource::kAuto;
+  SurfaceOptions surface;  ///< For MeshSource::kDepth.
   sim::CollisionMeshOptions collision;
   sim::RobotModel robot = sim::RobotModel::jackal_gentle();
   double camera_height_m = 1.2;  ///< Mast height that suits the recording.

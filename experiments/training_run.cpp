@@ -150,6 +150,7 @@ class TrainingRun {
     renderer::RenderOptions draw;
     draw.threads = options_.device.threads;
     const auto renderer = renderer::make_cpu_renderer(surfels, draw, field);
+    scene.field = field;
     scene.quality = held_out_quality(*renderer, set_);
     const auto quality = scene.quality.listing();
     statistics_.insert(statistics_.end(), quality.begin(), quality.end());

@@ -45,7 +45,7 @@ struct TrainingOptions {
 struct TrainedScene {
   renderer::SurfelCloud surfels;                 ///< With ids if a head was trained.
   std::optional<renderer::PanopticModel> model;  ///< Of query heads.
-  /// What draws the labels; null without a head.
+  /// Label distributions of the surfels; nullptr without a head.
   std::shared_ptr<const renderer::PanopticField> field;
   std::vector<core::SceneClass> classes;
   std::vector<core::SceneInstance> instances;

@@ -10,6 +10,7 @@
 #include "core/random.h"
 #include "experiments/backend_warning.h"
 #include "experiments/frame_recorder.h"
+#include "experiments/scene_surfels.h"
 #include "experiments/trial_picture.h"
 #include "experiments/trial_video.h"
 #include "nav/policy_factory.h"
@@ -17,7 +18,6 @@
 #include "perception/image_file.h"
 #include "perception/models/object_detector.h"
 #include "renderer/cpu_renderer.h"
-#include "renderer/ply_io.h"
 #include "renderer/renderer_backend.h"
 #include "sim/geodesy.h"
 
@@ -146,8 +146,7 @@ LoadedScene load_scene(const ExperimentSpec& spec, const SceneSpec& scene,
   const sim::RobotModel robot = sim::RobotModel::by_name(spec.robot);
   core::SceneBundle bundle = core::load_bundle(bundle_folder);
   sim::World world = sim::World::load(bundle, robot);
-  auto surfels = std::make_shared<const renderer::SurfelCloud>(
-      renderer::read_surfels_ply(bundle.surfels_file()));
+  auto [surfels, labels] = load_scene_surfels(bundle);
   if (!surfels->has_labels()) {
     throw core::InputError::expected(bundle.surfels_file().string(), "labelled surfels",
                                      "none");
@@ -164,13 +163,19 @@ LoadedScene load_scene(const ExperimentSpec& spec, const SceneSpec& scene,
     }
   }
   if (!episodes) {
-    const auto eye = renderer::make_cpu_renderer(surfels, {});
+    const auto eye = renderer::make_cpu_renderer(surfels, {}, labels);
     write_episodes(file, generate_episodes(scene.name, bundle, world, *eye, rules));
     episodes = read_episodes(file);
   }
   FloorPlan plan = make_floor_plan(*surfels);
-  return {&scene,          std::move(bundle),    std::move(world),          std::move(surfels),
-          std::move(plan), std::move(*episodes), core::sha256_of_file(file)};
+  return {&scene,
+          std::move(bundle),
+          std::move(world),
+          std::move(surfels),
+          std::move(labels),
+          std::move(plan),
+          std::move(*episodes),
+          core::sha256_of_file(file)};
 }
 
 PreparedWeights weights_of(const ArmSpec& arm, const PreparedDetectors& detectors) {
@@ -197,8 +202,8 @@ core::Renderer& TrialRunner::renderer_for(const LoadedScene& scene) {
     // Trials run side by side, so each of them renders on its own thread only.
     renderer::RenderOptions options;
     options.threads = 1;
-    renderer = renderer::make_renderer(spec_.camera.backend, scene.surfels, options, nullptr,
-                                       warn_about_backend);
+    renderer = renderer::make_renderer(spec_.camera.backend, scene.surfels, options,
+                                       scene.labels, warn_about_backend);
   }
   return *renderer;
 }

@@ -17,6 +17,7 @@
 #include "experiments/prepare.h"
 #include "experiments/spec.h"
 #include "experiments/store.h"
+#include "renderer/panoptic_field.h"
 #include "renderer/surfels.h"
 #include "sim/oracle_detector.h"
 #include "sim/trial.h"
@@ -30,6 +31,7 @@ struct LoadedScene {
   core::SceneBundle bundle;
   sim::World world;
   std::shared_ptr<const renderer::SurfelCloud> surfels;
+  std::shared_ptr<const renderer::PanopticField> labels;  ///< nullptr: the surfels' own ids.
   FloorPlan plan;
   EpisodeSet episodes;
   std::string episodes_sha256;

@@ -10,6 +10,7 @@
 #include "core/error.h"
 #include "core/progress.h"
 #include "core/render.h"
+#include "experiments/scene_surfels.h"
 #include "perception/image_file.h"
 #include "renderer/cpu_renderer.h"
 #include "renderer/ply_io.h"
@@ -119,7 +120,8 @@ class ViewLabeller {
         classes_(classes),
         folder_(folder),
         surfels_(read_labelled(bundle.surfels_file())),
-        renderer_(renderer::make_cpu_renderer(surfels_, {})),
+        renderer_(
+            renderer::make_cpu_renderer(surfels_, {}, load_scene_labels(bundle, *surfels_))),
         alone_(surfels_),
         consistency_(bundle.manifest),
         T_robot_camera_(

@@ -20,6 +20,17 @@ void write_collision_files(const std::filesystem::path& folder, const TriangleMe
   manifest.statistics.emplace_back("navmesh_largest_m2", navmesh.island_areas_m2().front());
 }
 
+namespace {
+
+CollisionMeshResult written(const std::filesystem::path& folder, CollisionMeshResult result,
+                            const RobotModel& robot, core::SceneManifest& manifest) {
+  for (const auto& statistic : result.statistics()) manifest.statistics.push_back(statistic);
+  write_collision_files(folder, result.mesh, robot, manifest);
+  return result;
+}
+
+}  // namespace
+
 CollisionMeshResult write_collision_files(const std::filesystem::path& folder,
                                           std::span<const glm::vec3> points_m,
                                           std::span<const glm::vec3> normals,
@@ -27,11 +38,18 @@ CollisionMeshResult write_collision_files(const std::filesystem::path& folder,
                                           const RobotModel& robot,
                                           const CollisionMeshOptions& options,
                                           core::SceneManifest& manifest) {
-  CollisionMeshResult result =
-      make_collision_mesh(points_m, normals, camera_positions_m, options);
-  for (const auto& statistic : result.statistics()) manifest.statistics.push_back(statistic);
-  write_collision_files(folder, result.mesh, robot, manifest);
-  return result;
+  return written(folder, make_collision_mesh(points_m, normals, camera_positions_m, options),
+                 robot, manifest);
+}
+
+CollisionMeshResult write_collision_files(const std::filesystem::path& folder,
+                                          const TriangleMesh& surface,
+                                          std::span<const glm::dvec3> camera_positions_m,
+                                          const RobotModel& robot,
+                                          const CollisionMeshOptions& options,
+                                          core::SceneManifest& manifest) {
+  return written(folder, collision_mesh_of_surface(surface, camera_positions_m, options),
+                 robot, manifest);
 }
 
 }  // namespace segsim::sim

@@ -25,6 +25,14 @@ CollisionMeshResult write_collision_files(const std::filesystem::path& folder,
                                           const CollisionMeshOptions& options,
                                           core::SceneManifest& manifest);
 
+/// The same from a fused surface (sim/depth_fusion.h).
+CollisionMeshResult write_collision_files(const std::filesystem::path& folder,
+                                          const TriangleMesh& surface,
+                                          std::span<const glm::dvec3> camera_positions_m,
+                                          const RobotModel& robot,
+                                          const CollisionMeshOptions& options,
+                                          core::SceneManifest& manifest);
+
 /// The same from a mesh that exists already, for example a simulator's own.
 void write_collision_files(const std::filesystem::path& folder, const TriangleMesh& mesh,
                            const RobotModel& robot, core::SceneManifest& manifest);

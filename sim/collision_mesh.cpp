@@ -12,6 +12,7 @@
 #include "core/check.h"
 #include "core/error.h"
 #include "sim/ground_grid.h"
+#include "sim/mesh_cleaning.h"
 #include "sim/point_hygiene.h"
 #include "sim/voxel_faces.h"
 
@@ -266,6 +267,31 @@ GridMask floor_columns(const SortedPoints& points, std::span<const glm::dvec3> c
   return floor;
 }
 
+/// The triangles that a robot can meet.
+void append_obstacle_triangles(const TriangleMesh& surface,
+                               const CollisionMeshOptions& options, TriangleMesh& mesh) {
+  constexpr float kUpright = 0.7F;
+  constexpr std::uint32_t kNew = std::numeric_limits<std::uint32_t>::max();
+  std::vector<std::uint32_t> place(surface.positions_m.size(), kNew);
+  for (const glm::uvec3& t : surface.triangles) {
+    const auto z = [&](int i) { return static_cast<double>(surface.positions_m[t[i]].z); };
+    const double lowest = std::min({z(0), z(1), z(2)}), highest = std::max({z(0), z(1), z(2)});
+    const bool is_floor = highest <= options.obstacle_min_m &&
+                          std::abs(triangle_normal(surface, t).z) > kUpright;
+    if (is_floor || highest <= 0.0 || lowest >= options.ceiling_m) continue;
+    glm::uvec3 moved(0U);
+    for (int i = 0; i < 3; ++i) {
+      std::uint32_t& to = place[t[i]];
+      if (to == kNew) {
+        to = static_cast<std::uint32_t>(mesh.positions_m.size());
+        mesh.positions_m.push_back(surface.positions_m[t[i]]);
+      }
+      moved[i] = to;
+    }
+    mesh.triangles.push_back(moved);
+  }
+}
+
 void append_floor_cells(GridMask floor, const VoxelBox& box, TriangleMesh& mesh) {
   for (const CellRectangle& r : merge_cells(floor)) {
     const auto x = [&](int i) { return static_cast<float>(box.origin_m.x + box.cell_m * i); };
@@ -304,6 +330,28 @@ CollisionMeshResult make_collision_mesh(std::span<const glm::vec3> points_m,
 
   VoxelBox box = empty_box(points, camera_positions_m, options);
   append_exposed_faces(occupy_voxels(points.obstacle, options, box, result), result.mesh);
+  append_floor_cells(floor_columns(points, camera_positions_m, box, options, result), box,
+                     result.mesh);
+  return result;
+}
+
+CollisionMeshResult collision_mesh_of_surface(const TriangleMesh& surface,
+                                              std::span<const glm::dvec3> camera_positions_m,
+                                              const CollisionMeshOptions& options) {
+  SEGSIM_CHECK(options.voxel_m > 0.0 && options.ceiling_m > options.obstacle_min_m, "options");
+  CollisionMeshResult result;
+  const SurfaceSamples samples = sample_surface(surface, 0.5 * options.voxel_m);
+  result.points = samples.points_m.size();
+  const SortedPoints points = sort_points(samples.points_m, samples.normals, options);
+  if (points.floor.empty() && camera_positions_m.empty()) {
+    throw core::InputError::expected("fused surface", "floor near z = 0", "none");
+  }
+  check_floor(points, result);
+  VoxelBox box = empty_box(points, camera_positions_m, options);
+  for (const glm::vec3& p : points.obstacle) box.occupied[box.index(voxel_of(box, p))] = 1;
+  result.obstacle_voxels = static_cast<std::size_t>(
+      std::count(box.occupied.begin(), box.occupied.end(), std::uint8_t{1}));
+  append_obstacle_triangles(surface, options, result.mesh);
   append_floor_cells(floor_columns(points, camera_positions_m, box, options, result), box,
                      result.mesh);
   return result;

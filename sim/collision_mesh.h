@@ -13,6 +13,11 @@
 /// A column is floor if floor points fell into it, if it holds an obstacle, if somebody who
 /// carried the camera stood there, or if morphological closing reaches it. Columns that nobody
 /// ever saw have no floor and thus are not navigable.
+///
+/// A fused surface (sim/depth_fusion.h) goes the same way, but its own triangles are the
+/// obstacles: they lie where the surface is, not on the faces of voxels. Its floor is replaced
+/// by the level one: bumps of a few centimetres, and the holes that furniture leaves in what
+/// was seen of the floor, are no obstacles.
 
 #include <cstddef>
 #include <span>
@@ -60,5 +65,12 @@ struct CollisionMeshResult {
 [[nodiscard]] CollisionMeshResult make_collision_mesh(
     std::span<const glm::vec3> points_m, std::span<const glm::vec3> normals,
     std::span<const glm::dvec3> camera_positions_m, const CollisionMeshOptions& options = {});
+
+/// The same from a surface without small pieces (sim/mesh_cleaning.h). Of the options those
+/// about outliers and counts of points do not apply. `obstacle_voxels` counts voxels that the
+/// surface meets.
+[[nodiscard]] CollisionMeshResult collision_mesh_of_surface(
+    const TriangleMesh& surface, std::span<const glm::dvec3> camera_positions_m,
+    const CollisionMeshOptions& options = {});
 
 }  // namespace segsim::sim

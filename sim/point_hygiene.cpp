@@ -6,6 +6,7 @@
 #include <pcl/filters/statistical_outlier_removal.h>
 #include <pcl/point_types.h>
 #include <pcl/segmentation/sac_segmentation.h>
+#include <glm/geometric.hpp>
 
 namespace segsim::sim {
 namespace {
@@ -41,13 +42,22 @@ std::optional<FloorPlane> find_floor(std::span<const glm::vec3> points_m, double
   pcl::ModelCoefficients plane;
   segmentation.segment(inliers, plane);
   if (inliers.indices.size() * 3 < cloud->size()) return std::nullopt;
-  double height_m = 0.0;
+  glm::dvec3 mean(0.0);
   for (const int index : inliers.indices) {
-    height_m += static_cast<double>((*cloud)[static_cast<std::size_t>(index)].z);
+    const pcl::PointXYZ& p = (*cloud)[static_cast<std::size_t>(index)];
+    mean += glm::dvec3(p.x, p.y, p.z) / static_cast<double>(inliers.indices.size());
   }
-  return FloorPlane{height_m / static_cast<double>(inliers.indices.size()),
-                    std::acos(std::min(1.0, std::abs(static_cast<double>(plane.values[2])))),
-                    inliers.indices.size()};
+  glm::dvec3 normal =
+      glm::normalize(glm::dvec3(plane.values[0], plane.values[1], plane.values[2]));
+  if (normal.z < 0.0) normal = -normal;
+  FloorPlane floor;
+  floor.height_m = mean.z;
+  // Not acos(normal.z): that is blind below 5e-4.
+  floor.tilt_rad = std::atan2(std::hypot(normal.x, normal.y), normal.z);
+  floor.normal = normal;
+  floor.origin_height_m = glm::dot(normal, mean) / normal.z;
+  floor.inliers = inliers.indices.size();
+  return floor;
 }
 
 std::vector<std::size_t> without_outliers(std::span<const glm::vec3> points_m, int neighbors,

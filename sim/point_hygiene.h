@@ -15,6 +15,8 @@ namespace segsim::sim {
 struct FloorPlane {
   double height_m = 0.0;  ///< Of the plane at the mean of its points.
   double tilt_rad = 0.0;  ///< Between its normal and z.
+  glm::dvec3 normal{0.0, 0.0, 1.0};  ///< Unit, upwards.
+  double origin_height_m = 0.0;      ///< Of the plane at x = y = 0.
   std::size_t inliers = 0;
 };
 

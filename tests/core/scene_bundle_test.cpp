@@ -8,6 +8,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "core/bundle_parts.h"
 #include "core/error.h"
 #include "core/file_io.h"
 
@@ -86,8 +87,57 @@ TEST_F(SceneBundleTest, MissingFileIsNamed) {
 }
 
 TEST_F(SceneBundleTest, OtherVersionIsRefused) {
-  edit("version: 1", "version: 2");
-  EXPECT_THAT(refusal(), HasSubstr("expected version 1, found 2"));
+  edit("version: 2", "version: 3");
+  EXPECT_THAT(refusal(), HasSubstr("scene.yaml:2: version: expected version 1 or 2 (a newer "
+                                   "bundle needs a newer program), found 3"));
+  edit("version: 3", "version: 0");
+  EXPECT_THAT(refusal(), HasSubstr("found 0"));
+}
+
+TEST_F(SceneBundleTest, PartsOfVersion2ComeBack) {
+  write_file_atomically(folder_ / "labels.bin", [](std::ostream& out) { out << "shares"; });
+  BundleParts parts;
+  parts.labels.name = "labels.bin";
+  parts.mesh_source = "fused depth of 12 rendered views";
+  parts.levelling = {glm::angleAxis(0.01, glm::dvec3(0.0, 1.0, 0.0)), {0.0, 0.0, -0.0625}};
+  write_bundle_manifest(folder_, load_bundle(folder_).manifest, parts);
+
+  EXPECT_EQ(load_bundle(folder_).manifest.name, "test room");
+  const BundleParts read = load_bundle_parts(folder_);
+  EXPECT_EQ(read.version, 2);
+  EXPECT_EQ(read.labels.name, "labels.bin");
+  EXPECT_EQ(read.labels.sha256, sha256_hex(std::string("shares")));
+  EXPECT_EQ(read.mesh_source, parts.mesh_source);
+  EXPECT_NEAR(read.levelling.R_world_source.y, parts.levelling.R_world_source.y, 1e-12);
+  EXPECT_DOUBLE_EQ(read.levelling.p_world_source_m.z, -0.0625);
+
+  std::ofstream(folder_ / "labels.bin", std::ios::app) << "x";
+  EXPECT_THAT(refusal(), HasSubstr("labels.bin: expected SHA-256"));
+  fs::remove(folder_ / "labels.bin");
+  EXPECT_THAT(refusal(), HasSubstr("labels.bin: expected a bundle file, found none"));
+}
+
+TEST_F(SceneBundleTest, Version1IsReadAsNotLevelled) {
+  std::string text = read_file(folder_ / "scene.yaml");
+  const std::size_t from = text.find("levelling:"), to = text.find("geodetic_origin:");
+  ASSERT_LT(from, to);
+  text.erase(from, to - from);
+  write_file_atomically(folder_ / "scene.yaml", [&](std::ostream& out) { out << text; });
+  EXPECT_THAT(refusal(), HasSubstr("levelling"));  // Version 2 needs it.
+  edit("version: 2", "version: 1");
+  EXPECT_EQ(load_bundle(folder_).manifest.name, "test room");
+  const BundleParts parts = load_bundle_parts(folder_);
+  EXPECT_EQ(parts.version, 1);
+  EXPECT_TRUE(parts.labels.name.empty());
+  EXPECT_TRUE(parts.mesh_source.empty());
+  EXPECT_EQ(parts.levelling.R_world_source, glm::dquat(1.0, 0.0, 0.0, 0.0));
+}
+
+TEST_F(SceneBundleTest, LevellingMustBeARotation) {
+  edit("R_world_source_wxyz: [1, 0, 0, 0]", "R_world_source_wxyz: [2, 0, 0, 0]");
+  EXPECT_THAT(refusal(), HasSubstr("expected a unit quaternion"));
+  edit("R_world_source_wxyz: [2, 0, 0, 0]", "R_world_source_wxyz: [1, 0, 0]");
+  EXPECT_THAT(refusal(), HasSubstr("expected 4 numbers, found 3"));
 }
 
 TEST_F(SceneBundleTest, UnknownKeyIsRefusedWithItsLine) {

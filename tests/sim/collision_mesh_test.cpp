@@ -1,5 +1,6 @@
 #include "sim/collision_mesh.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <gtest/gtest.h>
@@ -129,6 +130,55 @@ TEST(CollisionMesh, RefusesPointsWithoutFloorOrTooFarApart) {
   EXPECT_THROW((void)make_collision_mesh(high, {}, {}), core::InputError);
   const std::vector<glm::vec3> wide = {{0, 0, 0}, {1000, 1, 0}};
   EXPECT_THROW((void)make_collision_mesh(wide, {}, {}), core::InputError);
+}
+
+/// The room of above as a surface: rough floor with a hole under the box, nothing below z = 0.
+TriangleMesh rough_surface() {
+  TriangleMesh mesh;
+  core::RandomStream random(3, "surface");
+  for (int i = 0; i < 50; ++i) {
+    for (int j = 0; j < 40; ++j) {
+      if (i >= 20 && i < 30 && j >= 10 && j < 20) continue;
+      const float x = 0.1F * static_cast<float>(i), y = 0.1F * static_cast<float>(j);
+      append_floor(mesh, x, y, x + 0.1F, y + 0.1F,
+                   static_cast<float>(random.uniform(-0.03, 0.05)));
+    }
+  }
+  append_box(mesh, {2.0F, 1.0F, 0.0F}, {3.0F, 2.0F, 0.8F});
+  append_box(mesh, {-0.05F, -0.05F, 0.0F}, {0.0F, 4.05F, 2.4F});
+  append_box(mesh, {5.0F, -0.05F, 0.0F}, {5.05F, 4.05F, 2.4F});
+  append_box(mesh, {0.0F, -0.05F, 0.0F}, {5.0F, 0.0F, 2.4F});
+  append_box(mesh, {0.0F, 4.0F, 0.0F}, {5.0F, 4.05F, 2.4F});
+  append_floor(mesh, 0.0F, 0.0F, 5.0F, 4.0F, 2.4F);  // A ceiling.
+  return mesh;
+}
+
+TEST(CollisionMesh, FreeSpaceOfASurface) {
+  const RobotModel robot = RobotModel::jackal_gentle();
+  const CollisionMeshResult made = collision_mesh_of_surface(rough_surface(), {});
+  EXPECT_TRUE(made.warnings.empty());
+  // 5.2 m x 4.2 m: the room and the cells that its walls touch. The hole of 1 m2 under the box
+  // is closed.
+  EXPECT_NEAR(made.floor_m2, 5.2 * 4.2, 0.5);
+  for (const glm::uvec3& t : made.mesh.triangles) {
+    float lowest = 10.0F, highest = -10.0F;
+    for (int i = 0; i < 3; ++i) {
+      lowest = std::min(lowest, made.mesh.positions_m[t[i]].z);
+      highest = std::max(highest, made.mesh.positions_m[t[i]].z);
+    }
+    EXPECT_LT(lowest, 1.9F);                          // No ceiling ...
+    EXPECT_TRUE(highest == 0.0F || highest > 0.08F);  // ... and one level floor.
+  }
+  const World world = World::from_mesh(made.mesh, robot);
+  const double radius_m = world.free_space().radius_m;
+  EXPECT_NEAR(world.free_space().area_m2(), analytic_free_area(radius_m), 0.5);
+}
+
+TEST(CollisionMesh, RefusesASurfaceWithoutFloor) {
+  TriangleMesh wall;
+  append_box(wall, {0, 0, 0.5F}, {1, 1, 1.5F});
+  EXPECT_THROW((void)collision_mesh_of_surface(wall, {}), core::InputError);
+  EXPECT_THROW((void)collision_mesh_of_surface(TriangleMesh{}, {}), core::InputError);
 }
 
 TEST(MergeCells, CoversExactlyTheMask) {

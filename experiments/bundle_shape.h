@@ -1,0 +1,78 @@
+#pragma once
+
+/// @file
+/// From what a reconstruction looks like to what a robot can drive in: depth is rendered from
+/// the surfels and fused to a surface, the floor is levelled, and the collision mesh made.
+
+#include <filesystem>
+#include <optional>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <glm/vec3.hpp>
+
+#include "core/bundle_parts.h"
+#include "core/camera.h"
+#include "core/frames.h"
+#include "core/render.h"
+#include "core/scene_bundle.h"
+#include "sim/collision_mesh.h"
+#include "sim/depth_fusion.h"
+#include "sim/levelling.h"
+#include "sim/robot.h"
+#include "sim/triangle_mesh.h"
+
+namespace segsim::experiments {
+
+/// What a collision mesh is made from.
+enum class MeshSource : unsigned char {
+  kAuto,    ///< kDepth for trained scenes, kLifted for others.
+  kLifted,  ///< The lifted surfels' centres.
+  kDepth,   ///< Depth rendered from the scene's surfels, fused.
+};
+
+/// @throws core::InputError for another word than "auto", "lifted" or "depth".
+[[nodiscard]] MeshSource parse_mesh_source(const std::string& word, const std::string& place);
+
+/// Truncation in voxels that the program uses.
+inline constexpr double kTruncationVoxels = 8.0 / 3.0;
+
+struct SurfaceOptions {
+  sim::DepthFusionOptions fusion;
+  double min_piece_m2 = 0.1;  ///< Smaller connected pieces are floaters.
+  double max_error_m = 0.01;   ///< Of decimation; 0: none.
+  int max_width_px = 320;      ///< Views are rendered no wider.
+};
+
+/// Where the surfaces of a scene are, by either source.
+struct SceneShape {
+  std::vector<glm::vec3> points_m, normals;  ///< Empty if there is a surface.
+  sim::TriangleMesh surface;
+  std::vector<glm::dvec3> camera_positions_m;
+  std::string source;  ///< For BundleParts::mesh_source.
+  std::vector<std::pair<std::string, double>> statistics;
+};
+
+/// Renders depth and normals from the poses, fuses them and removes floaters. Shows progress.
+[[nodiscard]] SceneShape fuse_rendered_depth(core::Renderer& renderer,
+                                             const core::CameraIntrinsics& intrinsics,
+                                             std::span<const core::CameraPose> poses,
+                                             const SurfaceOptions& options);
+
+/// Brings the floor of the shape to z = 0, if one is found and it is not there already.
+/// @return  What the rest of the scene must follow; the identity if nothing was moved.
+core::SceneLevelling level_shape(SceneShape& shape, const sim::LevellingOptions& options = {});
+
+/// Fewer triangles, for a shape with a surface.
+void decimate_shape(SceneShape& shape, double max_error_m);
+
+/// collision.ply and navmesh.bin, and the shape's statistics in the manifest.
+/// @throws core::InputError if there is neither surface nor point, no floor, or no room.
+sim::CollisionMeshResult write_shape(const std::filesystem::path& folder,
+                                     const SceneShape& shape, const sim::RobotModel& robot,
+                                     const sim::CollisionMeshOptions& options,
+                                     core::SceneManifest& manifest);
+
+}  // namespace segsim::experiments

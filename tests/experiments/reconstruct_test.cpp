@@ -1,0 +1,176 @@
+#include "experiments/reconstruct.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <memory>
+#include <numbers>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "core/bundle_parts.h"
+#include "experiments/scene_surfels.h"
+#include "renderer/cpu_renderer.h"
+#include "renderer/surfel_transform.h"
+#include "sim/world.h"
+#include "tests/experiments/surfel_room.h"
+
+namespace segsim::experiments {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::StartsWith;
+
+/// A recording in memory: the surfel room, seen with exact depth and labels.
+class RoomRecording : public renderer::RgbdSequence {
+ public:
+  explicit RoomRecording(const glm::dquat& R, const glm::dvec3& t_m) {
+    auto surfels = std::make_shared<renderer::SurfelCloud>(surfel_room());
+    renderer::transform_surfels(R, t_m, *surfels);
+    const core::Transform<core::frame::World, core::frame::World> T_moved_room(R, t_m);
+    intrinsics_ = core::CameraIntrinsics::from_fov(96, 72, std::numbers::pi / 2.0);
+    const auto renderer = renderer::make_cpu_renderer(surfels);
+    for (const core::CameraPose& pose : room_views(12)) {
+      poses_.push_back(T_moved_room * pose);
+      const core::Frame drawn =
+          renderer->render(poses_.back(), intrinsics_, core::Channels::kAll);
+      renderer::RgbdFrame frame;
+      frame.name = "view " + std::to_string(frames_.size());
+      frame.rgb = drawn.rgb;
+      frame.depth_m = drawn.depth_m;
+      frame.T_world_camera = poses_.back();
+      frame.semantic = drawn.semantic;
+      frame.instance = drawn.instance;
+      frames_.push_back(std::move(frame));
+    }
+    classes_ = {{kShellClass, "wall", false}, {kBoxClass, "box", true}};
+    instances_ = {{1, kBoxClass, "box 1", {}, {}}};
+  }
+
+  const std::string& name() const override { return name_; }
+  const core::CameraIntrinsics& intrinsics() const override { return intrinsics_; }
+  std::size_t frame_count() const override { return frames_.size(); }
+  const std::string& frame_name(std::size_t i) const override { return frames_[i].name; }
+  const core::CameraPose& pose(std::size_t i) const override { return poses_[i]; }
+  renderer::RgbdFrame load(std::size_t i) const override { return frames_[i]; }
+  bool has_masks() const override { return true; }
+  const std::vector<core::SceneClass>& classes() const override { return classes_; }
+  const std::vector<core::SceneInstance>& instances() const override { return instances_; }
+  const std::vector<std::string>& warnings() const override { return nothing_; }
+  const std::vector<std::string>& notes() const override { return nothing_; }
+
+ private:
+  std::string name_ = "room";
+  core::CameraIntrinsics intrinsics_;
+  std::vector<core::CameraPose> poses_;
+  std::vector<renderer::RgbdFrame> frames_;
+  std::vector<core::SceneClass> classes_;
+  std::vector<core::SceneInstance> instances_;
+  std::vector<std::string> nothing_;
+};
+
+class ReconstructTest : public ::testing::Test {
+ protected:
+  ReconstructTest()
+      : folder_(fs::temp_directory_path() /
+                ("segsim_reconstruct_" + std::to_string(::getpid()))) {
+    fs::remove_all(folder_);
+    options_.name = "room";
+    options_.lift.voxel_m = 0.04;
+    options_.lift.min_observations = 2;
+    TrainingOptions training;
+    training.config.geometry.iterations = 4;
+    training.config.panoptic.iterations = 30;
+    training.config.panoptic.sampling.pixels = 512;
+    training.device.threads = 1;
+    training.work = folder_ / "work";
+    options_.training = training;
+  }
+  ~ReconstructTest() override { fs::remove_all(folder_); }
+
+  fs::path folder_;
+  ReconstructOptions options_;
+};
+
+double statistic(const core::SceneManifest& manifest, const std::string& name) {
+  for (const auto& [key, value] : manifest.statistics) {
+    if (key == name) return value;
+  }
+  return std::nan("");
+}
+
+TEST_F(ReconstructTest, TrainedBundleIsLevelledAndKeepsItsLabels) {
+  const glm::dquat R = glm::angleAxis(0.02, glm::dvec3(0.0, 1.0, 0.0));
+  const glm::dvec3 t_m(0.0, 0.0, 0.05);
+  const core::SceneBundle bundle =
+      reconstruct_bundle(RoomRecording(R, t_m), options_, folder_ / "bundle");
+  const core::BundleParts parts = core::load_bundle_parts(bundle.folder);
+  EXPECT_EQ(parts.version, 2);
+  EXPECT_THAT(parts.mesh_source, StartsWith("fused depth of"));
+  EXPECT_EQ(statistic(bundle.manifest, "levelled"), 1.0);
+  EXPECT_LT(std::abs(statistic(bundle.manifest, "floor_height_m")), 0.01);
+  EXPECT_LT(statistic(bundle.manifest, "floor_tilt_rad"), 0.0035);
+  // The true floor, through both transforms.
+  for (const glm::dvec3& corner : {glm::dvec3(-2, -1.5, 0), {2, 1.5, 0}, {2, -1.5, 0}}) {
+    const glm::dvec3 p =
+        parts.levelling.R_world_source * (R * corner + t_m) + parts.levelling.p_world_source_m;
+    EXPECT_NEAR(p.z, 0.0, 0.015);
+  }
+
+  // The surfels went along: their floor is at z = 0 as well.
+  const SceneSurfels scene = load_scene_surfels(bundle);
+  ASSERT_NE(scene.labels, nullptr);
+  EXPECT_EQ(scene.labels->size(), scene.surfels->size());
+  std::vector<float> heights;
+  for (const glm::vec3& p : scene.surfels->position_m) {
+    if (p.x < 1.0F && std::abs(p.y) < 1.4F && p.z < 0.3F && p.x > -1.9F)
+      heights.push_back(p.z);
+  }
+  ASSERT_GT(heights.size(), 500U);
+  std::nth_element(heights.begin(),
+                   heights.begin() + static_cast<std::ptrdiff_t>(heights.size() / 2),
+                   heights.end());
+  EXPECT_NEAR(heights[heights.size() / 2], 0.0F, 0.02F);
+  // A robot has room, and the box has a place in the levelled world.
+  const sim::World world = sim::World::load(bundle, options_.robot);
+  EXPECT_GT(world.free_space().area_m2(), 3.0);
+  for (const core::SceneInstance& instance : bundle.manifest.instances) {
+    EXPECT_LT(instance.box_max_m.z, 2.5);
+    EXPECT_GT(instance.box_min_m.z, -0.1);
+  }
+  // Labels from the file draw what labels from memory drew: something.
+  const auto renderer = renderer::make_cpu_renderer(scene.surfels, {}, scene.labels);
+  const core::Frame frame =
+      renderer->render(core::look_at({-1, 0, 1.2}, {1.6, 1.1, 0.4}),
+                       core::CameraIntrinsics::from_fov(64, 48, 1.4), core::Channels::kAll);
+  EXPECT_GT(std::count_if(frame.semantic.pixels().begin(), frame.semantic.pixels().end(),
+                          [](std::uint16_t id) { return id != 0; }),
+            2000);
+}
+
+TEST_F(ReconstructTest, LiftedBundleHasIdsAlone) {
+  options_.training.reset();
+  const core::SceneBundle bundle =
+      reconstruct_bundle(RoomRecording({1, 0, 0, 0}, {}), options_, folder_ / "bundle");
+  const core::BundleParts parts = core::load_bundle_parts(bundle.folder);
+  EXPECT_EQ(parts.mesh_source, "lifted points");
+  EXPECT_TRUE(parts.labels.name.empty());
+  EXPECT_EQ(parts.levelling.p_world_source_m, glm::dvec3(0.0));
+  EXPECT_EQ(load_scene_surfels(bundle).labels, nullptr);
+}
+
+TEST_F(ReconstructTest, SourceOfTheMeshCanBeChosen) {
+  options_.training.reset();
+  options_.mesh = MeshSource::kDepth;
+  const core::SceneBundle bundle =
+      reconstruct_bundle(RoomRecording({1, 0, 0, 0}, {}), options_, folder_ / "bundle");
+  EXPECT_THAT(core::load_bundle_parts(bundle.folder).mesh_source,
+              StartsWith("fused depth of 36"));
+}
+
+}  // namespace
+}  // namespace segsim::experiments
