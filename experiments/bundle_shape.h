@@ -42,8 +42,8 @@ inline constexpr double kTruncationVoxels = 8.0 / 3.0;
 struct SurfaceOptions {
   sim::DepthFusionOptions fusion;
   double min_piece_m2 = 0.1;  ///< Smaller connected pieces are floaters.
-  double max_error_m = 0.01;   ///< Of decimation; 0: none.
-  int max_width_px = 320;      ///< Views are rendered no wider.
+  double max_error_m = 0.01;  ///< Of decimation; 0: none.
+  int max_width_px = 320;     ///< Views are rendered no wider.
 };
 
 /// Where the surfaces of a scene are, by either source.

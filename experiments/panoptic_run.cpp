@@ -200,6 +200,9 @@ void SceneJob::prepare_surfels() {
   if (has_surfels() && fs::exists(surfel_file())) return;
   TrainingOptions training = stage("geometry", surfel_recipe());
   training.head = "none";
+  // Surfels know nothing of labels: a state must not be refused because of them.
+  training.config.panoptic = {};
+  training.masks.clear();
   renderer::LiftOptions lift;
   lift.voxel_m = scene_.source.voxel_m;
   lift.frame_step = scene_.source.frame_step;

@@ -20,7 +20,7 @@ constexpr const char* kPaperScenes =
     "1ada7a0617, f6659a3107";
 constexpr const char* kPaperScenesWhy =
     "their licences forbid passing them on; with the data, "
-    "`--scenes experiments/specs/table1_paper.yaml --data DIR`";
+    "`--scenes experiments/scene_lists/table1_paper.yaml --data DIR`";
 
 PanopticScene flat(std::uint64_t seed) {
   PanopticScene scene;

@@ -178,7 +178,8 @@ fs::path prepare_scene(const ExperimentSpec& spec, const SceneSpec& scene,
   std::optional<TrainingOptions> training;
   if (source.reconstruct) {
     training = training_of(*source.reconstruct, source);
-    recipe << "; trained, mesh of rendered depth, " << training->head << ", seed " << training->seed << ", "
+    recipe << "; trained, mesh of rendered depth, " << training->head << ", seed "
+           << training->seed << ", "
            << core::sha256_hex(renderer::training_config_text(training->config));
   }
   const StepRecord record(scene.bundle.string() + ".step", recipe.str());

@@ -40,16 +40,9 @@ std::vector<glm::vec3> surfel_normals(const renderer::SurfelCloud& surfels) {
 }
 
 /// Those of the options, without the frames that training holds out.
-renderer::LiftOptions lift_options_of(const renderer::RgbdSequence& sequence,
-                                      const ReconstructOptions& options) {
+renderer::LiftOptions lift_options_of(const ReconstructOptions& options) {
   renderer::LiftOptions lift_options = options.lift;
   if (!options.training) return lift_options;
-  if (!sequence.has_depth()) {
-    throw core::InputError::expected(sequence.name(),
-                                     "frames with depth: training starts "
-                                     "from lifted surfels",
-                                     "colour alone");
-  }
   lift_options.held_out_every = options.training->set.held_out_every;
   lift_options.frame_step = options.training->set.frame_step;
   return lift_options;
@@ -132,12 +125,12 @@ void follow(const core::SceneLevelling& levelling, Scene& scene) {
 }
 
 /// Draws the finished bundle from where a robot can stand; the figures join the manifest.
-void add_coverage(const fs::path& folder, const renderer::SurfelCloud& surfels,
+void add_coverage(const fs::path& folder, const Scene& scene,
                   std::span<const glm::dvec3> camera_positions_m,
                   const ReconstructOptions& options, core::SceneManifest& manifest) {
   const sim::World world = sim::World::load(core::load_bundle(folder), options.robot);
-  const auto renderer =
-      renderer::make_cpu_renderer(std::make_shared<const renderer::SurfelCloud>(surfels));
+  const auto renderer = renderer::make_cpu_renderer(
+      std::make_shared<const renderer::SurfelCloud>(scene.surfels), {}, scene.field);
   const auto figures = robot_coverage(*renderer, world, manifest.camera_height_m).listing();
   manifest.statistics.insert(manifest.statistics.end(), figures.begin(), figures.end());
   const std::string warning = coverage_warning(manifest);
@@ -178,7 +171,7 @@ core::SceneBundle reconstruct_bundle(const renderer::RgbdSequence& sequence,
   for (const std::string& warning : sequence.warnings()) {
     std::fprintf(stderr, "warning: %s\n", warning.c_str());
   }
-  const renderer::LiftOptions lift_options = lift_options_of(sequence, options);
+  const renderer::LiftOptions lift_options = lift_options_of(options);
   renderer::LiftResult lifted = lift_recording(sequence, lift_options, options.start);
   SceneShape lifted_shape;
   lifted_shape.points_m = lifted.surfels.position_m;
@@ -234,7 +227,7 @@ core::SceneBundle reconstruct_bundle(const renderer::RgbdSequence& sequence,
     }
     core::write_bundle_manifest(temporary, manifest, parts);
     if (options.training) {
-      add_coverage(temporary, scene.surfels, lifted.camera_positions_m, options, manifest);
+      add_coverage(temporary, scene, shape.camera_positions_m, options, manifest);
       core::write_bundle_manifest(temporary, manifest, parts);
     }
     fs::remove_all(folder);
@@ -255,7 +248,7 @@ void export_training_pack(const renderer::RgbdSequence& sequence,
         sequence.name(), "labels (a capture, a labelled data set, or --boxes)", "none");
   }
   const renderer::LiftResult lifted =
-      lift_recording(sequence, lift_options_of(sequence, options), options.start);
+      lift_recording(sequence, lift_options_of(options), options.start);
   renderer::write_training_pack(file, load_set(sequence, *options.training), lifted.surfels);
 }
 

@@ -282,7 +282,8 @@ ArmSpec read_arm(const ConfigNode& node, const Variables& variables) {
     arm.detector = ArmDetector::kFile;
     arm.weights = variables.expand(node.child("detector"));
   } else {
-    (void)one_of(node, "detector", {"before", "after", "oracle", "a path of weights or of a model"});
+    (void)one_of(node, "detector",
+                 {"before", "after", "oracle", "a path of weights or of a model"});
   }
   if (node.has("policy")) arm.policy = read_policy(node, variables);
   if (node.has("score_threshold")) {

@@ -6,6 +6,7 @@
 #include <fstream>
 #include <memory>
 #include <numbers>
+#include <span>
 #include <utility>
 
 #include "core/error.h"
@@ -400,8 +401,9 @@ std::string training_identity(const TrainingOptions& options, const TrainingSet&
                               const SurfelCloud& start) {
   std::string text = renderer::training_config_text(options.config);
   text += options.head + " seed " + std::to_string(options.seed) + " start " +
-          std::to_string(start.size()) + " masks " + options.masks.filename().string() +
-          " size " + std::to_string(set.intrinsics.width_px) + " x " +
+          core::sha256_hex(std::as_bytes(std::span(start.position_m))) + " masks " +
+          fs::weakly_canonical(options.masks).string() + " size " +
+          std::to_string(set.intrinsics.width_px) + " x " +
           std::to_string(set.intrinsics.height_px);
   for (const auto& view : set.training) text += ' ' + view.name;
   return core::sha256_hex(text);

@@ -217,6 +217,8 @@ std::optional<glm::dvec2> VlfmSearch::place_beside(const Now& now,
 
 core::VelocityCommand VlfmSearch::navigate(const Now& now, const glm::dvec3& object_m) {
   const double rho_m = glm::distance(glm::dvec2(object_m), now.position_m);
+  // Another target than the one that was looked at.
+  if (rho_m >= options_.stop_limit_m) looking_since_ns_.reset();
   if (looking_since_ns_ || rho_m < options_.stop_radius_m) {
     if (options_.second_look) return look_again(now, object_m);
     stop("goal_reached");

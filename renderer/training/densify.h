@@ -46,7 +46,7 @@ struct SurfelStatistics {
 /// @param raw  Changed to the first halves.  @return  The second halves.
 [[nodiscard]] RawSurfels split_surfels(RawSurfels& raw);
 
-/// Collects surfels for places that a view's sensor sees and the surfels do not show.
+/// Collects surfels for places that a view sees and the surfels do not show.
 class HoleFiller {
  public:
   /// Pixels that are drawn with less alpha are holes.
@@ -57,9 +57,10 @@ class HoleFiller {
     pending_.sh_degree = sh_degree;
   }
 
-  /// Every second pixel of every second row with alpha < kHoleAlpha and a depth in (min, max)
-  /// gives a surfel: where the depth says, facing as the depth's normals say, as large as the
-  /// pixels.
+  /// Every second pixel of every second row with alpha < kHoleAlpha gives a surfel as large as
+  /// the pixels: where a depth in (min, max) says, facing as the depth's normals say; where
+  /// none was measured, at the depth of the surroundings, facing the camera. Views without any
+  /// depth give none.
   /// @param T_world_camera  Of the view: training may have moved it.
   /// @param alpha  [height, width] of the view as drawn.
   void add_view(const TrainingView& view, const core::CameraPose& T_world_camera,

@@ -162,7 +162,7 @@ Cluster AssociationRun::alone(std::size_t mask) {
   }
   for (const std::int32_t other : in_mask_.touched()) {
     const double all = seen_[in_.masks_[static_cast<std::size_t>(other)].view];
-    if (all >= enough && in_mask_[other] >= config_.min_inside * all) {
+    if (all >= enough && in_mask_[other] > config_.min_inside * all) {
       cluster.inside.emplace_back(other, 1);
     }
   }
@@ -180,14 +180,13 @@ void AssociationRun::find_neighbours() {
       holds[static_cast<std::size_t>(mask)].push_back(static_cast<std::int32_t>(c));
     }
   }
-  for (const std::vector<std::int32_t>& together : holds) {
-    for (const std::int32_t a : together) {
-      std::vector<std::int32_t>& of_a = clusters_[static_cast<std::size_t>(a)].neighbours;
-      of_a.insert(of_a.end(), together.begin(), together.end());
-    }
-  }
   for (std::size_t c = 0; c < clusters_.size(); ++c) {
-    keep_unique(clusters_[c].neighbours, static_cast<std::int32_t>(c));
+    std::vector<std::int32_t>& of_c = clusters_[c].neighbours;
+    for (const auto& [mask, count] : clusters_[c].inside) {
+      const std::vector<std::int32_t>& together = holds[static_cast<std::size_t>(mask)];
+      of_c.insert(of_c.end(), together.begin(), together.end());
+      keep_unique(of_c, static_cast<std::int32_t>(c));
+    }
   }
 }
 

@@ -113,30 +113,33 @@ std::vector<NamedLoss> train_once(PanopticViews& views, PanopticHead& head,
 
 std::vector<QuerySeed> seed_queries(PanopticViews& views, const PanopticTrainingConfig& config,
                                     std::uint64_t seed) {
-  QuerySeeder points(config, seed);
-  MaskAssociation objects(config.association);
   const bool from_objects = config.query.seeding == QuerySeeding::kObjects;
+  QuerySeeder points(config, seed);
+  AssociationConfig association = config.association;
+  association.min_views =
+      static_cast<int>(std::min<std::int64_t>(association.min_views, views.count()));
+  MaskAssociation masks(association);
   for (std::int64_t view = 0; view < views.count(); ++view) {
     const core::Image<float>& depth_m = views.depth_m(view);
     if (depth_m.empty()) continue;
-    const core::FrameMasks& masks = views.masks(view);
+    points.add_frame(view, views.masks(view), depth_m, views.intrinsics(view),
+                     views.T_world_camera(view));
     if (from_objects) {
-      objects.add_view(masks, depth_m, views.intrinsics(view), views.T_world_camera(view));
-    } else {
-      points.add_frame(view, masks, depth_m, views.intrinsics(view),
-                       views.T_world_camera(view));
+      masks.add_view(views.masks(view), depth_m, views.intrinsics(view),
+                     views.T_world_camera(view));
     }
   }
   std::vector<QuerySeed> seeds;
-  if (from_objects) {
-    const auto factor = static_cast<float>(config.query.object_sigma);
-    for (const AssociatedObject& object : objects.objects()) {
-      seeds.push_back({object.mean_m, factor * object.sigma_m});
-    }
-  } else {
-    const glm::vec3 sigma_m(static_cast<float>(config.query.initial_sigma_m));
-    for (const glm::vec3& point_m : points.seeds_m()) seeds.push_back({point_m, sigma_m});
+  const auto factor = static_cast<float>(config.query.object_sigma);
+  const auto most = static_cast<std::size_t>(config.query.max_queries);
+  for (const AssociatedObject& object : masks.objects()) {  // Largest first.
+    if (seeds.size() == most) break;
+    seeds.push_back({object.mean_m, factor * object.sigma_m});
   }
+  if (!seeds.empty()) return seeds;
+  // A grid was asked for, or no two views agree on anything.
+  const glm::vec3 sigma_m(static_cast<float>(config.query.initial_sigma_m));
+  for (const glm::vec3& point_m : points.seeds_m()) seeds.push_back({point_m, sigma_m});
   return seeds;
 }
 

@@ -44,7 +44,8 @@ class PanopticViews {
                                              int max_per_pixel, int slot) = 0;
 };
 
-/// Where queries begin, by config.query.seeding, from the masks of all views with depth.
+/// Where queries begin, by config.query.seeding, from the masks of all views with depth; on
+/// the grid, too, if the masks agree on no object.
 [[nodiscard]] std::vector<QuerySeed> seed_queries(PanopticViews& views,
                                                   const PanopticTrainingConfig& config,
                                                   std::uint64_t seed);

@@ -90,7 +90,8 @@ PixelSample sample_pixels(const core::FrameMasks& masks, const core::Image<float
   const double even = config.instance_share * config.even_share;
   drawing.draw(from.things, share(config.instance_share - even));
   for (auto& [id, pixels] : from.masks) drawing.draw(pixels, share(even) / from.masks.size());
-  drawing.draw(from.all, static_cast<std::size_t>(config.pixels) - drawing.count());
+  const auto wanted = static_cast<std::size_t>(config.pixels);
+  drawing.draw(from.all, wanted - std::min(wanted, drawing.count()));
   return std::move(drawing).sample();
 }
 

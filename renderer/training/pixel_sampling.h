@@ -26,9 +26,10 @@ struct PixelSample {
 /// Fewer than config.pixels if the image has fewer to offer, none if no pixel has a depth.
 /// @param depth_m  Empty, or of the masks' size: pixels that are not farther than min_depth_m
 ///     are never drawn, nor are those of unknown depth.
-[[nodiscard]] PixelSample sample_pixels(
-    const core::FrameMasks& masks, const core::Image<float>& depth_m,
-    std::span<const core::SceneClass> classes, const PixelSamplingConfig& config,
-    core::RandomStream& random);
+[[nodiscard]] PixelSample sample_pixels(const core::FrameMasks& masks,
+                                        const core::Image<float>& depth_m,
+                                        std::span<const core::SceneClass> classes,
+                                        const PixelSamplingConfig& config,
+                                        core::RandomStream& random);
 
 }  // namespace segsim::renderer

@@ -53,7 +53,8 @@ struct DistanceVolume {
 };
 
 /// Surface of distance 0 in the cells whose eight samples have all been seen, one of them with
-/// `min_weight` (samples behind a surface weigh less than those in front of it). Vertices are shared. Triangles face the positive side.
+/// `min_weight` (samples behind a surface weigh less than those in front of it). Vertices are
+/// shared. Triangles face the positive side.
 /// @param truncation_m  Largest distance in the volume.
 [[nodiscard]] TriangleMesh extract_surface(const DistanceVolume& volume, double truncation_m,
                                            double min_weight);
