@@ -2,6 +2,8 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <string>
+#include <vector>
 
 #include <CLI/CLI.hpp>
 
@@ -88,12 +90,14 @@ class TrainingFlags {
     }
     TrainOptions result = perception::default_train_options(model);
     if (change) change(result);
-    if (!config_.empty()) perception::read_train_config(config_, result);
+    std::vector<std::string> named;
+    if (!config_.empty()) named = perception::read_train_config(config_, result);
     for (const auto& copy : copies_) copy(result);
     if (command_.count("--steps") > 0) result.epochs = 0;
     if (command_.count("--rate") > 0 && result.optimizer == perception::Optimizer::kAuto) {
       result.optimizer = perception::Optimizer::kAdamW;
     }
+    perception::fit_to_adamw(result, named);
     result.model = model;
     result.device = values_.device;
     result.mixed_precision = values_.mixed_precision;

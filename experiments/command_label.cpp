@@ -1,5 +1,6 @@
 #include <cstdio>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <numbers>
 
@@ -71,17 +72,35 @@ std::vector<glm::dvec2> starts_in(const Flags& flags, const std::string& scene) 
 }
 
 std::string place_note(const Flags& flags, const std::string& scene, std::size_t starts) {
-  char text[200];
   if (starts == 0) {
-    std::snprintf(text, sizeof text,
-                  "%s: views may lie where evaluation episodes start (none were named)",
-                  scene.c_str());
-  } else {
-    std::snprintf(text, sizeof text,
-                  "%s: no view lies within %.2f m of the %zu starts of evaluation episodes",
-                  scene.c_str(), flags.avoid_radius_m, starts);
+    return scene + ": views may lie where evaluation episodes start (" +
+           (flags.avoid_episodes.empty() ? "none were named)"
+                                         : "the files that were named have none here)");
   }
-  return text;
+  char text[100];
+  std::snprintf(text, sizeof text,
+                ": no view lies within %.2f m of the %zu starts of evaluation episodes",
+                flags.avoid_radius_m, starts);
+  return scene + text;
+}
+
+/// What the image files of each bundle begin with: the folder's name.
+std::vector<std::string> image_prefixes(const std::vector<fs::path>& bundles) {
+  std::map<std::string, fs::path> folder_of;
+  std::vector<std::string> prefixes;
+  for (const fs::path& folder : bundles) {
+    fs::path whole = fs::absolute(folder).lexically_normal();
+    if (whole.filename().empty()) whole = whole.parent_path();  // Ended in a slash.
+    const std::string prefix = whole.filename().string() + "-";
+    const auto [other, is_new] = folder_of.emplace(prefix, folder);
+    if (!is_new) {
+      throw core::InputError::expected(
+          "bundles", "folders of different names, which become those of the images",
+          other->second.string() + " and " + folder.string());
+    }
+    prefixes.push_back(prefix);
+  }
+  return prefixes;
 }
 
 void add_notes(const Flags& flags, const ViewLabels& labels, const std::string& scene,
@@ -103,13 +122,14 @@ void label(const Flags& flags) {
     throw core::InputError::expected("--views", "at least 1, or a --drive", "0");
   }
   ViewLabelOptions options = options_for(flags);
+  const std::vector<std::string> prefixes = image_prefixes(flags.bundles);
   LabelReport report;
-  for (const fs::path& folder : flags.bundles) {
-    const core::SceneBundle bundle = core::load_bundle(folder);
+  for (std::size_t i = 0; i < flags.bundles.size(); ++i) {
+    const core::SceneBundle bundle = core::load_bundle(flags.bundles[i]);
     const std::string& scene = bundle.manifest.name;
     options.camera_height_m =
         flags.camera_height_m > 0.0 ? flags.camera_height_m : bundle.manifest.camera_height_m;
-    options.prefix = folder.filename().string() + "-";
+    options.prefix = prefixes[i];
     options.avoid_m = starts_in(flags, scene);
     const ViewLabels labels =
         label_views(bundle, sim::RobotModel::by_name(flags.robot), options, flags.out);

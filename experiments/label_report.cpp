@@ -156,8 +156,13 @@ void write_label_files(const fs::path& folder, const LabelReport& report) {
        {std::pair<const char*, const CocoDataset&>{"train", report.split.train},
         {"val_views", report.split.val_views},
         {"val_scenes", report.split.val_scenes}}) {
-    if (part.images.empty()) continue;
-    perception::write_coco(folder / (std::string(name) + ".json"), part);
+    const std::string base = name;
+    if (part.images.empty()) {  // Nor may those of an earlier run look like this one's.
+      fs::remove(folder / (base + ".json"));
+      fs::remove(folder / (base + ".txt"));
+      continue;
+    }
+    perception::write_coco(folder / (base + ".json"), part);
     splits.emplace(name, part);
   }
   perception::write_yolo_labels(folder, report.dataset);

@@ -38,7 +38,8 @@ void write_contact_sheet(const std::filesystem::path& file,
                          const perception::CocoDataset& dataset, int count,
                          const std::string& title);
 
-/// labels.json, train.json, val_views.json, val_scenes.json (those that are not empty),
+/// labels.json, train.json, val_views.json, val_scenes.json (those that are not empty;
+/// an older file of an empty one is removed),
 /// labels/*.txt with data.yaml, consistency.csv, report.md, contact_sheet.png.
 void write_label_files(const std::filesystem::path& folder, const LabelReport& report);
 

@@ -31,9 +31,12 @@ class ThreadScope {
 
 fs::path best_file(const TrainOptions& options) { return options.output.string() + ".best"; }
 
+bool patience_ended(const BestSoFar& best, const TrainOptions& options) {
+  return options.patience > 0 && best.without_better >= options.patience;
+}
+
 /// Evaluates the average; the best so far is kept in a file.
-/// @returns whether patience has ended.
-bool validate(Trainer& trainer, const TrainOptions& options, const TrainingInputs& inputs) {
+void validate(Trainer& trainer, const TrainOptions& options, const TrainingInputs& inputs) {
   double fitness = 0.0;
   core::write_via_temporary(options.output.string() + ".candidate", [&](const fs::path& file) {
     write_weights(file, trainer.weights());
@@ -51,7 +54,6 @@ bool validate(Trainer& trainer, const TrainOptions& options, const TrainingInput
     ++best.without_better;
     fs::remove(candidate);
   }
-  return options.patience > 0 && best.without_better >= options.patience;
 }
 
 /// Keeps what there is and says so.
@@ -87,6 +89,7 @@ TrainReport train(const TrainOptions& wanted) {
   report.first_step = static_cast<int>(trainer.step());
   report.parameters = trainer.parameter_count();
   report.classes_without_boxes = inputs.classes_without_boxes;
+  report.stopped_early = patience_ended(trainer.best, options);  // Of a state that ended so.
   std::optional<core::Progress> progress;
   if (options.show_progress) progress.emplace("training", options.steps);
   const auto begin = std::chrono::steady_clock::now();
@@ -103,7 +106,8 @@ TrainReport train(const TrainOptions& wanted) {
     }
     if (options.validate_every > 0 &&
         (done % options.validate_every == 0 || done == options.steps)) {
-      report.stopped_early = validate(trainer, options, inputs);
+      validate(trainer, options, inputs);
+      report.stopped_early = patience_ended(trainer.best, options);
     }
     stopped = options.on_step && !options.on_step(done, *loss);
     const bool due = options.checkpoint_every > 0 && done % options.checkpoint_every == 0;

@@ -57,7 +57,7 @@ struct TrainOptions {
   std::filesystem::path initial_weights;
   /// A second data set, of which `mix_share` of every batch is drawn: against forgetting.
   std::filesystem::path mix_json;
-  double mix_share = 0.25;  ///< [0, 1); rounded to whole images of a batch.
+  double mix_share = 0.25;  ///< Of a batch; rounds to at least one image, but not to all.
   /// On which the score threshold is chosen; empty: on at most 200 images of the training set.
   std::filesystem::path validation_json;
 

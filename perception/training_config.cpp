@@ -7,6 +7,7 @@
 
 #include "core/config.h"
 #include "core/error.h"
+#include "perception/internal/training_inputs.h"
 #include "perception/weights_file.h"
 #include "perception/yolov13/scale.h"
 
@@ -200,8 +201,10 @@ TrainOptions default_train_options(const std::string& model) {
   return o;
 }
 
-void read_train_config(const std::filesystem::path& file, TrainOptions& options) {
+std::vector<std::string> read_train_config(const std::filesystem::path& file,
+                                           TrainOptions& options) {
   const ConfigNode root = ConfigNode::load(file);
+  std::vector<std::string> named;
   for (const char* name : {kSmall, kYolo}) {
     // Both sections are checked, also that of the other network.
     const auto section = root.optional_child(name);
@@ -211,8 +214,19 @@ void read_train_config(const std::filesystem::path& file, TrainOptions& options)
     Reader reader(*section);
     visit_fields(reader, wanted ? options : other);
     section->finish();
+    if (wanted) named = section->keys();
   }
   root.finish();
+  return named;
+}
+
+void fit_to_adamw(TrainOptions& options, const std::vector<std::string>& named_keys) {
+  if (options.optimizer != Optimizer::kAdamW) return;
+  const auto named = [&](const char* key) {
+    return std::find(named_keys.begin(), named_keys.end(), key) != named_keys.end();
+  };
+  if (!named("momentum")) options.momentum = kAutoMomentum;
+  if (!named("warmup_bias_rate")) options.warmup_bias_rate = kAutoWarmupBiasRate;
 }
 
 std::string describe_train_options(const TrainOptions& options) {

@@ -27,8 +27,15 @@ namespace segsim::perception {
 [[nodiscard]] TrainOptions default_train_options(const std::string& model);
 
 /// Sets what the section of `options.model` ("small" or "yolov13") names.
+/// @returns the keys that it names.
 /// @throws core::InputError naming file, line and key.
-void read_train_config(const std::filesystem::path& file, TrainOptions& options);
+std::vector<std::string> read_train_config(const std::filesystem::path& file,
+                                           TrainOptions& options);
+
+/// If the optimiser is AdamW: `momentum` (its first beta) and `warmup_bias_rate` as
+/// Optimizer::kAuto sets them, except those of `named_keys`. The defaults of YOLOv13 for both
+/// are meant for SGD.
+void fit_to_adamw(TrainOptions& options, const std::vector<std::string>& named_keys);
 
 /// All keys of training_defaults.yaml with their values, as one JSON object: two runs with
 /// equal text, data and start make equal weights.

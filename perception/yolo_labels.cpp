@@ -75,6 +75,13 @@ void write_yolo_splits(const std::filesystem::path& folder,
   }
   core::write_file_atomically(folder / "data.yaml", [&](std::ostream& out) {
     for (const auto& [name, dataset] : splits) out << name << ": " << name << ".txt\n";
+    if (!splits.contains("val")) {
+      for (const char* name : {"val_views", "val_scenes"}) {
+        if (!splits.contains(name)) continue;
+        out << "val: " << name << ".txt\n";
+        break;
+      }
+    }
     out << "names:\n";
     const auto& names = splits.begin()->second.class_names;
     for (std::size_t i = 0; i < names.size(); ++i) {

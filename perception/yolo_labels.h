@@ -25,7 +25,8 @@ namespace segsim::perception {
 int write_yolo_labels(const std::filesystem::path& folder, const CocoDataset& dataset);
 
 /// Writes `folder`/<split>.txt, a list of image files, for each split, and data.yaml that
-/// names the lists and the classes.
+/// names the lists and the classes. Trainers want a `val`: without a split of that name it is
+/// the list of "val_views", else of "val_scenes".
 void write_yolo_splits(const std::filesystem::path& folder,
                        const std::map<std::string, CocoDataset>& splits);
 

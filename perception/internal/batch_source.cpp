@@ -11,12 +11,23 @@
 
 namespace segsim::perception {
 
+int mixed_images(double share, int batch) {
+  const int count = static_cast<int>(std::lround(share * batch));
+  if (count < 1 || count >= batch) {
+    throw core::InputError::expected("training: mix_share",
+                                     "a share that is at least one image of a batch of " +
+                                         std::to_string(batch) + " and leaves one",
+                                     std::to_string(share));
+  }
+  return count;
+}
+
 BatchSource::BatchSource(const CocoDataset& main, const CocoDataset* mix,
                          const BatchOptions& options)
     : options_(options), main_(load(main, options.input_px)) {
   if (mix == nullptr) return;
+  mix_count_ = mixed_images(options.mix_share, options.batch);
   mix_ = load(*mix, options.input_px);
-  mix_count_ = static_cast<int>(std::lround(options.mix_share * options.batch));
 }
 
 std::vector<Sample> BatchSource::load(const CocoDataset& dataset, int input_px) {

@@ -23,6 +23,10 @@ struct BatchOptions {
   std::uint64_t seed = 1;
 };
 
+/// Images of a batch that come from the second data set.
+/// @throws core::InputError if the share rounds to none or to the whole batch.
+[[nodiscard]] int mixed_images(double share, int batch);
+
 struct Batch {
   std::vector<float> pixels;  ///< [batch, 3, input_px, input_px], RGB in [0, 1].
   std::vector<std::vector<LabeledBox>> truth;  ///< Boxes in pixels of the square.
@@ -31,7 +35,8 @@ struct Batch {
 class BatchSource {
  public:
   /// Loads all images. Both data sets have the detector's classes; `mix` may be nullptr.
-  /// @throws core::InputError if an image is missing or has another size than its entry.
+  /// @throws core::InputError if an image is missing or has another size than its entry, or as
+  ///         mixed_images() does.
   BatchSource(const CocoDataset& main, const CocoDataset* mix, const BatchOptions& options);
 
   /// The batch of this number; each data set is passed through in shuffled epochs.

@@ -116,13 +116,6 @@ void TinyDetectorImpl::prepare_for_inference() {
   }
 }
 
-void TinyDetectorImpl::set_norm_momentum(double momentum) {
-  for (const auto& module : modules(false)) {
-    if (auto* norm = module->as<torch::nn::BatchNorm2dImpl>())
-      norm->options.momentum(momentum);
-  }
-}
-
 void TinyDetectorImpl::initialize(std::uint64_t seed) {
   torch::NoGradGuard no_grad;
   for (const auto& item : named_parameters()) {

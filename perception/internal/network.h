@@ -81,8 +81,6 @@ class TinyDetectorImpl : public torch::nn::Module {
   RawOutput forward(const torch::Tensor& x);
   /// Eval mode with batch norms folded into the convolutions.
   void prepare_for_inference();
-  /// Weight of the newest batch in the running statistics of all batch norms, (0, 1].
-  void set_norm_momentum(double momentum);
   /// Random start (uniform, variance 1 / (3 fan-in)), keyed by seed and parameter name.
   void initialize(std::uint64_t seed);
 

@@ -7,6 +7,7 @@
 #include "core/error.h"
 #include "core/file_io.h"
 #include "perception/evaluate.h"
+#include "perception/internal/batch_source.h"
 #include "perception/internal/training_schedule.h"
 #include "perception/training_config.h"
 
@@ -40,6 +41,7 @@ std::string describe_recipe(const TrainOptions& o, const TrainingInputs& in) {
   if (in.initial) recipe["initial_sha256"] = core::sha256_of_file(o.initial_weights);
   recipe["model"] = o.model;
   recipe["class_names"] = in.class_names;
+  recipe["rename"] = o.rename;
   recipe["seed"] = o.seed;
   recipe["threads"] = o.threads;
   recipe["device"] = o.device == TrainDevice::kCuda ? "cuda" : "cpu";
@@ -56,8 +58,8 @@ void choose_optimizer(TrainOptions& o, std::size_t class_count) {
   const double fitted = 0.002 * 5.0 / (4.0 + static_cast<double>(class_count));
   o.optimizer = sgd ? Optimizer::kSgd : Optimizer::kAdamW;
   o.learning_rate = sgd ? 0.01 : std::round(fitted * 1e6) / 1e6;
-  o.momentum = 0.9;
-  o.warmup_bias_rate = 0.0;
+  o.momentum = kAutoMomentum;
+  o.warmup_bias_rate = kAutoWarmupBiasRate;
 }
 
 bool is_yolo_branch(const std::string& name) { return name.rfind("model.32.cv3.", 0) == 0; }
@@ -127,6 +129,7 @@ void check_train_options(const TrainOptions& o) {
   if (o.validate_every > 0 && o.validation_json.empty()) {
     throw core::InputError::expected("training: validate_every", "a validation set", "none");
   }
+  if (!o.mix_json.empty()) (void)mixed_images(o.mix_share, o.batch);
   require(o.threads >= 1, "threads", "at least 1", o.threads);
   require(o.warmup_steps >= 0, "warmup_steps", "at least 0", o.warmup_steps);
   require(o.checkpoint_every >= 0, "checkpoint_every", "at least 0", o.checkpoint_every);
@@ -176,10 +179,8 @@ void resolve_train_options(TrainOptions& o, std::size_t images, std::size_t clas
   constexpr double kLeastWarmup = 100.0;  // Steps, of a warm-up counted in epochs.
   if (o.epochs > 0) {
     // An epoch is as many main images as there are, whatever is mixed in.
-    const int mixed =
-        o.mix_json.empty() ? 0 : static_cast<int>(std::lround(o.mix_share * o.batch));
-    const double per_step =
-        static_cast<double>(std::max(1, o.batch - mixed)) * batches_per_step(o);
+    const int mixed = o.mix_json.empty() ? 0 : mixed_images(o.mix_share, o.batch);
+    const double per_step = static_cast<double>(o.batch - mixed) * batches_per_step(o);
     const double epoch_steps =
         std::max(1.0, std::ceil(static_cast<double>(images) / per_step));
     const double wanted = epoch_steps * o.epochs;

@@ -31,6 +31,9 @@ void check_train_options(const TrainOptions& options);
 /// Reads weights and data sets, matches their classes, and resolves the options.
 [[nodiscard]] TrainingInputs read_training_inputs(TrainOptions& options);
 
+/// What Optimizer::kAuto sets beside the rate, whichever optimiser it chooses.
+inline constexpr double kAutoMomentum = 0.9, kAutoWarmupBiasRate = 0.0;
+
 /// Epochs to steps, and Optimizer::kAuto to what it means.
 void resolve_train_options(TrainOptions& options, std::size_t images, std::size_t classes);
 

@@ -15,6 +15,7 @@ using core::InputError;
 
 constexpr int kSidePx = 1024;
 constexpr float kTopLeft = 2.0F, kBottomRight = 3.0F;  // Labels of a box's corners.
+constexpr std::int64_t kNoPoint = -10;  // Hugging Face's label of a point to ignore.
 
 /// Logits of one mask on a grid that covers `covered` of the encoder's square.
 struct MaskGrid {
@@ -52,9 +53,11 @@ class Sam final : public PromptSegmenter {
     raw_pixels_ = input.shape_known && input.shape.size() == 3;
     side_px_ =
         raw_pixels_ ? kSidePx : stated_side(input, 2, description.height_px.value_or(kSidePx));
-    if (find_input(*decoder_, {"point_coords", "input_points"}) == nullptr) {
-      throw InputError::expected(decoder_place_, "an input point_coords or input_points",
-                                 "neither");
+    // Hugging Face's labels of points are 0, 1, -1 and -10: none is a corner of a box.
+    if (find_input(*decoder_, {"point_coords", "input_boxes"}) == nullptr) {
+      const bool points = find_input(*decoder_, {"input_points"}) != nullptr;
+      throw InputError::expected(decoder_place_, "an input point_coords or input_boxes",
+                                 points ? "input_points alone, which take no box" : "neither");
     }
   }
 
@@ -116,10 +119,12 @@ class Sam final : public PromptSegmenter {
         inputs[name] = {{1, 2, 2}, corners};
       } else if (name == "point_labels") {
         inputs[name] = {{1, 2}, std::vector<float>{kTopLeft, kBottomRight}};
+      } else if (name == "input_boxes") {
+        inputs[name] = {{1, 1, 4}, corners};
       } else if (name == "input_points") {
-        inputs[name] = {{1, 1, 2, 2}, corners};
+        inputs[name] = {{1, 1, 1, 2}, std::vector<float>{0.0F, 0.0F}};
       } else if (name == "input_labels") {
-        inputs[name] = {{1, 1, 2}, std::vector<std::int64_t>{2, 3}};
+        inputs[name] = {{1, 1, 1}, std::vector<std::int64_t>{kNoPoint}};
       } else if (name == "mask_input") {
         inputs[name] = {{1, 1, kMaskSide, kMaskSide},
                         std::vector<float>(kMaskSide * kMaskSide, 0.0F)};

@@ -8,7 +8,7 @@
 ///     decoder   the official export: image_embeddings, point_coords, point_labels,
 ///     mask_input,
 ///               has_mask_input, orig_im_size -> masks, iou_predictions, low_res_masks; or
-///               Hugging Face's: input_points, input_labels, image_embeddings and
+///               Hugging Face's: input_boxes (needed), image_embeddings and
 ///               image_positional_embeddings -> iou_scores, pred_masks
 ///
 /// A box is its two corners with labels 2 and 3. Of several masks the one with the best

@@ -158,8 +158,9 @@ TEST(YoloModel, ListedBoxesOfModelsThatNeedNoSuppression) {
                  {0, 8, 32, 56, 0.6F, 1, 10, 10, 20, 20, 0.9F, 0, 0, 0, 0, 0, 0, 0});
   builder.node("Mul", {"rows", "top"}, {"output0"});  // A white pixel leaves them as they are.
   builder.output("output0");
-  builder.metadata("names", "{0: 'chair', 1: 'bed'}");
   builder.metadata("imgsz", "[64, 64]");
+  GraphBuilder two = builder;
+  builder.metadata("names", "{0: 'chair', 1: 'bed', 2: 'tv'}");
   builder.save(folder / "v10.onnx");
   const auto found = detect(*load_object_detector(folder / "v10.onnx"),
                             Image<Rgb8>(128, 96, {255, 255, 255}));
@@ -169,6 +170,13 @@ TEST(YoloModel, ListedBoxesOfModelsThatNeedNoSuppression) {
   EXPECT_NEAR(found[1].box.y0, 0, 1e-3F);
   EXPECT_NEAR(found[1].box.x1, 64, 1e-3F);
   EXPECT_NEAR(found[1].box.y1, 96, 1e-3F);
+
+  two.metadata("names", "{0: 'chair', 1: 'bed'}");  // Box and two scores are six numbers, too.
+  two.save(folder / "two.onnx");
+  const auto detector = load_object_detector(folder / "two.onnx");
+  EXPECT_THAT(message_of([&] { (void)detect(*detector, wide_picture()); }),
+              HasSubstr("expected an output [1, 6, n] (exported without nms), since for 2 "
+                        "classes six columns"));
 }
 
 TEST(YoloModel, PromptsChooseAndOrderItsClasses) {
@@ -321,13 +329,22 @@ class SamModel : public testing::Test {
   }
 
   /// min(x - x0, x1 - x, y - y0, y1 - y) at the centres of a 16 x 16 grid over the square.
-  void write_decoder() {
+  /// @param corners  The input that has them: "point_coords", or "input_boxes" as Hugging Face
+  ///                 calls it.
+  void write_decoder(const std::string& corners = "point_coords") {
     GraphBuilder builder(17);
     builder.input("image_embeddings", {1, 3, 4, 4});
-    builder.input("point_coords", {1, -1, 2});
-    builder.input("point_labels", {1, -1});
-    builder.input("mask_input", {1, 1, 256, 256});
-    builder.input("has_mask_input", {1});
+    const bool boxes = corners == "input_boxes";
+    if (boxes) {
+      builder.input("input_boxes", {1, 1, 4});
+      builder.input("input_points", {1, 1, -1, 2});
+      builder.input("input_labels", {1, 1, -1}, kInt64Type);
+    } else {
+      builder.input("point_coords", {1, -1, 2});
+      builder.input("point_labels", {1, -1});
+      builder.input("mask_input", {1, 1, 256, 256});
+      builder.input("has_mask_input", {1});
+    }
     Floats xs(256), ys(256);
     for (std::size_t i = 0; i < 256; ++i) {
       xs[i] = (static_cast<float>(i % 16) + 0.5F) * 4;
@@ -336,7 +353,7 @@ class SamModel : public testing::Test {
     builder.floats("xs", {1, 1, 16, 16}, xs);
     builder.floats("ys", {1, 1, 16, 16}, ys);
     builder.ints("four", {4});
-    builder.node("Reshape", {"point_coords", "four"}, {"corners"});
+    builder.node("Reshape", {corners, "four"}, {"corners"});
     builder.node("Split", {"corners"}, {"x0", "y0", "x1", "y1"}).with("axis", 0);
     builder.node("Sub", {"xs", "x0"}, {"left"});
     builder.node("Sub", {"x1", "xs"}, {"right"});
@@ -345,20 +362,25 @@ class SamModel : public testing::Test {
     builder.node("Min", {"left", "right", "above", "below"}, {"one_mask"});
     builder.node("Neg", {"one_mask"}, {"outside"});
     builder.node("Concat", {"outside", "one_mask"}, {"low_res_masks"}).with("axis", 1);
-    builder.node("ReduceMean", {"point_labels"}, {"label"}).with("keepdims", 0);  // 2.5
-    builder.floats("factors", {1, 2}, {0.1F, 0.36F});
+    if (boxes) {
+      builder.node("Cast", {"input_labels"}, {"labels"}).with("to", kFloatType);
+    } else {
+      builder.node("Identity", {"point_labels"}, {"labels"});
+    }
+    builder.node("ReduceMean", {"labels"}, {"label"}).with("keepdims", 0);  // 2.5, or -10.
+    builder.floats("factors", {1, 2}, boxes ? Floats{-0.01F, -0.09F} : Floats{0.1F, 0.36F});
     builder.node("Mul", {"factors", "label"}, {"iou_predictions"});
     builder.output("iou_predictions");
     builder.output("low_res_masks");
     builder.save(folder_ / "decoder.onnx");
   }
 
+  void expect_boxes();
+
   TestFolder folder_;
 };
 
-TEST_F(SamModel, MaskOfABoxIsTheBox) {
-  write_encoder();
-  write_decoder();
+void SamModel::expect_boxes() {
   const auto segmenter = load_prompt_segmenter(folder_ / "sam.yaml");
   const Image<Rgb8> image(128, 96);  // Scale 0.5: the square is filled to row 48.
   const std::vector<core::BoxPx> boxes{{16, 24, 80, 64}, {64, 0, 128, 96}};
@@ -382,11 +404,31 @@ TEST_F(SamModel, MaskOfABoxIsTheBox) {
   EXPECT_TRUE(segmenter->segment(image, {}).empty());
 }
 
+TEST_F(SamModel, MaskOfABoxIsTheBox) {
+  write_encoder();
+  write_decoder();
+  expect_boxes();
+}
+
+TEST_F(SamModel, BoxesOfHuggingFacesDecoderHaveAnInputOfTheirOwn) {
+  write_encoder();
+  write_decoder("input_boxes");
+  expect_boxes();
+  GraphBuilder points(17);
+  points.input("image_embeddings", {1, 3, 4, 4});
+  points.input("input_points", {1, 1, -1, 2});
+  points.node("Identity", {"input_points"}, {"pred_masks"});
+  points.output("pred_masks");
+  points.save(folder_ / "decoder.onnx");
+  EXPECT_THAT(message_of([&] { (void)load_prompt_segmenter(folder_ / "sam.yaml"); }),
+              HasSubstr("input_points alone, which take no box"));
+}
+
 TEST_F(SamModel, OtherSignaturesAreRefused) {
   write_encoder();
   std::filesystem::copy_file(folder_ / "encoder.onnx", folder_ / "decoder.onnx");
   EXPECT_THAT(message_of([&] { (void)load_prompt_segmenter(folder_ / "sam.yaml"); }),
-              HasSubstr("point_coords or input_points"));
+              HasSubstr("point_coords or input_boxes"));
   EXPECT_THAT(message_of([&] { (void)load_prompt_segmenter(folder_ / "encoder.onnx"); }),
               HasSubstr("task sam"));
 }

@@ -36,6 +36,15 @@ TEST(OnnxElementwise, LowestIntegerByMinusOneDoesNotTrap) {
   expect_results({"Div", {whole({1}, {lowest}), whole({1}, {-1})}}, {whole({1}, {lowest})});
 }
 
+TEST(OnnxElementwise, HighestUnsignedIntegerIsNotMinusOne) {
+  constexpr int kUint8Type = 2;
+  OperatorCase test{"Div", {whole({2}, {254, 10}), whole({2}, {255, 3})}};
+  test.types = {{0, kUint8Type}, {1, kUint8Type}};
+  expect_results(test, {whole({2}, {0, 3})});
+  test.op = "Mod";
+  expect_results(test, {whole({2}, {254, 1})});
+}
+
 TEST(OnnxElementwise, DivisionOfIntegersByZeroIsAnError) {
   EXPECT_THROW(run_operator({"Div", {whole({1}, {1}), whole({1}, {0})}}, false),
                core::InputError);

@@ -114,11 +114,10 @@ def forward(self, x):
     EXPECT_NE(message_of(folder / "cut", {}), "");
   }
   const std::size_t at = bytes.find("reshape");  // Code is checked before it is compiled.
-  if (at != std::string::npos) {
-    bytes[at] = 'R';
-    core::write_file_atomically(folder / "flip", [&](std::ostream& out) { out << bytes; });
-    EXPECT_NE(message_of(folder / "flip", {}), "");
-  }
+  ASSERT_NE(at, std::string::npos);
+  bytes[at] = 'R';
+  core::write_file_atomically(folder / "flip", [&](std::ostream& out) { out << bytes; });
+  EXPECT_NE(message_of(folder / "flip", {}), "");
 }
 
 }  // namespace

@@ -65,6 +65,28 @@ TEST(TrainingConfig, SectionOfTheNetworkIsRead) {
   EXPECT_EQ(yolo.width, 1.0);
 }
 
+TEST(TrainingConfig, AdamWHasItsOwnMomentumUnlessTheFileNamesOne) {
+  const TestFolder folder;
+  const auto fitted = [&](const std::string& text) {
+    core::write_file_atomically(folder / "a.yaml", [&](std::ostream& out) { out << text; });
+    TrainOptions options = default_train_options("yolov13n");
+    const auto named = read_train_config(folder / "a.yaml", options);
+    fit_to_adamw(options, named);
+    return options;
+  };
+  TrainOptions o = fitted("yolov13: {optimizer: adamw}\nsmall: {momentum: 0.5}\n");
+  EXPECT_EQ(o.momentum, 0.9);
+  EXPECT_EQ(o.warmup_bias_rate, 0.0);
+  o = fitted("yolov13: {optimizer: adamw, momentum: 0.937}\n");
+  EXPECT_EQ(o.momentum, 0.937);
+  EXPECT_EQ(o.warmup_bias_rate, 0.0);
+  o = fitted("yolov13: {optimizer: adamw, warmup_bias_rate: 0.05}\n");
+  EXPECT_EQ(o.warmup_bias_rate, 0.05);
+  o = fitted("yolov13: {optimizer: sgd}\n");
+  EXPECT_EQ(o.momentum, 0.937);
+  EXPECT_EQ(o.warmup_bias_rate, 0.1);
+}
+
 TEST(TrainingConfig, ErrorsNameFileLineAndKey) {
   const TestFolder folder;
   const auto file = folder / "a.yaml";

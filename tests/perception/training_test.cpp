@@ -117,6 +117,10 @@ TEST(Training, StateOfAnotherRunIsRefused) {
   TrainOptions options = tiny_options(folder);
   options.on_step = [](int done, double) { return done != 2; };
   (void)train(options);
+  options.rename = {{"cold", ""}};
+  options.class_names = {"cold", "warm"};  // As without.
+  EXPECT_THAT(message_of(options), HasSubstr("weights.bin.state"));
+  options.rename.clear();
   options.learning_rate *= 2;
   EXPECT_THAT(message_of(options), HasSubstr("weights.bin.state"));
   core::write_file_atomically(folder / "weights.bin.state",
@@ -169,6 +173,12 @@ TEST(Training, WrongOptionsAreNamed) {
   options = tiny_options(folder);
   options.mix_share = 1.0;
   EXPECT_THAT(message_of(options), HasSubstr("mix_share"));
+  options.mix_json = options.train_json;
+  for (const double share : {0.1, 0.9}) {  // Of 3: none, and all.
+    options.mix_share = share;
+    EXPECT_THAT(message_of(options),
+                HasSubstr("mix_share: expected a share that is at least"));
+  }
   options = tiny_options(folder);
   options.train_json = folder / "none.json";
   EXPECT_THAT(message_of(options), HasSubstr("none.json"));
@@ -229,6 +239,17 @@ TEST(Training, BestOfValidationIsKeptAndPatienceEnds) {
   EXPECT_EQ(report.steps_done, 6);
   EXPECT_FALSE(std::filesystem::exists(folder / "weights.bin.best"));
   EXPECT_FALSE(std::filesystem::exists(folder / "weights.bin.candidate"));
+
+  // A state that was saved when patience had ended is not trained any further.
+  options.output = folder / "stopped.bin";
+  options.on_step = [](int done, double) { return done != 6; };
+  EXPECT_FALSE(train(options).finished);
+  options.on_step = nullptr;
+  const TrainReport resumed = train(options);
+  EXPECT_TRUE(resumed.finished);
+  EXPECT_TRUE(resumed.stopped_early);
+  EXPECT_EQ(resumed.best_step, 2);
+  EXPECT_EQ(resumed.steps_done, 6);
 }
 
 TEST(Training, LossThatIsNoNumberStopsAndKeepsTheWeightsBefore) {

@@ -48,6 +48,19 @@ TEST(YoloLabels, SplitsListImagesAndNameClasses) {
             "  1: \"potted \\\"plant\\\"\"\n");
 }
 
+TEST(YoloLabels, TrainersFindAValidationList) {
+  const TestFolder folder;
+  const CocoDataset all = some_dataset();
+  write_yolo_splits(folder / "", {{"train", all}, {"val_scenes", all}, {"val_views", all}});
+  EXPECT_TRUE(core::read_file(folder / "data.yaml")
+                  .starts_with("train: train.txt\nval_scenes: val_scenes.txt\n"
+                               "val_views: val_views.txt\nval: val_views.txt\nnames:\n"));
+  write_yolo_splits(folder / "", {{"train", all}, {"val_scenes", all}});
+  EXPECT_TRUE(core::read_file(folder / "data.yaml")
+                  .starts_with("train: train.txt\nval_scenes: val_scenes.txt\n"
+                               "val: val_scenes.txt\nnames:\n"));
+}
+
 TEST(YoloLabels, ImagesElsewhereAreRefused) {
   const TestFolder folder;
   CocoDataset dataset = some_dataset();

@@ -33,10 +33,16 @@ Tensor add(const Tensor& a, const Tensor& b) { return at::add(a, b); }
 Tensor subtract(const Tensor& a, const Tensor& b) { return at::sub(a, b); }
 Tensor multiply(const Tensor& a, const Tensor& b) { return at::mul(a, b); }
 
+/// Where integers are -1; of unsigned ones, whose highest would compare equal to it, nowhere.
+Tensor is_minus_one(const Tensor& x) {
+  if (!at::isSignedType(x.scalar_type())) return at::zeros_like(x, at::kBool);
+  return x.eq(-1);
+}
+
 /// Integers are divided towards zero. The lowest integer by -1 would trap.
 Tensor divide(const Tensor& a, const Tensor& b) {
   if (is_floating(a)) return at::div(a, b);
-  const Tensor minus = b.eq(-1);
+  const Tensor minus = is_minus_one(b);
   return at::where(minus, at::neg(a),
                    at::div(a, at::where(minus, at::ones_like(b), b), "trunc"));
 }
@@ -110,7 +116,8 @@ Values modulo(const NodeCall& call) {
   const bool like_c = call.attribute_or("fmod", 0) != 0;
   if (is_floating(a) && !like_c) call.fail("fmod = 1 for floating numbers", "0");
   if (is_floating(a)) return {at::fmod(a, b)};
-  const Tensor safe = at::where(b.eq(-1), at::ones_like(b), b);  // Remainder 0 either way.
+  const Tensor safe =
+      at::where(is_minus_one(b), at::ones_like(b), b);  // Remainder 0 either way.
   return {like_c ? at::fmod(a, safe) : at::remainder(a, safe)};
 }
 

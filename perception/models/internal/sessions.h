@@ -13,7 +13,7 @@ namespace segsim::perception {
 [[nodiscard]] std::unique_ptr<ModelSession> open_onnx(const std::filesystem::path& file);
 [[nodiscard]] std::unique_ptr<ModelSession> open_torchscript(
     const std::filesystem::path& file);
-/// Only where CMake found ONNX Runtime (SEGSIM_ONNXRUNTIME).
+/// Only with the CMake option SEGSIM_ONNXRUNTIME.
 [[nodiscard]] std::unique_ptr<ModelSession> open_onnxruntime(
     const std::filesystem::path& file);
 

@@ -139,6 +139,15 @@ class Yolo final : public core::Detector {
       if (batched && (shape[0] == 4 + classes || shape[0] == 4 + classes + kCoefficients)) {
         return suppress(dense(by_column, 4, false));
       }
+      if (batched && shape[1] == 6 && classes <= 2) {  // 5 + 1 and 4 + 2 numbers, too.
+        throw InputError::expected(
+            place_,
+            "an output [1, " + std::to_string(4 + classes) +
+                ", n] (exported without nms), since for " + std::to_string(classes) +
+                (classes == 1 ? " class" : " classes") +
+                " six columns may be chosen boxes or scores of all anchors",
+            shape_text(tensor.shape));
+      }
       if (shape[1] == 6) return listed(by_row, 0, 4, 5);
       if (!batched && shape[1] == 7) return listed(by_row, 1, 6, 5);
       if (batched && shape[1] == 5 + classes) return suppress(dense(by_row, 5, true));
