@@ -57,6 +57,13 @@ TEST(PoseJumps, PhotographsAndQuickWalksHaveNone) {
   }
   EXPECT_THAT(find_pose_jumps(photographs).lone, IsEmpty());
   EXPECT_THAT(find_pose_jumps(photographs).breaks, IsEmpty());
+  // Five pictures at each place, as captures of mesh worlds are.
+  std::vector<core::CameraPose> places = walk(40);
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    places[i] = shifted(places[i], 2.0 * static_cast<double>(i / 5));
+  }
+  EXPECT_THAT(find_pose_jumps(places).lone, IsEmpty());
+  EXPECT_THAT(find_pose_jumps(places).breaks, IsEmpty());
   // Steps of 5 cm and one of 40 cm.
   std::vector<core::CameraPose> quick = walk(30);
   for (std::size_t i = 15; i < quick.size(); ++i) quick[i] = shifted(quick[i], 0.4);

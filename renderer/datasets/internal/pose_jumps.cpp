@@ -17,7 +17,7 @@ namespace {
 constexpr std::size_t kFewestPoses = 8;
 constexpr double kShortestJump_m = 0.5;
 constexpr double kSmallestTurn_rad = std::numbers::pi / 3.0;
-constexpr double kTimesMedian = 20.0, kLargestShare = 0.25;
+constexpr double kTimesMedian = 20.0, kLargestShare = 0.25, kLargestBreakShare = 0.1;
 
 double way_m(const core::CameraPose& a, const core::CameraPose& b) {
   return glm::distance(a.translation_m(), b.translation_m());
@@ -74,6 +74,8 @@ PoseJumps find_pose_jumps(std::span<const core::CameraPose> path) {
       found.breaks.push_back(i);
     }
   }
+  const auto all_steps = static_cast<double>(ways_m.size());
+  if (static_cast<double>(found.breaks.size()) > kLargestBreakShare * all_steps) return {};
   return found;
 }
 

@@ -14,7 +14,8 @@ namespace segsim::renderer::internal {
 
 /// A step is a jump if it is longer than 0.5 m and 20 times the middle one of the path, or
 /// turns by more than 60 degrees and 20 times the middle one. Where more than a quarter of the
-/// steps are jumps, or with fewer than 8 poses, there are none: photographs, not a walk.
+/// steps are jumps, or a tenth are breaks, or with fewer than 8 poses, there are none:
+/// photographs, or pictures from one place after another, and not a walk.
 struct PoseJumps {
   /// Poses far from both neighbours, which are near each other: tracking erred for one frame.
   std::vector<std::size_t> lone;
