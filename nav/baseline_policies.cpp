@@ -10,16 +10,10 @@
 
 #include "core/check.h"
 #include "core/random.h"
+#include "nav/internal/robot_pose.h"
 
 namespace segsim::nav {
 namespace {
-
-core::Pose2 pose_of(const core::Observation& observation) {
-  const glm::dquat& q = observation.T_odom_robot.rotation();
-  const glm::dvec3& p = observation.T_odom_robot.translation_m();
-  return {p.x, p.y,
-          std::atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))};
-}
 
 core::Decision stop_decision(const std::string& reason) {
   return {{}, core::PolicyMode::kStop, true, reason};
@@ -41,7 +35,7 @@ class OraclePathPolicy final : public core::Policy {
 
   core::Decision decide(const core::Observation& observation,
                         std::span<const core::Detection> detections) override {
-    const core::Pose2 pose = pose_of(observation);
+    const core::Pose2 pose = pose_of(observation.T_odom_robot);
     if (turned_rad_) return look(observation, detections, pose);
     const core::TimeNs time_ns = observation.capture_time_ns;
     if (!planned_ns_ || core::seconds(time_ns - *planned_ns_) >= options_.replan_period_s) {
@@ -108,7 +102,7 @@ class BlindPolicy : public core::Policy {
   core::Decision decide(const core::Observation& observation,
                         std::span<const core::Detection>) override {
     if (stopped_) return stop_decision(reason());
-    const core::Pose2 pose = pose_of(observation);
+    const core::Pose2 pose = pose_of(observation.T_odom_robot);
     const core::TimeNs time_ns = observation.capture_time_ns;
     const double period_s = last_ns_ ? core::seconds(time_ns - *last_ns_) : 0.1;
     last_ns_ = time_ns;

@@ -8,6 +8,7 @@
 
 #include "core/check.h"
 #include "nav/internal/object_clusters.h"
+#include "nav/internal/robot_pose.h"
 
 namespace segsim::nav {
 namespace {
@@ -342,11 +343,8 @@ void ObjectMap::refute(int id) {
 void ObjectMap::update(const core::Observation& observation,
                        std::span<const core::Detection> detections, int class_index) {
   SEGSIM_CHECK(observation.depth_m != nullptr, "observation without depth");
-  const glm::dquat& q = observation.T_odom_robot.rotation();
-  const ViewPose now{
-      glm::dvec2(observation.T_odom_robot.translation_m()),
-      std::atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z)),
-      observation.capture_time_ns};
+  const ViewPose now{glm::dvec2(observation.T_odom_robot.translation_m()),
+                     pose_of(observation.T_odom_robot).yaw_rad, observation.capture_time_ns};
   std::vector<bool> seen_now(objects_.size(), false);
   for (const core::Detection& detection : detections) {
     if (detection.class_index != class_index || class_index < 0) continue;

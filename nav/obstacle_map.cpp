@@ -9,16 +9,13 @@
 #include <opencv2/imgproc.hpp>
 
 #include "core/check.h"
+#include "nav/internal/robot_pose.h"
 
 namespace segsim::nav {
 namespace {
 
 cv::Mat header(core::Image<std::uint8_t>& cells) {
   return {cells.height_px(), cells.width_px(), CV_8U, cells.data()};
-}
-
-double yaw_of(const glm::dquat& q) {
-  return std::atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z));
 }
 
 glm::dvec2 robot_of(const core::Observation& observation) {
@@ -233,7 +230,7 @@ void ObstacleMap::reveal(const core::Observation& observation) {
   fog.hfov_rad = observation.intrinsics.horizontal_fov_rad();
   fog.range_m = options_.depth.max_depth_m;
   CellWindow window = revealed_cells(frame_, navigable_, robot_of(observation),
-                                     yaw_of(observation.T_odom_robot.rotation()), fog, rules_);
+                                     pose_of(observation.T_odom_robot).yaw_rad, fog, rules_);
   cv::Mat piece = header(window.cells);
   cv::dilate(piece, piece, square(3));
   for (int j = 0; j < window.cells.height_px(); ++j) {

@@ -5,6 +5,7 @@
 #include <glm/geometric.hpp>
 
 #include "core/check.h"
+#include "nav/internal/robot_pose.h"
 #include "nav/internal/search_policy.h"
 
 namespace segsim::nav::internal {
@@ -17,14 +18,6 @@ constexpr double kSamePlace_m = 0.5;    // Recoveries this near to one another c
 constexpr int kBlockedLimit = 15;       // Decisions without a safe forward motion.
 constexpr double kBackSpeed_mps = 0.2;
 constexpr double kRecoverPhase_s = 3.0;  // Longest time for backing and for turning each.
-
-core::Pose2 pose_of(
-    const core::Transform<core::frame::Odom, core::frame::Robot>& T_odom_robot) {
-  const glm::dquat& q = T_odom_robot.rotation();
-  const glm::dvec3& p = T_odom_robot.translation_m();
-  return {p.x, p.y,
-          std::atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))};
-}
 
 }  // namespace
 

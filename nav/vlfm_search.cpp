@@ -7,6 +7,7 @@
 
 #include "core/check.h"
 #include "nav/approach.h"
+#include "nav/internal/robot_pose.h"
 #include "nav/internal/vlfm_search.h"
 
 namespace segsim::nav::internal {
@@ -25,13 +26,6 @@ bool finite_pose(const core::Observation& observation) {
   const glm::dvec3& p = observation.T_odom_robot.translation_m();
   const glm::dquat& q = observation.T_odom_robot.rotation();
   return std::isfinite(p.x + p.y + p.z + q.w + q.x + q.y + q.z);
-}
-
-core::Pose2 pose_of(const core::Observation& observation) {
-  const glm::dquat& q = observation.T_odom_robot.rotation();
-  const glm::dvec3& p = observation.T_odom_robot.translation_m();
-  return {p.x, p.y,
-          std::atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))};
 }
 
 VlfmOptions completed(VlfmOptions options) {
@@ -71,7 +65,7 @@ core::Decision VlfmSearch::decide(const core::Observation& observation,
   core::Decision decision;
   // Without a pose nothing can be mapped and no way is known: wait.
   if (stop_reason_.empty() && finite_pose(observation)) {
-    const core::Pose2 pose = pose_of(observation);
+    const core::Pose2 pose = pose_of(observation.T_odom_robot);
     const core::TimeNs time_ns = observation.capture_time_ns;
     const double period_s = last_time_ns_ ? core::seconds(time_ns - *last_time_ns_) : 0.1;
     const Now now{&observation, detections, pose, {pose.x_m, pose.y_m}, time_ns, period_s};
