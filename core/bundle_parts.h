@@ -6,8 +6,10 @@
 ///
 ///     labels.bin   label distribution of every surfel (renderer/panoptic_field_file.h)
 ///
-/// A bundle of version 1 has none of this: it is read as one without distributions, of unknown
-/// mesh source, and not levelled.
+///     cameras.txt  where the recording's cameras were (core/camera_path.h)
+///
+/// A bundle of version 1 has none of this: it is read as one without distributions and cameras, of
+/// unknown mesh source, and not levelled.
 
 #include <filesystem>
 #include <string>
@@ -20,6 +22,7 @@
 namespace segsim::core {
 
 inline constexpr int kBundleVersion = 2;  ///< Written; 1 is read as well.
+inline constexpr const char* kCamerasFileName = "cameras.txt";
 
 /// How the bundle's world came from the source's: p_world = R p_source + p. The source is the
 /// recording as it was opened, so its poses and annotations can follow.
@@ -31,6 +34,7 @@ struct SceneLevelling {
 struct BundleParts {
   int version = kBundleVersion;  ///< Of the file that was read.
   BundleFile labels;             ///< Name empty: surfels have their own ids alone.
+  BundleFile cameras;            ///< Name empty: unknown.
   std::string mesh_source;       ///< Of collision.ply, in words; empty if unknown.
   SceneLevelling levelling;
 };

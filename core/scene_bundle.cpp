@@ -79,6 +79,7 @@ BundleParts read_parts(const ConfigNode& root, const fs::path& folder) {
   if (root.has("label_distributions")) {
     parts.labels = read_file_entry(root, "label_distributions", folder);
   }
+  if (root.has("cameras")) parts.cameras = read_file_entry(root, "cameras", folder);
   return parts;
 }
 
@@ -219,8 +220,9 @@ void write_bundle_manifest(const fs::path& folder, SceneManifest m, BundleParts 
   m.surfels.sha256 = sha256_of_file(folder / m.surfels.name);
   m.collision_mesh.sha256 = sha256_of_file(folder / m.collision_mesh.name);
   m.navmesh.sha256 = sha256_of_file(folder / m.navmesh.name);
-  if (!parts.labels.name.empty())
-    parts.labels.sha256 = sha256_of_file(folder / parts.labels.name);
+  for (BundleFile* file : {&parts.labels, &parts.cameras}) {
+    if (!file->name.empty()) file->sha256 = sha256_of_file(folder / file->name);
+  }
 
   YAML::Emitter out;
   out.SetDoublePrecision(12);
@@ -240,6 +242,7 @@ void write_bundle_manifest(const fs::path& folder, SceneManifest m, BundleParts 
   emit_vec3(out, parts.levelling.p_world_source_m) << YAML::EndMap;
   out << YAML::Key << "mesh_source" << YAML::Value << parts.mesh_source;
   if (!parts.labels.name.empty()) emit_file(out, "label_distributions", parts.labels);
+  if (!parts.cameras.name.empty()) emit_file(out, "cameras", parts.cameras);
   out << YAML::Key << "geodetic_origin" << YAML::Value << YAML::BeginMap;
   out << YAML::Key << "latitude_deg" << YAML::Value << m.origin.latitude_deg;
   out << YAML::Key << "longitude_deg" << YAML::Value << m.origin.longitude_deg;

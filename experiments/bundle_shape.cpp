@@ -78,6 +78,14 @@ core::SceneLevelling level_shape(SceneShape& shape, const sim::LevellingOptions&
   return {R, t_m};
 }
 
+void move_cameras(const core::SceneLevelling& levelling, core::CameraPath& cameras) {
+  const core::Transform<core::frame::World, core::frame::World> T_world_source(
+      levelling.R_world_source, levelling.p_world_source_m);
+  for (core::CameraPath::View& view : cameras.views) {
+    view.T_world_camera = T_world_source * view.T_world_camera;
+  }
+}
+
 void decimate_shape(SceneShape& shape, double max_error_m) {
   if (shape.surface.triangles.empty()) return;
   shape.surface = sim::decimated(shape.surface, max_error_m);

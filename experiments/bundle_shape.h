@@ -14,7 +14,7 @@
 #include <glm/vec3.hpp>
 
 #include "core/bundle_parts.h"
-#include "core/camera.h"
+#include "core/camera_path.h"
 #include "core/frames.h"
 #include "core/render.h"
 #include "core/scene_bundle.h"
@@ -64,6 +64,9 @@ struct SceneShape {
 /// Brings the floor of the shape to z = 0, if one is found and it is not there already.
 /// @return  What the rest of the scene must follow; the identity if nothing was moved.
 core::SceneLevelling level_shape(SceneShape& shape, const sim::LevellingOptions& options = {});
+
+/// The cameras go along.
+void move_cameras(const core::SceneLevelling& levelling, core::CameraPath& cameras);
 
 /// Fewer triangles, for a shape with a surface.
 void decimate_shape(SceneShape& shape, double max_error_m);

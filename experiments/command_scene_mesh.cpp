@@ -32,7 +32,7 @@ namespace {
 namespace fs = std::filesystem;
 
 struct RemeshFlags {
-  fs::path bundle, recording, out;
+  fs::path bundle, out;
   std::string robot = "jackal-gentle", backend = "cpu";
   std::size_t frame_step = 1;
   SurfaceOptions surface;
@@ -49,19 +49,13 @@ void drop_shape_statistics(core::SceneManifest& manifest) {
   });
 }
 
-SceneShape shape_from_recording(const RemeshFlags& flags, const core::SceneLevelling& levelled,
-                                const std::shared_ptr<const renderer::SurfelCloud>& surfels) {
-  renderer::SequenceOptions options;
-  options.on_bad_frame = renderer::OnBadFrame::kSkip;
-  const auto sequence = renderer::open_sequence(flags.recording, options);
-  const core::Transform<core::frame::World, core::frame::World> T_bundle_source(
-      levelled.R_world_source, levelled.p_world_source_m);
-  std::vector<core::CameraPose> poses;
-  for (std::size_t i = 0; i < sequence->frame_count(); i += flags.frame_step) {
-    poses.push_back(T_bundle_source * sequence->pose(i));
+core::CameraPath cameras_of(const core::SceneBundle& bundle, const core::BundleParts& parts) {
+  if (parts.cameras.name.empty()) {
+    throw core::InputError::expected(
+        (bundle.folder / core::kCamerasFileName).string(),
+        "the recording's cameras (`segsim reconstruct` writes them)", "none");
   }
-  const auto renderer = renderer::make_renderer(renderer::backend_of(flags.backend), surfels);
-  return fuse_rendered_depth(*renderer, sequence->intrinsics(), poses, flags.surface);
+  return core::read_camera_path(bundle.folder / parts.cameras.name);
 }
 
 /// Writes the parts of a bundle whose surfels may have moved.
@@ -70,8 +64,17 @@ void write_remeshed(const fs::path& folder, const RemeshFlags& flags,
   core::SceneManifest manifest = bundle.manifest;
   core::BundleParts parts = core::load_bundle_parts(bundle.folder);
   const SceneSurfels scene = load_scene_surfels(bundle);
-  SceneShape shape = shape_from_recording(flags, parts.levelling, scene.surfels);
+  core::CameraPath cameras = cameras_of(bundle, parts);
+  std::vector<core::CameraPose> poses;
+  for (std::size_t i = 0; i < cameras.views.size(); i += flags.frame_step) {
+    poses.push_back(cameras.views[i].T_world_camera);
+  }
+  const auto renderer =
+      renderer::make_renderer(renderer::backend_of(flags.backend), scene.surfels);
+  SceneShape shape = fuse_rendered_depth(*renderer, cameras.intrinsics, poses, flags.surface);
   const core::SceneLevelling step = level_shape(shape);
+  move_cameras(step, cameras);
+  core::write_camera_path(folder / parts.cameras.name, cameras);
   decimate_shape(shape, flags.surface.max_error_m);
 
   renderer::SurfelCloud surfels = *scene.surfels;
@@ -87,12 +90,6 @@ void write_remeshed(const fs::path& folder, const RemeshFlags& flags,
     renderer::PanopticModel moved = renderer::read_panoptic_model(model);
     renderer::transform_panoptic_model(step.R_world_source, step.p_world_source_m, moved);
     renderer::write_panoptic_model(folder / renderer::kPanopticFileName, moved);
-    // A bundle of version 1: its distributions were left to whoever wanted them.
-    if (!scene.labels && surfels.has_features()) {
-      parts.labels.name = renderer::kPanopticFieldFileName;
-      renderer::write_panoptic_field(folder / parts.labels.name,
-                                     renderer::fold_panoptic_model(surfels, moved));
-    }
   }
   const auto robot = sim::RobotModel::by_name(flags.robot);
   for (const std::string& warning : write_shape(folder, shape, robot, {}, manifest).warnings) {
@@ -152,15 +149,14 @@ void mesh_error(const ErrorFlags& flags) {
 void add_remesh(CLI::App& scene) {
   auto flags = std::make_shared<RemeshFlags>();
   CLI::App* command = scene.add_subcommand(
-      "remesh", "Make the collision mesh anew from depth rendered at a recording's poses");
+      "remesh",
+      "Make the collision mesh anew from depth rendered where the recording's cameras were");
   command->add_option("bundle", flags->bundle, "Folder with scene.yaml")->required();
-  command->add_option("--recording", flags->recording, "That the bundle was made from")
-      ->required();
   command->add_option("--out", flags->out, "Folder of the new bundle")->required();
   command->add_option("--robot", flags->robot, "Whose navigation mesh is made")
       ->capture_default_str();
   command->add_option("--backend", flags->backend, "cpu | cuda | auto")->capture_default_str();
-  command->add_option("--frame-step", flags->frame_step, "Use every n-th pose")
+  command->add_option("--frame-step", flags->frame_step, "Use every n-th camera")
       ->check(CLI::Range(1, 100000))
       ->capture_default_str();
   command->add_option("--voxel", flags->surface.fusion.voxel_m, "Of the fused surface [m]")

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <map>
 #include <memory>
 #include <span>
 
@@ -56,6 +57,8 @@ struct Scene {
   std::vector<core::SceneClass> classes;
   std::vector<core::SceneInstance> instances;
   std::vector<std::pair<std::string, double>> statistics;
+  /// T_world_camera by frame of the recording, of those that training moved.
+  std::map<std::size_t, core::CameraPose> refined_poses;
 };
 
 fs::path training_folder(const ReconstructOptions& options, const fs::path& folder) {
@@ -77,9 +80,13 @@ Scene trained(const renderer::RgbdSequence& sequence, const renderer::LiftResult
   if (result.aligned_quality) {
     std::printf("at aligned poses: %s\n", result.aligned_quality->text().c_str());
   }
-  Scene scene{std::move(result.surfels),   std::move(result.model),
-              std::move(result.field),     std::move(result.classes),
-              std::move(result.instances), lifted.statistics.listing()};
+  Scene scene{std::move(result.surfels),
+              std::move(result.model),
+              std::move(result.field),
+              std::move(result.classes),
+              std::move(result.instances),
+              lifted.statistics.listing(),
+              {}};
   if (!scene.surfels.has_labels()) {
     scene.classes.clear();
   } else if (training.head == "none") {  // Those of the lift, which survived.
@@ -87,31 +94,37 @@ Scene trained(const renderer::RgbdSequence& sequence, const renderer::LiftResult
   }
   scene.statistics.insert(scene.statistics.end(), result.statistics.begin(),
                           result.statistics.end());
+  for (std::size_t i = 0; i < result.refined_poses.size(); ++i) {
+    scene.refined_poses[set.training[i].frame] = result.refined_poses[i];
+  }
   return scene;
 }
 
-std::vector<core::CameraPose> poses_of(const renderer::RgbdSequence& sequence,
-                                       const renderer::LiftOptions& options) {
-  std::vector<core::CameraPose> poses;
+/// The cameras of the frames that the scene was made from, where training left them.
+core::CameraPath camera_path(const renderer::RgbdSequence& sequence,
+                             const renderer::LiftOptions& options,
+                             const std::map<std::size_t, core::CameraPose>& refined) {
+  core::CameraPath path{sequence.intrinsics(), {}};
   for (std::size_t i = 0; i < sequence.frame_count(); ++i) {
-    if (renderer::lift_uses_frame(options, i)) poses.push_back(sequence.pose(i));
+    if (!renderer::lift_uses_frame(options, i)) continue;
+    const auto moved = refined.find(i);
+    path.views.push_back(
+        {moved == refined.end() ? sequence.pose(i) : moved->second, sequence.frame_name(i)});
   }
-  return poses;
+  return path;
 }
 
 /// By the source that was asked for. Training moves surfels to please pictures, so that their
 /// centres are no measurement any more; where they hide the light is.
-SceneShape shape_of(const Scene& scene, const renderer::RgbdSequence& sequence,
-                    const renderer::LiftOptions& lift, const ReconstructOptions& options,
-                    SceneShape lifted) {
+SceneShape shape_of(const Scene& scene, const core::CameraPath& cameras,
+                    const ReconstructOptions& options, SceneShape lifted) {
   const bool depth = options.mesh == MeshSource::kDepth ||
                      (options.mesh == MeshSource::kAuto && options.training);
   if (!depth) return lifted;
   const auto renderer = renderer::make_renderer(
       options.training ? options.training->device.backend : renderer::Backend::kCpu,
       std::make_shared<const renderer::SurfelCloud>(scene.surfels));
-  return fuse_rendered_depth(*renderer, sequence.intrinsics(), poses_of(sequence, lift),
-                             options.surface);
+  return fuse_rendered_depth(*renderer, cameras.intrinsics, cameras.poses(), options.surface);
 }
 
 /// Moves the scene along with its shape.
@@ -182,15 +195,21 @@ core::SceneBundle reconstruct_bundle(const renderer::RgbdSequence& sequence,
   if (options.training) {
     scene = trained(sequence, lifted, options, folder);
   } else {
-    scene = {
-        std::move(lifted.surfels),  std::nullopt, nullptr, lifted.classes, lifted.instances,
-        lifted.statistics.listing()};
+    scene = {std::move(lifted.surfels),
+             std::nullopt,
+             nullptr,
+             lifted.classes,
+             lifted.instances,
+             lifted.statistics.listing(),
+             {}};
   }
-  SceneShape shape = shape_of(scene, sequence, lift_options, options, std::move(lifted_shape));
+  core::CameraPath cameras = camera_path(sequence, lift_options, scene.refined_poses);
+  SceneShape shape = shape_of(scene, cameras, options, std::move(lifted_shape));
   core::BundleParts parts;
   parts.mesh_source = shape.source;
   parts.levelling = level_shape(shape);
   follow(parts.levelling, scene);
+  move_cameras(parts.levelling, cameras);
   decimate_shape(shape, options.surface.max_error_m);
 
   const fs::path temporary = folder.string() + ".tmp" + std::to_string(::getpid());
@@ -216,6 +235,8 @@ core::SceneBundle reconstruct_bundle(const renderer::RgbdSequence& sequence,
     if (scene.model) {
       renderer::write_panoptic_model(temporary / renderer::kPanopticFileName, *scene.model);
     }
+    parts.cameras.name = core::kCamerasFileName;
+    core::write_camera_path(temporary / parts.cameras.name, cameras);
     if (scene.field) {
       parts.labels.name = renderer::kPanopticFieldFileName;
       renderer::write_panoptic_field(temporary / parts.labels.name, *scene.field);

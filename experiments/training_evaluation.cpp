@@ -5,6 +5,8 @@
 #include <limits>
 #include <numbers>
 
+#include <glm/common.hpp>
+
 #include "core/check.h"
 #include "core/progress.h"
 #include "renderer/depth_normal.h"
@@ -16,12 +18,17 @@ namespace {
 
 using renderer::TrainingView;
 
+/// The first training view after a frame.
+auto training_view_after(const renderer::TrainingSet& set, std::size_t frame) {
+  return std::upper_bound(
+      set.training.begin(), set.training.end(), frame,
+      [](std::size_t at, const TrainingView& other) { return at < other.frame; });
+}
+
 /// What the training frames just before and after a view say about it, and what was drawn.
 void add_sensor_level(const renderer::TrainingSet& set, const TrainingView& view,
                       const core::Image<float>& drawn_m, HeldOutQuality& quality) {
-  const auto after = std::upper_bound(
-      set.training.begin(), set.training.end(), view.frame,
-      [](std::size_t frame, const TrainingView& other) { return frame < other.frame; });
+  const auto after = training_view_after(set, view.frame);
   const auto add = [&](const TrainingView& other) {
     if (other.depth_m.empty()) return;
     const core::Image<float> measured_m = renderer::reprojected_depth(
@@ -57,6 +64,9 @@ std::vector<std::pair<std::string, double>> HeldOutQuality::listing(
       {prefix + "depth_median_at_sensor_m", depth_at_sensor.median_abs_m()},
       {prefix + "depth_completeness", depth.completeness()},
       {prefix + "normal_error_deg", normal.mean_rad() * 180.0 / std::numbers::pi}};
+  if (exposed_color.views() > 0) {
+    list.emplace_back(prefix + "neighbour_exposure_psnr_db", exposed_color.psnr_db());
+  }
   if (labels.frame_count() > 0) {
     list.insert(list.end(), {{prefix + "strict_pq", panoptic.pq},
                              {prefix + "strict_sq", panoptic.sq},
@@ -77,6 +87,12 @@ std::string HeldOutQuality::text() const {
                            100.0 * depth.mean_abs_m(), 100.0 * depth.completeness(),
                            normal.mean_rad() * 180.0 / std::numbers::pi);
   std::string text(line, static_cast<std::size_t>(used));
+  if (exposed_color.views() > 0) {
+    used = std::snprintf(line, sizeof line,
+                         ", PSNR at the exposure of the frames before and after %.2f dB",
+                         exposed_color.psnr_db());
+    text.append(line, static_cast<std::size_t>(used));
+  }
   if (sensor_depth.pixels() > 0) {
     used =
         std::snprintf(line, sizeof line,
@@ -96,8 +112,27 @@ std::string HeldOutQuality::text() const {
   return text;
 }
 
+renderer::Exposure exposure_between(const renderer::TrainingSet& set,
+                                    const std::vector<renderer::Exposure>& exposures,
+                                    std::size_t frame) {
+  SEGSIM_CHECK(!exposures.empty() && exposures.size() == set.training.size(),
+               std::to_string(exposures.size()) + " exposures");
+  const auto index =
+      static_cast<std::size_t>(training_view_after(set, frame) - set.training.begin());
+  if (index == 0) return exposures.front();
+  if (index == exposures.size()) return exposures.back();
+  const renderer::Exposure &before = exposures[index - 1], &after = exposures[index];
+  const std::size_t begin = set.training[index - 1].frame;
+  const auto share =
+      static_cast<float>(static_cast<double>(frame - begin) /
+                         static_cast<double>(set.training[index].frame - begin));
+  return {glm::mix(before.gain, after.gain, share),
+          glm::mix(before.offset, after.offset, share)};
+}
+
 HeldOutQuality held_out_quality(core::Renderer& renderer, const renderer::TrainingSet& set,
-                                std::span<const core::CameraPose> poses) {
+                                const TrainedCamera& camera) {
+  const std::vector<core::CameraPose>& poses = camera.held_out_poses;
   SEGSIM_CHECK(poses.empty() || poses.size() == set.held_out.size(),
                std::to_string(poses.size()) + " poses");
   HeldOutQuality quality;
@@ -110,6 +145,10 @@ HeldOutQuality held_out_quality(core::Renderer& renderer, const renderer::Traini
     renderer.render(T_world_camera, set.intrinsics, core::Channels::kAll, frame);
     quality.color.add(frame.rgb, view.rgb);
     quality.gain_fitted_color.add(renderer::gain_fitted(frame.rgb, view.rgb), view.rgb);
+    if (!camera.exposures.empty()) {
+      const auto exposure = exposure_between(set, camera.exposures, view.frame);
+      quality.exposed_color.add(renderer::exposed(frame.rgb, exposure), view.rgb);
+    }
     if (!view.depth_m.empty()) {
       quality.depth.add(frame.depth_m, view.depth_m);
       quality.normal.add(

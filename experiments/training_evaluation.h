@@ -22,6 +22,10 @@ struct HeldOutQuality {
   /// The same views after each channel was given the gain that fits best (gain_fitted()): of
   /// a recording with automatic exposure. A figure of its own, not to be quoted as the first.
   renderer::ColorQuality gain_fitted_color;
+  /// The same views at the exposure between those that training found for the frames before
+  /// and after; the views' own pictures have no part in it. Without views if training had no
+  /// rate for exposure.
+  renderer::ColorQuality exposed_color;
   renderer::DepthQuality depth;  ///< Against the recorded depth.
   /// Recorded depth of the nearest training frame before and after, brought into the view
   /// (depth_repeatability.h), against the recorded depth: the sensor's own level ...
@@ -39,11 +43,23 @@ struct HeldOutQuality {
   [[nodiscard]] std::string text() const;
 };
 
+/// What training found out about a recording beside its surfels.
+struct TrainedCamera {
+  std::vector<core::CameraPose> held_out_poses;  ///< Empty: as recorded.
+  std::vector<renderer::Exposure> exposures;     ///< Of the training views; may be empty.
+};
+
 /// Draws every held-out view of the set.
-/// @param poses  Of these views; empty: as recorded.
 [[nodiscard]] HeldOutQuality held_out_quality(core::Renderer& renderer,
                                               const renderer::TrainingSet& set,
-                                              std::span<const core::CameraPose> poses = {});
+                                              const TrainedCamera& camera = {});
+
+/// For a frame that was not trained on: linear between those of the training views just
+/// before and after it; of the nearest one at an end.
+/// @param exposures  Of the training views, not empty.
+[[nodiscard]] renderer::Exposure exposure_between(
+    const renderer::TrainingSet& set, const std::vector<renderer::Exposure>& exposures,
+    std::size_t frame);
 
 /// Labels of the views on the training trajectory against `truth`, view by view.
 /// @param truth  Exact labels of a training view, of the set's size.

@@ -33,7 +33,6 @@ using renderer::TrainingSet;
 constexpr const char* kGeometryState = "geometry.state";
 constexpr const char* kHeadState = "head.state";
 constexpr const char* kHeadMark = "head.iteration";
-constexpr const char* kRefinedPoses = "poses_refined.txt";
 constexpr double kGeometryShare = 0.6;  ///< Of a time limit.
 
 double seconds_since(Clock::time_point start) {
@@ -96,21 +95,6 @@ void write_preview(const fs::path& file, const TrainingSet& set,
   perception::write_image(file, picture);
 }
 
-/// A line for every training view, in TUM's order of numbers.
-void write_poses(const fs::path& file, const TrainingSet& set,
-                 const std::vector<core::CameraPose>& poses) {
-  core::write_file_atomically(file, [&](std::ostream& out) {
-    out << "# T_world_camera: frame x_m y_m z_m qx qy qz qw\n";
-    out.precision(12);
-    for (std::size_t i = 0; i < poses.size(); ++i) {
-      const glm::dvec3& p_m = poses[i].translation_m();
-      const glm::dquat& q = poses[i].rotation();
-      out << set.training[i].name << ' ' << p_m.x << ' ' << p_m.y << ' ' << p_m.z << ' ' << q.x
-          << ' ' << q.y << ' ' << q.z << ' ' << q.w << '\n';
-    }
-  });
-}
-
 /// The two stages and what they have in common.
 class TrainingRun {
  public:
@@ -152,13 +136,14 @@ class TrainingRun {
     draw.threads = options_.device.threads;
     const auto renderer = renderer::make_cpu_renderer(surfels, draw, field);
     scene.field = field;
-    scene.quality = held_out_quality(*renderer, set_);
+    scene.quality = held_out_quality(*renderer, set_, {{}, exposures_});
     const auto quality = scene.quality.listing();
     statistics_.insert(statistics_.end(), quality.begin(), quality.end());
     if (options_.align_held_out && !set_.held_out.empty()) {
       scene.aligned_quality = aligned_quality(*renderer, scene.surfels);
     }
     scene.statistics = std::move(statistics_);
+    scene.refined_poses = poses_;
     return scene;
   }
 
@@ -197,7 +182,7 @@ class TrainingRun {
       throw core::InputError(std::string(error.what()) + "; " + kept_state());
     }
   }
-  /// Takes the training views' poses from the trainer, and writes them, if they were moved.
+  /// Takes the training views' poses from the trainer, if they were moved.
   void keep_poses(const renderer::GeometryTrainer& trainer);
   [[nodiscard]] HeldOutQuality aligned_quality(core::Renderer& renderer,
                                                const SurfelCloud& surfels);
@@ -215,7 +200,8 @@ class TrainingRun {
   Clock::time_point begin_ = Clock::now();
   std::unique_ptr<LossTable> losses_;
   std::vector<std::pair<std::string, double>> statistics_;
-  std::vector<core::CameraPose> poses_;  ///< Of the training views; empty: as recorded.
+  std::vector<core::CameraPose> poses_;        ///< Of the training views; empty: as recorded.
+  std::vector<renderer::Exposure> exposures_;  ///< Of the training views, if trained.
 };
 
 SurfelCloud TrainingRun::train_geometry() {
@@ -262,6 +248,7 @@ SurfelCloud TrainingRun::train_geometry() {
                              static_cast<double>(done_here) / seconds);
   }
   keep_poses(trainer);
+  exposures_ = trainer.exposures();
   return trainer.surfels();
 }
 
@@ -271,7 +258,6 @@ void TrainingRun::keep_poses(const renderer::GeometryTrainer& trainer) {
   poses_ = trainer.poses();
   std::vector<core::CameraPose> recorded;
   for (const auto& view : set_.training) recorded.push_back(view.T_world_camera);
-  write_poses(options_.work / kRefinedPoses, set_, poses_);
   add_change("pose", renderer::pose_change(recorded, poses_));
 }
 
@@ -286,7 +272,7 @@ HeldOutQuality TrainingRun::aligned_quality(core::Renderer& renderer,
   std::vector<core::CameraPose> recorded;
   for (const auto& view : set_.held_out) recorded.push_back(view.T_world_camera);
   add_change("held_out_pose", renderer::pose_change(recorded, poses));
-  HeldOutQuality quality = held_out_quality(renderer, set_, poses);
+  HeldOutQuality quality = held_out_quality(renderer, set_, {poses, exposures_});
   const auto listing = quality.listing("held_out_aligned_");
   statistics_.insert(statistics_.end(), listing.begin(), listing.end());
   return quality;

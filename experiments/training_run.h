@@ -7,7 +7,6 @@
 ///     <work>/geometry.state, <work>/head.state   everything that training needs to go on
 ///     <work>/preview.png                         rendered | recorded | panoptic, every few s
 ///     <work>/losses.csv                          iteration, losses, surfels, seconds
-///     <work>/poses_refined.txt                   of the training frames, if they were moved
 
 #include <cstdint>
 #include <filesystem>
@@ -50,7 +49,9 @@ struct TrainedScene {
   std::vector<core::SceneClass> classes;
   std::vector<core::SceneInstance> instances;
   HeldOutQuality quality;
-  std::optional<HeldOutQuality> aligned_quality;           ///< With align_held_out.
+  std::optional<HeldOutQuality> aligned_quality;  ///< With align_held_out.
+  /// T_world_camera of the training views; empty unless training moved them.
+  std::vector<core::CameraPose> refined_poses;
   std::vector<std::pair<std::string, double>> statistics;  ///< For the manifest.
 };
 

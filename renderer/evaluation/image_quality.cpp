@@ -14,6 +14,7 @@
 namespace segsim::renderer {
 namespace {
 
+constexpr std::array kChannels{&core::Rgb8::r, &core::Rgb8::g, &core::Rgb8::b};
 constexpr int kRadius_px = 5;
 constexpr int kWindow_px = 2 * kRadius_px + 1;
 constexpr double kC1 = (0.01 * 255.0) * (0.01 * 255.0), kC2 = (0.03 * 255.0) * (0.03 * 255.0);
@@ -149,8 +150,9 @@ double ssim(const core::Image<core::Rgb8>& image, const core::Image<core::Rgb8>&
 core::Image<core::Rgb8> gain_fitted(const core::Image<core::Rgb8>& image,
                                     const core::Image<core::Rgb8>& truth) {
   check_sizes(image, truth);
-  core::Image<core::Rgb8> fitted = image;
-  for (const auto channel : {&core::Rgb8::r, &core::Rgb8::g, &core::Rgb8::b}) {
+  Exposure exposure;
+  for (int c = 0; c < 3; ++c) {
+    const auto channel = kChannels[static_cast<std::size_t>(c)];
     // Least squares of gain * image = truth.
     double product = 0.0, square = 0.0;
     for (std::size_t i = 0; i < image.size(); ++i) {
@@ -158,13 +160,23 @@ core::Image<core::Rgb8> gain_fitted(const core::Image<core::Rgb8>& image,
       product += value * (truth.pixels()[i].*channel);
       square += value * value;
     }
-    const double gain = square > 0.0 ? product / square : 1.0;
-    for (core::Rgb8& pixel : fitted.pixels()) {
-      const double value = std::round(gain * (pixel.*channel));
-      pixel.*channel = static_cast<std::uint8_t>(std::clamp(value, 0.0, 255.0));
+    if (square > 0.0) exposure.gain[c] = static_cast<float>(product / square);
+  }
+  return exposed(image, exposure);
+}
+
+core::Image<core::Rgb8> exposed(const core::Image<core::Rgb8>& image,
+                                const Exposure& exposure) {
+  core::Image<core::Rgb8> result = image;
+  for (core::Rgb8& pixel : result.pixels()) {
+    for (int c = 0; c < 3; ++c) {
+      std::uint8_t& value = pixel.*kChannels[static_cast<std::size_t>(c)];
+      const float bright =
+          exposure.gain[c] * static_cast<float>(value) + 255.0F * exposure.offset[c];
+      value = static_cast<std::uint8_t>(std::clamp(std::round(bright), 0.0F, 255.0F));
     }
   }
-  return fitted;
+  return result;
 }
 
 void ColorQuality::add(const core::Image<core::Rgb8>& image,

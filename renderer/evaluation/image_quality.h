@@ -36,6 +36,15 @@ enum class SsimBorder : std::uint8_t {
 [[nodiscard]] core::Image<core::Rgb8> gain_fitted(const core::Image<core::Rgb8>& image,
                                                   const core::Image<core::Rgb8>& truth);
 
+/// What a camera's automatics do to the colours of one view.
+struct Exposure {
+  glm::vec3 gain{1.0F}, offset{0.0F};  ///< Of red, green, blue in 0 ... 1.
+};
+
+/// gain * image + offset, within 0 ... 255.
+[[nodiscard]] core::Image<core::Rgb8> exposed(const core::Image<core::Rgb8>& image,
+                                              const Exposure& exposure);
+
 /// Means over views.
 class ColorQuality {
  public:

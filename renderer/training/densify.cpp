@@ -11,7 +11,6 @@
 
 #include "core/check.h"
 #include "renderer/depth_normal.h"
-#include "renderer/training/depth_completion.h"
 
 namespace segsim::renderer {
 namespace {
@@ -132,7 +131,6 @@ void HoleFiller::add_view(const TrainingView& view, const core::CameraPose& T_wo
   if (view.depth_m.empty()) return;
   SEGSIM_CHECK(alpha.size() == view.depth_m.size(),
                std::to_string(alpha.size()) + " pixels of alpha");
-  core::Image<float> completed_m;  // Made for the first hole without depth.
   core::Image<glm::vec3> normals;  // Row by row, where there are holes.
   for (int y = 0; y < view.depth_m.height_px(); y += kHoleStep_px) {
     const float* alpha_row =
@@ -142,15 +140,8 @@ void HoleFiller::add_view(const TrainingView& view, const core::CameraPose& T_wo
       if (alpha_row[x] >= kHoleAlpha || (!view.valid.empty() && view.valid(x, y) == 0)) {
         continue;
       }
-      double depth_m = view.depth_m(x, y);
-      const bool measured = depth_m > min_depth_m && depth_m < max_depth_m;
-      if (!measured) {
-        if (completed_m.empty()) {
-          completed_m = completed_depth_m(view.depth_m, min_depth_m, max_depth_m);
-        }
-        depth_m = completed_m(x, y);
-        if (std::isnan(depth_m)) continue;
-      }
+      const double depth_m = view.depth_m(x, y);
+      if (!(depth_m > min_depth_m && depth_m < max_depth_m)) continue;
       const glm::vec3 place_m(
           (T_world_camera * core::Point<core::frame::Camera>{intrinsics.back_project(
                                 {x + 0.5, y + 0.5}, depth_m)})
@@ -162,7 +153,7 @@ void HoleFiller::add_view(const TrainingView& view, const core::CameraPose& T_wo
         row_is_known = true;
       }
       glm::vec3 normal = normals(x, y);
-      if (!measured || normal == glm::vec3(0.0F)) {
+      if (normal == glm::vec3(0.0F)) {
         normal = glm::normalize(glm::vec3(T_world_camera.translation_m()) - place_m);
       }
       add(place_m, normal, 0.5 * kHoleStep_px * depth_m / intrinsics.fx_px, view.rgb(x, y));

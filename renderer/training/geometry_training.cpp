@@ -71,6 +71,7 @@ class GeometryTrainer::Impl {
     return surfel_cloud(state_.tail(state_.count()));
   }
   [[nodiscard]] const std::vector<core::CameraPose>& poses() const { return poses_.now(); }
+  [[nodiscard]] std::vector<Exposure> exposures() const;
 
   GeometryStep step();
   void save(const std::filesystem::path& file, const std::string& identity) const;
@@ -97,7 +98,8 @@ class GeometryTrainer::Impl {
   void change_count();
   void forget_statistics();
   [[nodiscard]] SurfelStatistics statistics() const;
-  void select(const std::vector<std::int64_t>& rows);
+  /// Of the surfels; the statistics of the others stay.
+  void prune(bool needs_are_known);
   void split(const std::vector<std::int64_t>& rows);
   void fill();
 
@@ -173,6 +175,20 @@ GeometryStep GeometryTrainer::Impl::step() {
   return step;
 }
 
+std::vector<Exposure> GeometryTrainer::Impl::exposures() const {
+  if (config_.rate.exposure <= 0.0) return {};
+  const std::vector<float> values = host(exposure_.value().detach());
+  std::vector<Exposure> exposures(set_.training.size());
+  for (std::size_t view = 0; view < exposures.size(); ++view) {
+    for (int c = 0; c < 3; ++c) {
+      const auto at = 6 * view + static_cast<std::size_t>(c);
+      exposures[view].gain[c] = std::exp(values[at]);
+      exposures[view].offset[c] = values[at + 3];
+    }
+  }
+  return exposures;
+}
+
 void GeometryTrainer::Impl::move_pose(std::size_t view, const SurfelTensors& leaves,
                                       const Tensor& rows) {
   const SurfelTensors all = internal::gradients_of(leaves);
@@ -213,21 +229,30 @@ void GeometryTrainer::Impl::change_count() {
   const bool in_time = progress() >= densify.from && progress() <= densify.until;
   // Not before every view had its say: splits in haste cost more than they give.
   const std::int64_t wait = std::max(at_share(densify.every, config_.iterations), views);
-  if (in_time && statistics_views_ >= wait) {
+  // Whether no view needs a surfel is known when all views were drawn since the last change;
+  // two epochs of different order contain every view at least once.
+  const bool needs_are_known = statistics_views_ >= 2 * views;
+  if (in_time) {
+    if (statistics_views_ < wait) return;
+    prune(needs_are_known);
     split(surfels_to_split(statistics(), densify));
     fill();
     forget_statistics();
-    SurfelStatistics now = statistics();
-    std::fill(now.max_weight.begin(), now.max_weight.end(), kNeeded);
-    select(surfels_to_keep(now, densify, extent_m_));
+  } else if (needs_are_known && progress() <= densify.prune_until) {
+    prune(needs_are_known);
     forget_statistics();
-    return;
   }
-  // Whether no view needs a surfel is known when all views were drawn since the last change;
-  // two epochs of different order contain every view at least once.
-  if (statistics_views_ >= 2 * views && progress() <= densify.prune_until) {
-    select(surfels_to_keep(statistics(), densify, extent_m_));
-    forget_statistics();
+}
+
+void GeometryTrainer::Impl::prune(bool needs_are_known) {
+  SurfelStatistics now = statistics();
+  if (!needs_are_known) std::fill(now.max_weight.begin(), now.max_weight.end(), kNeeded);
+  const auto rows = surfels_to_keep(now, config_.densify, extent_m_);
+  if (static_cast<std::int64_t>(rows.size()) == state_.count() || rows.empty()) return;
+  const Tensor kept = internal::device_tensor(rows, torch::kInt64, raster_.device());
+  state_.select(kept);
+  for (Tensor* sum : {&gradient_sum_, &gradient_views_, &max_weight_}) {
+    *sum = sum->index_select(0, kept);
   }
 }
 
@@ -249,11 +274,6 @@ SurfelStatistics GeometryTrainer::Impl::statistics() const {
   s.long_scale_m = host(scale_m.amax(1));
   s.short_scale_m = host(scale_m.amin(1));
   return s;
-}
-
-void GeometryTrainer::Impl::select(const std::vector<std::int64_t>& rows) {
-  if (static_cast<std::int64_t>(rows.size()) == state_.count() || rows.empty()) return;
-  state_.select(internal::device_tensor(rows, torch::kInt64, raster_.device()));
 }
 
 void GeometryTrainer::Impl::split(const std::vector<std::int64_t>& rows) {
@@ -356,6 +376,7 @@ std::int64_t GeometryTrainer::iteration() const { return impl_->iteration(); }
 GeometryStep GeometryTrainer::step() { return impl_->step(); }
 SurfelCloud GeometryTrainer::surfels() const { return impl_->surfels(); }
 const std::vector<core::CameraPose>& GeometryTrainer::poses() const { return impl_->poses(); }
+std::vector<Exposure> GeometryTrainer::exposures() const { return impl_->exposures(); }
 void GeometryTrainer::save(const std::filesystem::path& file,
                            const std::string& identity) const {
   impl_->save(file, identity);

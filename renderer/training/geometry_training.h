@@ -20,6 +20,7 @@
 #include <vector>
 
 #include "core/frames.h"
+#include "renderer/evaluation/image_quality.h"
 #include "renderer/renderer_backend.h"
 #include "renderer/surfels.h"
 #include "renderer/training/differentiable_rasterizer.h"
@@ -70,6 +71,9 @@ class GeometryTrainer {
   /// T_world_camera of the training views: as recorded, unless the configuration has rates for
   /// poses. The cameras' mean place and rotation stay as recorded.
   [[nodiscard]] const std::vector<core::CameraPose>& poses() const;
+  /// Of the training views: what takes the surfels' colours to theirs. Empty without a rate
+  /// for exposure.
+  [[nodiscard]] std::vector<Exposure> exposures() const;
 
   /// The whole state, written atomically.
   /// @param identity  What the state belongs to: load() asks for the same.

@@ -7,7 +7,7 @@ set(SEGSIM_LABEL_TRAINING_SOURCES
   heads/internal/head_support.cpp heads/internal/label_losses.cpp heads/internal/query_matching.cpp
   heads/internal/query_set.cpp heads/internal/sparse_blend.cpp heads/internal/state_file.cpp)
 set(SEGSIM_GEOMETRY_TRAINING_SOURCES
-  densify.cpp depth_completion.cpp geometry_training.cpp pose_alignment.cpp raw_surfels.cpp training_memory.cpp
+  densify.cpp geometry_training.cpp pose_alignment.cpp raw_surfels.cpp training_memory.cpp
   training_pack.cpp training_set.cpp
   training_views.cpp internal/geometry_losses.cpp internal/pose_gradient.cpp internal/raster_function.cpp
   internal/surfel_state.cpp internal/training_poses.cpp internal/view_loss.cpp)

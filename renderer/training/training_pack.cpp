@@ -16,8 +16,8 @@ namespace segsim::renderer {
 namespace {
 
 constexpr std::array<char, 8> kMagic{'S', 'E', 'G', 'S', 'I', 'M', 'T', 'P'};
-constexpr std::int32_t kVersion = 1, kLargestSide_px = 32768;
-constexpr std::int64_t kMostSurfels = 1'000'000'000;
+constexpr std::int32_t kVersion = 2, kLargestSide_px = 32768;
+constexpr std::int64_t kMostSurfels = 1'000'000'000, kMostFrames = 1'000'000'000;
 
 template <class Value>
 void put(std::ostream& out, const Value* values, std::size_t count) {
@@ -36,6 +36,7 @@ void put_view(std::ostream& out, const TrainingView& view, bool held_out) {
                    view.masks.confidence.size() == pixels,
                "view " + view.name + " without depth or masks");
   put(out, std::int32_t{held_out});
+  put(out, static_cast<std::int64_t>(view.frame));
   const glm::dquat& r = view.T_world_camera.rotation();
   const glm::dvec3& t = view.T_world_camera.translation_m();
   for (const double value : {r.w, r.x, r.y, r.z, t.x, t.y, t.z}) put(out, value);
@@ -156,7 +157,7 @@ TrainingPack read_training_pack(const std::filesystem::path& file) {
   std::array<char, 8> magic{};
   in.get(magic.data(), magic.size());
   if (magic != kMagic || in.get<std::int32_t>() != kVersion) {
-    throw core::InputError::expected(in.place(), "a training pack of version 1",
+    throw core::InputError::expected(in.place(), "a training pack of version 2",
                                      "another kind of file");
   }
   TrainingPack pack;
@@ -176,9 +177,10 @@ TrainingPack read_training_pack(const std::filesystem::path& file) {
   const auto views = in.count<std::int32_t>("views", 1, 1'000'000);
   for (std::int32_t i = 0; i < views; ++i) {
     const bool held_out = in.count<std::int32_t>("held_out", 0, 1) != 0;
+    const auto frame = in.count<std::int64_t>("frame", 0, kMostFrames);
     TrainingView view = get_view(in, camera);
-    view.frame = static_cast<std::size_t>(i);
-    view.name = std::to_string(i);
+    view.frame = static_cast<std::size_t>(frame);
+    view.name = std::to_string(frame);
     (held_out ? pack.set.held_out : pack.set.training).push_back(std::move(view));
   }
   pack.set.has_true_labels = true;

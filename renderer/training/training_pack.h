@@ -7,12 +7,13 @@
 ///
 ///     8 bytes  "SEGSIMTP"
 ///
-///     i32      version = 1, width, height; f64 fx, fy, cx, cy [px]
+///     i32      version = 2, width, height; f64 fx, fy, cx, cy [px]
 ///
 ///     i32      classes; each: u16 id, u16 thing (0 or 1)
 ///
-///     i32      views; each: i32 held_out (0 or 1), f64 R_world_camera[4] (w x y z), f64
-///     position_m[3],
+///     i32      views; each: i32 held_out (0 or 1), i64 frame (of the recording),
+///
+///              f64 R_world_camera[4] (w x y z), f64 position_m[3],
 ///
 ///              u8 rgb[3 n], f32 depth_m[n], u16 semantic[n], u16 instance[n],
 ///

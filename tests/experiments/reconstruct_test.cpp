@@ -112,6 +112,15 @@ TEST_F(ReconstructTest, TrainedBundleIsLevelledAndKeepsItsLabels) {
   EXPECT_EQ(parts.version, 2);
   EXPECT_THAT(parts.mesh_source, StartsWith("fused depth of"));
   EXPECT_EQ(statistic(bundle.manifest, "levelled"), 1.0);
+  // The cameras went along.
+  const RoomRecording recording(R, t_m);
+  const core::CameraPath cameras = core::read_camera_path(bundle.folder / parts.cameras.name);
+  ASSERT_EQ(cameras.views.size(), recording.frame_count() - 5);  // Those held out.
+  EXPECT_EQ(cameras.views[2].frame, recording.frame_name(3));
+  const glm::dvec3 place_m =
+      parts.levelling.R_world_source * recording.pose(3).translation_m() +
+      parts.levelling.p_world_source_m;
+  EXPECT_LT(glm::distance(cameras.views[2].T_world_camera.translation_m(), place_m), 1e-9);
   EXPECT_LT(std::abs(statistic(bundle.manifest, "floor_height_m")), 0.01);
   EXPECT_LT(statistic(bundle.manifest, "floor_tilt_rad"), 0.0035);
   // The true floor, through both transforms.

@@ -140,6 +140,13 @@ TEST(ImageQuality, AFittedGainTakesOutTheExposureAndNothingElse) {
   EXPECT_EQ(gain_fitted(black, truth).pixels(), black.pixels());
 }
 
+TEST(ImageQuality, AnExposureIsAGainAndAnOffsetOfEachChannel) {
+  const core::Image<Rgb8> image(1, 1, Rgb8{100, 200, 50});
+  const Exposure exposure{.gain = {0.5F, 2.0F, 1.0F}, .offset = {0.1F, 0.0F, -0.3F}};
+  EXPECT_EQ(exposed(image, exposure)(0, 0), (Rgb8{76, 255, 0}));  // 50 + 25.5, cut, cut.
+  EXPECT_EQ(exposed(image, {})(0, 0), image(0, 0));
+}
+
 TEST(ImageQuality, NormalErrorIsTheAngle) {
   const auto tilted = [](double degrees) {
     const double angle_rad = degrees * std::numbers::pi / 180.0;

@@ -4,12 +4,14 @@
 /// cuda` does, without the libraries that a recording needs.
 ///
 ///     train_pack PACK [--geometry 7000] [--labels 15000] [--head query] [--max-surfels N]
-///                [--masks PACK2]... [--sh 2] [--exposure 0.001] [--fixed-order]
-///                [--start IN.ply] [--out OUT.ply]
+///                [--masks PACK2]... [--sh 2] [--exposure 0.001] [--pose-rate 0.001]
+///                [--fixed-order] [--start IN.ply] [--out OUT.ply]
 ///
 /// `segsim reconstruct --export-pack` writes packs, and `--start OUT.ply --iterations 0` makes
-/// a bundle of what comes back. --exposure is the rate of every image's gain. --start takes other surfels than the pack's, --out keeps the trained ones; --masks trains
-/// the labels once more with the masks of another pack of the same views.
+/// a bundle of what comes back. --exposure is the rate of every image's gain, --pose-rate
+/// that of its pose [rad and m]. --start takes other surfels than the pack's, --out keeps the
+/// trained ones; --masks trains the labels once more with the masks of another pack of the
+/// same views.
 
 #include <chrono>
 #include <cstdio>
@@ -26,6 +28,7 @@
 #include "renderer/training/cuda/cuda_rasterizer.h"
 #include "renderer/training/geometry_training.h"
 #include "renderer/training/panoptic_training.h"
+#include "renderer/training/pose_alignment.h"
 #include "renderer/training/training_pack.h"
 #include "renderer/training/training_views.h"
 
@@ -75,6 +78,9 @@ Flags parse(int argc, char** argv) {
       flags.geometry.sh_degree = std::stoi(value());
     } else if (word == "--exposure") {
       flags.geometry.rate.exposure = std::stod(value());
+    } else if (word == "--pose-rate") {
+      flags.geometry.rate.pose_rotation = std::stod(value());
+      flags.geometry.rate.pose_translation = flags.geometry.rate.pose_rotation;
     } else if (word == "--masks") {
       flags.masks.push_back(value());
     } else if (word == "--start") {
@@ -95,8 +101,10 @@ Flags parse(int argc, char** argv) {
   return flags;
 }
 
-renderer::SurfelCloud train_geometry(const renderer::TrainingPack& pack, const Flags& flags,
-                                     const renderer::GeometryDevice& device) {
+/// Moves the poses of pack.set.training with --pose-rate.
+renderer::SurfelCloud train_geometry(renderer::TrainingPack& pack, const Flags& flags,
+                                     const renderer::GeometryDevice& device,
+                                     experiments::TrainedCamera& camera) {
   renderer::GeometryTrainer trainer(pack.set, pack.start, flags.geometry, 1, device);
   const Clock::time_point start = Clock::now();
   renderer::GeometryStep step;
@@ -112,22 +120,30 @@ renderer::SurfelCloud train_geometry(const renderer::TrainingPack& pack, const F
   std::printf("geometry: %ld steps in %.1f s, %.1f steps/s\n",
               static_cast<long>(step.iteration), seconds,
               static_cast<double>(step.iteration) / seconds);
+  if (flags.geometry.rate.pose_rotation > 0.0) {
+    for (std::size_t i = 0; i < pack.set.training.size(); ++i) {
+      pack.set.training[i].T_world_camera = trainer.poses()[i];
+    }
+  }
+  camera.exposures = trainer.exposures();
   return trainer.surfels();
 }
 
 void print_quality(const char* name, const renderer::TrainingSet& set,
                    const std::shared_ptr<const renderer::SurfelCloud>& surfels,
-                   const std::shared_ptr<const renderer::PanopticField>& field, int top_k) {
+                   const std::shared_ptr<const renderer::PanopticField>& field, int top_k,
+                   const experiments::TrainedCamera& camera) {
   renderer::RenderOptions options;
   options.top_k = top_k;
   const auto gpu = renderer::make_cuda_renderer(surfels, options, field);
   std::printf("%s, K = %d: %s\n", name, top_k,
-              experiments::held_out_quality(*gpu, set).text().c_str());
+              experiments::held_out_quality(*gpu, set, camera).text().c_str());
 }
 
 void train_labels(const renderer::TrainingSet& set,
                   const std::shared_ptr<const renderer::SurfelCloud>& surfels,
-                  const Flags& flags, const renderer::GeometryDevice& device) {
+                  const experiments::TrainedCamera& camera, const Flags& flags,
+                  const renderer::GeometryDevice& device) {
   renderer::PanopticTrainingConfig config;
   config.iterations = flags.label_iterations;
   const Clock::time_point start = Clock::now();
@@ -162,7 +178,8 @@ void train_labels(const renderer::TrainingSet& set,
   labelled.instance_feature = std::move(result.instance_feature);
   const auto shared = std::make_shared<const renderer::SurfelCloud>(std::move(labelled));
   const auto field = std::make_shared<const renderer::PanopticField>(std::move(result.field));
-  for (const int top_k : {24, 4, 3, 1}) print_quality("labels", set, shared, field, top_k);
+  for (const int top_k : {24, 4, 3, 1})
+    print_quality("labels", set, shared, field, top_k, camera);
 }
 
 void run(const Flags& flags) {
@@ -175,16 +192,22 @@ void run(const Flags& flags) {
   const renderer::GeometryDevice device{.backend = renderer::Backend::kCuda,
                                         .deterministic = flags.fixed_order};
   print_quality("start", pack.set, std::make_shared<const renderer::SurfelCloud>(pack.start),
-                nullptr, 4);
-  const auto surfels =
-      std::make_shared<const renderer::SurfelCloud>(train_geometry(pack, flags, device));
+                nullptr, 4, {});
+  experiments::TrainedCamera camera;
+  const auto surfels = std::make_shared<const renderer::SurfelCloud>(
+      train_geometry(pack, flags, device, camera));
   if (!flags.out.empty()) renderer::write_surfels_ply(flags.out, *surfels);
-  print_quality("trained", pack.set, surfels, nullptr, 4);
+  print_quality("trained", pack.set, surfels, nullptr, 4, camera);
+  if (flags.geometry.rate.pose_rotation > 0.0) {
+    camera.held_out_poses = renderer::align_views(pack.set.held_out, pack.set.intrinsics,
+                                                  *surfels, flags.geometry, device);
+    print_quality("trained, held-out poses aligned", pack.set, surfels, nullptr, 4, camera);
+  }
   if (flags.label_iterations <= 0) return;
-  train_labels(pack.set, surfels, flags, device);
+  train_labels(pack.set, surfels, camera, flags, device);
   for (const std::string& file : flags.masks) {
     std::printf("masks of %s\n", file.c_str());
-    train_labels(renderer::read_training_pack(file).set, surfels, flags, device);
+    train_labels(renderer::read_training_pack(file).set, surfels, camera, flags, device);
   }
 }
 

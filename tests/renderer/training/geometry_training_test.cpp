@@ -128,6 +128,49 @@ TEST(GeometryTraining, SplitsWithinTheBudget) {
   check_surfels(trainer->surfels());
 }
 
+TEST(GeometryTraining, SplitsAlsoWhenItIsLongerThanPruningWaits) {
+  SmallRoom room;
+  room.config_.densify.every = 0.45;  // Pruning waits for two epochs, 32 of 80 images.
+  const auto surfels_with_growth = [&](double growth) {
+    room.config_.densify.max_growth = growth;
+    const auto trainer = room.make(2);
+    std::int64_t surfels = 0;
+    while (trainer->iteration() < 40) surfels = trainer->step().surfels;
+    return surfels;
+  };
+  EXPECT_GT(surfels_with_growth(0.1), surfels_with_growth(0.0) + 100);
+}
+
+TEST(GeometryTraining, LearnsTheExposureOfEachView) {
+  SmallRoom room;
+  room.start_ = *room.truth_;
+  room.config_.densify.max_growth = 0.0;
+  room.config_.rate.exposure = 0.02;
+  for (std::size_t i = 0; i < room.set_.training.size(); i += 2) {
+    for (core::Rgb8& pixel : room.set_.training[i].rgb.pixels()) {
+      pixel.r = static_cast<std::uint8_t>(0.6 * pixel.r);
+    }
+  }
+  const auto trainer = room.make(2);
+  while (trainer->iteration() < 112) (void)trainer->step();
+  const std::vector<Exposure> exposures = trainer->exposures();
+  ASSERT_EQ(exposures.size(), room.set_.training.size());
+  // Of a middle grey: gain and offset do the same to it.
+  const auto bright = [&](std::size_t view, int c) {
+    return 0.4F * exposures[view].gain[c] + exposures[view].offset[c];
+  };
+  double darker = 0.0, plain = 0.0, green = 0.0;
+  for (std::size_t i = 0; i + 1 < exposures.size(); i += 2) {
+    darker += bright(i, 0);
+    plain += bright(i + 1, 0);
+    green += bright(i, 1) / bright(i + 1, 1);
+  }
+  EXPECT_LT(darker / plain, 0.75);
+  EXPECT_NEAR(green / (0.5 * static_cast<double>(exposures.size())), 1.0, 0.05);
+  room.config_.rate.exposure = 0.0;
+  EXPECT_TRUE(room.make()->exposures().empty());
+}
+
 TEST(GeometryTraining, ThreadsDoNotMatter) {
   const SmallRoom room;
   const auto one = room.make(1), two = room.make(2);

@@ -33,6 +33,9 @@ TrainingSet two_and_one() {
   set.classes = {{4, "wall", false}, {300, "chair", true}};
   set.training = {view(1), view(2)};
   set.held_out = {view(3)};
+  set.training[0].frame = 0;
+  set.training[1].frame = 2;
+  set.held_out[0].frame = 1;
   return set;
 }
 
@@ -73,6 +76,8 @@ TEST_F(TrainingPackFile, ComesBackAsItWas) {
   EXPECT_EQ(pack.set.classes[1].id, 300);
   EXPECT_TRUE(pack.set.classes[1].thing);
   ASSERT_EQ(pack.set.training.size(), 2U);
+  EXPECT_EQ(pack.set.training[1].frame, 2U);
+  EXPECT_EQ(pack.set.held_out.at(0).frame, 1U);
   ASSERT_EQ(pack.set.held_out.size(), 1U);
   const TrainingView& last = pack.set.held_out[0];
   EXPECT_EQ(last.T_world_camera.translation_m(), glm::dvec3(3.0, 2.0, -1.5));
@@ -104,7 +109,7 @@ TEST_F(TrainingPackFile, CutAtAnyLengthIsAnError) {
 TEST_F(TrainingPackFile, OtherFilesAndImpossibleCountsAreErrors) {
   EXPECT_THAT(error(), HasSubstr("no readable file"));
   std::ofstream(file_, std::ios::binary) << "ply\nformat binary_little_endian 1.0\n";
-  EXPECT_THAT(error(), HasSubstr("training pack of version 1"));
+  EXPECT_THAT(error(), HasSubstr("training pack of version 2"));
   write_training_pack(file_, two_and_one(), two_surfels());
   std::string bytes = core::read_file(file_);
   bytes[12] = '\xFF', bytes[15] = '\xFF';  // Width.
