@@ -44,6 +44,18 @@ core::Image<core::Rgb8> block_means(const core::Image<core::Rgb8>& image, int n)
   return small;
 }
 
+/// 0 where any pixel of the block is 0: its mean is of that pixel as well.
+core::Image<std::uint8_t> block_minima(const core::Image<std::uint8_t>& image, int n) {
+  core::Image<std::uint8_t> small(image.width_px() / n, image.height_px() / n, 255);
+  for (int y = 0; y < n * small.height_px(); ++y) {
+    for (int x = 0; x < n * small.width_px(); ++x) {
+      std::uint8_t& least = small(x / n, y / n);
+      least = std::min(least, image(x, y));
+    }
+  }
+  return small;
+}
+
 }  // namespace
 
 core::FrameMasks exact_masks(const RgbdFrame& frame) {
@@ -73,7 +85,7 @@ TrainingView shrunk(const TrainingView& view, int n) {
   small.T_world_camera = view.T_world_camera;
   small.rgb = block_means(view.rgb, n);
   small.depth_m = middles(view.depth_m, n);
-  small.valid = middles(view.valid, n);
+  if (!view.valid.empty()) small.valid = block_minima(view.valid, n);
   small.masks.semantic = middles(view.masks.semantic, n);
   small.masks.instance = middles(view.masks.instance, n);
   small.masks.confidence = middles(view.masks.confidence, n);

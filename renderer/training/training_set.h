@@ -54,8 +54,9 @@ struct TrainingSet {
 /// The camera of shrunk() views: columns and rows that fill no block are cut off on the right
 /// and below.
 [[nodiscard]] core::CameraIntrinsics shrunk(const core::CameraIntrinsics& intrinsics, int n);
-/// A view with one pixel for n x n: the mean colour of the block; depth, labels and validity
-/// of the pixel in its middle, since a mean over an edge is on neither side of it.
+/// A view with one pixel for n x n: the mean colour of the block, valid if all of it is;
+/// depth and labels of the pixel in its middle, since a mean over an edge is on neither side
+/// of it.
 [[nodiscard]] TrainingView shrunk(const TrainingView& view, int n);
 
 /// Loads all frames that are used. A frame that repeats another, picture and pose, is left out

@@ -228,6 +228,11 @@ TEST(TrainingSet, ShrunkViewsSeeTheSamePointsWithFewerPixels) {
   EXPECT_EQ(half.masks.semantic(1, 0), 41);
   EXPECT_EQ(half.masks.segments.size(), 2U);
   EXPECT_TRUE(half.valid.empty());
+  view.valid = core::Image<std::uint8_t>(7, 5, 1);
+  view.valid(5, 0) = 0;  // Not the middle of its block.
+  view.valid(6, 0) = 0;  // In none.
+  EXPECT_EQ(shrunk(view, 3).valid(0, 0), 1);
+  EXPECT_EQ(shrunk(view, 3).valid(1, 0), 0);
 }
 
 TEST(TrainingSet, LoadsShrunkAndRefusesToShrinkToNothing) {
