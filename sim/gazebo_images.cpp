@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <bit>
-#include <cmath>
 #include <cstring>
 #include <limits>
 #include <map>
@@ -64,16 +63,17 @@ void encode_depth(const core::Image<float>& depth_m, double near_m, double far_m
   constexpr float kInfinity = std::numeric_limits<float>::infinity();
   const auto near_f = static_cast<float>(near_m), far_f = static_cast<float>(far_m);
   bytes.resize(sizeof(float) * depth_m.size());
-  char* out = bytes.data();
-  for (const float depth : depth_m.pixels()) {
-    float value = depth;
-    if (std::isnan(depth) || depth >= far_f) {
-      value = kInfinity;
-    } else if (depth <= near_f) {
-      value = -kInfinity;
+  // In blocks without branches, which the compiler turns into vector instructions.
+  constexpr std::size_t kBlock = 256;
+  std::array<float, kBlock> block{};
+  for (std::size_t start = 0; start < depth_m.size(); start += kBlock) {
+    const std::size_t count = std::min(kBlock, depth_m.size() - start);
+    std::copy_n(depth_m.data() + start, count, block.begin());
+    for (float& depth : block) {
+      const float far_enough = depth > near_f ? depth : -kInfinity;
+      depth = depth < far_f ? far_enough : kInfinity;  // NaN is not less.
     }
-    std::memcpy(out, &value, sizeof value);
-    out += sizeof value;
+    std::memcpy(bytes.data() + sizeof(float) * start, block.data(), sizeof(float) * count);
   }
 }
 
