@@ -13,6 +13,7 @@
 #include <optional>
 #include <utility>
 
+#include <oneapi/tbb/parallel_for.h>
 #include <ignition/transport/Node.hh>
 
 #include "core/error.h"
@@ -86,22 +87,27 @@ class Stream {
   }
 
   /// Sends `message` to whoever listens.
-  void publish(core::TimeNs stamp_ns, GazeboTraffic& traffic) {
+  void publish(core::TimeNs stamp_ns) {
     auto* header = message.mutable_header();
     header->mutable_stamp()->set_sec(stamp_ns / core::kNsPerSecond);
     header->mutable_stamp()->set_nsec(
         static_cast<std::int32_t>(stamp_ns % core::kNsPerSecond));
     header->mutable_data(1)->set_value(0, std::to_string(sequence_++));
-    message.SerializeToString(&bytes_);
     for (Voice& voice : voices_) {
       if (!voice.publisher.HasConnections()) continue;
-      voice.publisher.PublishRaw(bytes_, voice.type);
-      ++traffic.images;
-      traffic.bytes += bytes_.size();
+      if (voice.type == message.GetTypeName()) {
+        voice.publisher.Publish(message);  // One copy of the image less.
+      } else {
+        message.SerializeToString(&bytes_);
+        voice.publisher.PublishRaw(bytes_, voice.type);
+      }
+      ++messages_sent;
+      bytes_sent += message.ByteSizeLong();
     }
   }
 
   Message message;
+  std::uint64_t messages_sent = 0, bytes_sent = 0;
 
  private:
   struct Voice {
@@ -169,27 +175,38 @@ struct CameraStreams {
     return channels;
   }
 
+  /// Appends what has to be done for one frame; the parts touch nothing of one another.
   /// @param frame  Holds the channels that were wanted.
-  void publish(const core::Frame& frame, core::Channels channels, core::TimeNs stamp_ns,
-               const GazeboLabelEncoder& encoder, GazeboTraffic& traffic) {
-    if (info.watched()) info.publish(stamp_ns, traffic);
-    if (has(channels, core::Channels::kRgb) && rgb.watched()) {
-      encode_rgb(frame.rgb, *rgb.message.mutable_data());
-      rgb.publish(stamp_ns, traffic);
+  void add_work(const core::Frame& frame, core::Channels channels, core::TimeNs stamp_ns,
+                const GazeboLabelEncoder& encoder, std::vector<std::function<void()>>& work) {
+    const auto add = [&](ImageStream& stream, core::Channels channel, auto encode) {
+      if (!has(channels, channel) || !stream.watched()) return;
+      work.emplace_back([&stream, stamp_ns, encode] {
+        encode(*stream.message.mutable_data());
+        stream.publish(stamp_ns);
+      });
+    };
+    if (info.watched()) work.emplace_back([this, stamp_ns] { info.publish(stamp_ns); });
+    add(depth, core::Channels::kDepth, [this, &frame](std::string& bytes) {
+      encode_depth(frame.depth_m, near_m, far_m, bytes);
+    });
+    add(rgb, core::Channels::kRgb,
+        [&frame](std::string& bytes) { encode_rgb(frame.rgb, bytes); });
+    add(labels, core::Channels::kLabels, [this, &frame, &encoder](std::string& bytes) {
+      encoder.encode_labels(frame, coding, bytes);
+    });
+    add(colored, core::Channels::kLabels, [this, &frame, &encoder](std::string& bytes) {
+      encoder.encode_colors(frame, coding, bytes);
+    });
+  }
+
+  void count(GazeboTraffic& traffic) const {
+    for (const ImageStream* stream : {&rgb, &depth, &labels, &colored}) {
+      traffic.images += stream->messages_sent;
+      traffic.bytes += stream->bytes_sent;
     }
-    if (has(channels, core::Channels::kDepth) && depth.watched()) {
-      encode_depth(frame.depth_m, near_m, far_m, *depth.message.mutable_data());
-      depth.publish(stamp_ns, traffic);
-    }
-    if (!has(channels, core::Channels::kLabels)) return;
-    if (labels.watched()) {
-      encoder.encode_labels(frame, coding, *labels.message.mutable_data());
-      labels.publish(stamp_ns, traffic);
-    }
-    if (colored.watched()) {
-      encoder.encode_colors(frame, coding, *colored.message.mutable_data());
-      colored.publish(stamp_ns, traffic);
-    }
+    traffic.images += info.messages_sent;
+    traffic.bytes += info.bytes_sent;
   }
 
   ImageStream rgb, depth, labels, colored;
@@ -305,31 +322,27 @@ struct GazeboBridge::Parts {
 
   void serve(const GazeboInbox::Job& job) {
     auto channels = core::Channels::kNone;
-    bool watched = false;
-    for (const auto& camera : streams[job.view]) {
-      channels = channels | camera->wanted();
-      watched = watched || camera->info.watched();
-    }
+    for (const auto& camera : streams[job.view]) channels = channels | camera->wanted();
     const bool drawn = channels != core::Channels::kNone;
-    GazeboTraffic sent;
     const auto start = GazeboInbox::Clock::now();
-    auto rendered = start;
     if (drawn) {
       renderer.render(job.T_world_camera, views[job.view].camera().intrinsics, channels,
                       frame);
-      rendered = GazeboInbox::Clock::now();
     }
+    const auto rendered = GazeboInbox::Clock::now();
+    std::vector<std::function<void()>> work;
     for (const auto& camera : streams[job.view]) {
-      camera->publish(frame, channels, job.stamp_ns, encoder, sent);
+      camera->add_work(frame, channels, job.stamp_ns, encoder, work);
     }
+    tbb::parallel_for(std::size_t{0}, work.size(), [&](std::size_t i) { work[i](); });
+
     using Milliseconds = std::chrono::duration<double, std::milli>;
     const std::lock_guard lock(mutex);
-    if (!drawn && !watched) {
-      ++totals.unwatched;
-      return;
+    if (work.empty()) ++totals.unwatched;
+    totals.images = totals.bytes = 0;
+    for (const auto& view : streams) {
+      for (const auto& camera : view) camera->count(totals);
     }
-    totals.images += sent.images;
-    totals.bytes += sent.bytes;
     if (!drawn) return;
     ++totals.frames;
     render_times.add(Milliseconds(rendered - start).count());
