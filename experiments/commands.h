@@ -31,6 +31,8 @@ void add_detector_compare(CLI::App& detector);
 void add_masks_command(CLI::App& app);
 /// `segsim masks detect`, below `segsim masks`.
 void add_masks_detect(CLI::App& masks);
+/// `segsim gazebo serve` and `segsim gazebo export-world`.
+void add_gazebo_command(CLI::App& app);
 void add_bench_command(CLI::App& app);
 /// `segsim table 1` and `segsim table 2`, below `segsim table`.
 void add_panoptic_table(CLI::App& table);

@@ -39,6 +39,7 @@ int main(int argc, char** argv) {
   experiments::add_label_command(app);
   experiments::add_detector_command(app);
   experiments::add_masks_command(app);
+  experiments::add_gazebo_command(app);
   experiments::add_bench_command(app);
 
   try {

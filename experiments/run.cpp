@@ -1,7 +1,6 @@
 #include "experiments/run.h"
 
 #include <atomic>
-#include <csignal>
 #include <cstdio>
 #include <cstring>
 #include <map>
@@ -18,40 +17,13 @@
 #include "core/progress.h"
 #include "core/version.h"
 #include "experiments/prepare.h"
+#include "experiments/stop_signal.h"
 #include "experiments/trial_runner.h"
 
 namespace segsim::experiments {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::atomic<bool> stop_requested{false};
-static_assert(std::atomic<bool>::is_always_lock_free, "set from a signal handler");
-
-void request_stop(int signal_number) {
-  stop_requested = true;
-  std::signal(signal_number, SIG_DFL);  // The second signal ends the process at once.
-}
-
-/// Turns SIGINT and SIGTERM into a request while it lives.
-class StopOnSignal {
- public:
-  StopOnSignal() {
-    stop_requested = false;
-    old_interrupt_ = std::signal(SIGINT, request_stop);
-    old_terminate_ = std::signal(SIGTERM, request_stop);
-  }
-  ~StopOnSignal() {
-    std::signal(SIGINT, old_interrupt_);
-    std::signal(SIGTERM, old_terminate_);
-  }
-  StopOnSignal(const StopOnSignal&) = delete;
-  StopOnSignal& operator=(const StopOnSignal&) = delete;
-
- private:
-  void (*old_interrupt_)(int) = nullptr;
-  void (*old_terminate_)(int) = nullptr;
-};
 
 /// Keeps a second `segsim run` out of a work folder; released when the process ends, however.
 class FolderLock {
@@ -265,7 +237,7 @@ int run_tasks(const ExperimentSpec& spec, const std::vector<TrialTask>& tasks,
 
   const auto work = [&] {
     TrialRunner runner(spec, detectors, options.folders.work);
-    while (!stop_requested) {
+    while (!StopOnSignal::requested()) {
       const std::size_t index = next.fetch_add(1);
       if (index >= tasks.size()) return;
       const TrialRow row = runner.run(tasks[index]);
@@ -274,7 +246,7 @@ int run_tasks(const ExperimentSpec& spec, const std::vector<TrialTask>& tasks,
         store.add_trial(run_id, row);
       } catch (...) {
         failure = std::current_exception();
-        stop_requested = true;
+        StopOnSignal::request();
         return;
       }
       if (row.failed() && first_error.empty()) first_error = row.episode + ": " + row.error;
@@ -361,7 +333,7 @@ RunReport run_experiment(const ExperimentSpec& spec, const RunOptions& options) 
     }
     report.trials_run =
         run_tasks(spec, tasks, detectors, options, report.run_id, store, tally);
-    report.interrupted = stop_requested;
+    report.interrupted = StopOnSignal::requested();
   }
   report.trials_left = static_cast<int>(missing) - report.trials_run;
 
