@@ -145,4 +145,14 @@ std::string LatencyBudget::problem() const {
   return "";
 }
 
+LatencyBudget with_trace(LatencyBudget budget, std::shared_ptr<const LatencyTrace> trace) {
+  for (StageBudget& stage : budget.stages) {
+    if (!trace->has(stage.name)) continue;
+    stage.duration = {};
+    stage.duration.kind = DurationModel::Kind::kTrace;
+    stage.duration.trace = trace;
+  }
+  return budget;
+}
+
 }  // namespace segsim::sim

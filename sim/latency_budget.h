@@ -119,4 +119,9 @@ struct LatencyBudget {
   [[nodiscard]] std::string problem() const;
 };
 
+/// The budget with the durations of a recorded trial in place of its own, for the stages that
+/// the trace has.
+[[nodiscard]] LatencyBudget with_trace(LatencyBudget budget,
+                                       std::shared_ptr<const LatencyTrace> trace);
+
 }  // namespace segsim::sim
