@@ -127,7 +127,8 @@ class Loop {
     while (camera_.time_of(next_capture_, episode_.seed) <= time_ns) {
       const core::TimeNs capture_ns = camera_.time_of(next_capture_, episode_.seed);
       if (!compute_until(capture_ns)) return false;
-      schedule_.capture(capture_ns, eye_.take(capture_ns, drive_.pose()).index);
+      schedule_.capture(capture_ns,
+                        eye_.take(capture_ns, drive_.pose(), drive_.estimate()).index);
       ++next_capture_;
     }
     return compute_until(time_ns);
@@ -251,7 +252,7 @@ class Loop {
 
   void decide(int tick, core::TimeNs now_ns) {
     const Capture& capture = *eye_.in_use();
-    const core::Pose2 pose = drive_.pose();
+    const core::Pose2 pose = drive_.estimate();
     const bool at_use = options_.clock.registration == Registration::kUse;
     const core::TimeNs start_ns = wall_ns();
     decision_ = policy_.decide(eye_.observation(capture, at_use ? &pose : nullptr),
@@ -318,6 +319,7 @@ class Loop {
     eye_.report(result_);
     result_.policy_ms = decisions_ == 0 ? 0.0 : ms_from_ns(policy_sum_ns_) / decisions_;
     result_.final_view = policy_.view();
+    result_.final_estimate = drive_.estimate();
     schedule_.report(result_.timing);
     result_.timing.span_ns = drive_.time_ns();
     result_.path_m = drive_.path_m();

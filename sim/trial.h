@@ -27,6 +27,7 @@
 #include "core/scene_bundle.h"
 #include "core/stages.h"
 #include "sim/clock.h"
+#include "sim/odometer.h"
 #include "sim/robot.h"
 #include "sim/timing.h"
 #include "sim/world.h"
@@ -57,7 +58,9 @@ struct TrialOptions {
   double camera_pitch_down_rad = 0.0;
   double depth_range_m = 6.0;  ///< Farther depth is not measured (NaN).
   bool stop_on_contact = false;
-  TrialClock clock;  ///< Lockstep by default.
+  ContactResponse contact_response = ContactResponse::kStop;
+  std::optional<OdometryNoise> odometry;  ///< None: the robot knows its pose.
+  TrialClock clock;                       ///< Lockstep by default.
 };
 
 enum class Outcome : std::uint8_t {
@@ -116,6 +119,7 @@ struct TrialResult {
   std::uint64_t state_hash = 0;
   std::vector<TickRecord> track;
   core::PolicyView final_view;  ///< In Odom, which equals World with perfect localisation.
+  core::Pose2 final_estimate;   ///< Of the robot, in Odom.
   // Mean wall times per image, detector call and decision [ms].
   double render_ms = 0, detect_ms = 0, policy_ms = 0;
   std::vector<ContactRecord> contact_log;  ///< `contacts` of them.

@@ -39,6 +39,7 @@ TrialDrive::TrialDrive(const Episode& episode, const TrialOptions& options, cons
   if (world.collision().collides(episode.start)) {
     throw core::InputError::expected("episode " + episode.id, "a free start", "a collision");
   }
+  if (options.odometry) odometer_.emplace(*options.odometry, episode.start, episode.seed);
 }
 
 void TrialDrive::set_command(const core::VelocityCommand& command) {
@@ -54,10 +55,12 @@ bool TrialDrive::drive_to(core::TimeNs time_ns) {
     const double step_s = step_ns == substep_ns_ ? options_.substep_s : core::seconds(step_ns);
     const core::Pose2 before = robot_.state().pose;
     const core::VelocityCommand velocity = robot_.update_velocity(step_s);
-    const MoveResult moved = world_.collision().move(before, velocity, step_s);
+    const MoveResult moved =
+        world_.collision().move(before, velocity, step_s, options_.contact_response);
     path_m_ += std::hypot(moved.pose.x_m - before.x_m, moved.pose.y_m - before.y_m);
     robot_.set_pose(moved.pose);
     now_ns_ = next_ns;
+    if (odometer_) odometer_->move_to(now_ns_, moved.pose);
     if (moved.contact) {
       note_contact(*moved.contact, step_ns);
       if (options_.stop_on_contact) return false;
@@ -67,7 +70,8 @@ bool TrialDrive::drive_to(core::TimeNs time_ns) {
 }
 
 void TrialDrive::note_contact(const Contact& contact, core::TimeNs step_ns) {
-  robot_.set_velocity({});
+  // A base that slides keeps its wheels turning.
+  if (options_.contact_response == ContactResponse::kStop) robot_.set_velocity({});
   in_contact_ = true;
   contact_ns_ += step_ns;
   if (last_contact_ns_ < 0 || now_ns_ - last_contact_ns_ > kContactDebounce_ns) {

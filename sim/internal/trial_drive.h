@@ -4,6 +4,7 @@
 /// The robot in the world, with its odometer and its bumper.
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "sim/trial.h"
@@ -26,6 +27,10 @@ class TrialDrive {
   void begin_tick() { in_contact_ = false; }
 
   [[nodiscard]] const core::Pose2& pose() const { return robot_.state().pose; }
+  /// What the robot believes, in Odom.
+  [[nodiscard]] core::Pose2 estimate() const {
+    return odometer_ ? odometer_->estimate() : pose();
+  }
   [[nodiscard]] core::TimeNs time_ns() const { return now_ns_; }
   [[nodiscard]] bool in_contact() const { return in_contact_; }
   [[nodiscard]] double path_m() const { return path_m_; }
@@ -38,6 +43,7 @@ class TrialDrive {
   const TrialOptions& options_;
   const World& world_;
   Robot robot_;
+  std::optional<Odometer> odometer_;
   core::VelocityCommand command_;
   core::TimeNs substep_ns_ = 0, now_ns_ = 0;
   core::TimeNs last_contact_ns_ = -1, contact_ns_ = 0;

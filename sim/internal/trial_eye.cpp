@@ -99,7 +99,8 @@ void TrialEye::render(const core::Pose2& pose, core::Frame& frame) const {
   renderer_.render(T_world_robot * T_robot_camera_, options_.camera, kTickChannels, frame);
 }
 
-Capture& TrialEye::take(core::TimeNs time_ns, const core::Pose2& pose) {
+Capture& TrialEye::take(core::TimeNs time_ns, const core::Pose2& pose,
+                        const core::Pose2& estimate) {
   std::unique_ptr<Capture> made;
   if (spare_.empty()) {
     made = std::make_unique<Capture>();
@@ -111,6 +112,7 @@ Capture& TrialEye::take(core::TimeNs time_ns, const core::Pose2& pose) {
   capture.index = taken_++;
   capture.time_ns = time_ns;
   capture.pose = pose;
+  capture.estimate = estimate;
   capture.in_flight = true;
   capture.detected = false;
   capture.detections.clear();
@@ -147,9 +149,8 @@ core::Observation TrialEye::observation(const Capture& capture,
   seen.capture_time_ns = capture.time_ns;
   seen.capture_index = capture.index;
   seen.intrinsics = options_.camera;
-  // Localisation is perfect: Odom is World.
   seen.T_odom_robot = core::transform_from_pose2<core::frame::Odom>(
-      pose_at_use != nullptr ? *pose_at_use : capture.pose);
+      pose_at_use != nullptr ? *pose_at_use : capture.estimate);
   seen.T_robot_camera = T_robot_camera_;
   seen.rgb = &capture.frame.rgb;
   seen.depth_m = &capture.depth_m;

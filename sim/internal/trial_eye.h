@@ -23,7 +23,7 @@ struct GoalView {
 struct Capture {
   std::uint64_t index = 0;
   core::TimeNs time_ns = 0;
-  core::Pose2 pose;  ///< True, at the exposure.
+  core::Pose2 pose, estimate;  ///< At the exposure: true (World), believed (Odom).
   core::Frame frame;
   core::Image<float> depth_m;  ///< As the depth camera delivers it.
   GoalView goal;
@@ -41,10 +41,10 @@ class TrialEye {
            core::Renderer& renderer, core::Detector& detector, GroundTruthSink* truth);
 
   /// Takes the next image at that pose. It becomes the newest one.
-  Capture& take(core::TimeNs time_ns, const core::Pose2& pose);
+  Capture& take(core::TimeNs time_ns, const core::Pose2& pose, const core::Pose2& estimate);
   /// Runs the detector on the image, once.
   void detect(Capture& capture);
-  /// What the policy is shown. @param pose_at_use  Places the image wrongly, if given.
+  /// What the policy is shown. @param pose_at_use  Places the image there, if given (Odom).
   [[nodiscard]] core::Observation observation(const Capture& capture,
                                               const core::Pose2* pose_at_use) const;
 

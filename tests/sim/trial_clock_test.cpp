@@ -374,6 +374,33 @@ TEST_F(TrialClockTest, ContactsAreRecorded) {
   EXPECT_NEAR(contact.duration_s, result.contact_s, 1e-12);
 }
 
+TEST_F(TrialClockTest, WithOdometryThePolicySeesAnEstimate) {
+  options_.odometry = OdometryNoise::skid_steered_indoors();
+  NotingPolicy policy(weave);
+  const TrialResult result = run(policy);
+  const core::Pose2 truth = result.track.back().pose, told = policy.poses_.back();
+  const double off_m = std::hypot(told.x_m - truth.x_m, told.y_m - truth.y_m);
+  EXPECT_GT(off_m, 1e-4);
+  EXPECT_LT(off_m, 1.0);
+  EXPECT_NEAR(result.final_estimate.x_m, told.x_m, 1e-12) << "the last tick is the end";
+  EXPECT_EQ(policy.poses_.front().x_m, episode_.start.x_m);
+  // Commands do not depend on the pose here, so the true way is the one without odometry.
+  options_.odometry.reset();
+  EXPECT_EQ(run(weave).path_m, result.path_m);
+}
+
+TEST_F(TrialClockTest, ABaseThatSlidesGetsFartherThanOneThatStops) {
+  episode_.start = {19.0, 10.0, 0.8};
+  options_.time_limit_s = 4.0;
+  const auto ahead = [](const auto&) { return command(0.5, 0.0); };
+  const TrialResult stopped = run(ahead);
+  options_.contact_response = ContactResponse::kSlide;
+  const TrialResult slid = run(ahead);
+  EXPECT_EQ(stopped.contact_log.size(), 1U);
+  EXPECT_EQ(slid.contact_log.size(), 1U);
+  EXPECT_GT(slid.track.back().pose.y_m, stopped.track.back().pose.y_m + 0.3);
+}
+
 TEST_F(TrialClockTest, RealTimeTakesItsTime) {
   options_.clock.mode = ClockMode::kRealtime;
   options_.time_limit_s = 0.5;
