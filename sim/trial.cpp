@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
+#include <map>
+#include <optional>
 #include <string_view>
 
 #include "core/random.h"
@@ -66,7 +69,6 @@ class Loop {
         options_(options),
         policy_(policy),
         observer_(observer),
-        to_goal_(world.distance_to(episode.view_points_m)),
         drive_(episode, options, world, robot),
         eye_(episode, options, world, renderer, detector, truth),
         budget_(options.clock.played_budget()),
@@ -74,6 +76,10 @@ class Loop {
                                   std::uint64_t index) { return work(stage, index); }),
         period_ns_(std::llround(options.control_period_s * 1e9)),
         camera_(options.clock.camera) {
+    // A scripted drive has no goal, and no use for the distances to it.
+    if (!episode.view_points_m.empty()) {
+      to_goal_.emplace(world.distance_to(episode.view_points_m));
+    }
     if (camera_.period_ns == 0) camera_.period_ns = period_ns_;
     result_.timing.end_to_end.name = "end_to_end";
     result_.timing.end_to_end.deadline_ns = budget_.end_to_end_deadline_ns;
@@ -201,7 +207,8 @@ class Loop {
   }
 
   [[nodiscard]] double distance_m() const {
-    return to_goal_.at({drive_.pose().x_m, drive_.pose().y_m}, kGoalSnap_m);
+    if (!to_goal_) return std::numeric_limits<double>::infinity();
+    return to_goal_->at({drive_.pose().x_m, drive_.pose().y_m}, kGoalSnap_m);
   }
 
   /// Decides, if there is something new; records. @return  False if the trial is over.
@@ -344,7 +351,7 @@ class Loop {
   core::Policy& policy_;
   const TickObserver& observer_;
   TrialResult result_;
-  const DistanceField to_goal_;
+  std::optional<DistanceField> to_goal_;
   TrialDrive drive_;
   TrialEye eye_;
   const LatencyBudget budget_;
