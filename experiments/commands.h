@@ -34,6 +34,8 @@ void add_masks_detect(CLI::App& masks);
 /// `segsim gazebo serve` and `segsim gazebo export-world`.
 void add_gazebo_command(CLI::App& app);
 void add_bench_command(CLI::App& app);
+void add_budget_command(CLI::App& app);
+void add_replay_command(CLI::App& app);
 /// `segsim table 1` and `segsim table 2`, below `segsim table`.
 void add_panoptic_table(CLI::App& table);
 void add_ablation_table(CLI::App& table);

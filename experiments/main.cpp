@@ -41,6 +41,8 @@ int main(int argc, char** argv) {
   experiments::add_masks_command(app);
   experiments::add_gazebo_command(app);
   experiments::add_bench_command(app);
+  experiments::add_budget_command(app);
+  experiments::add_replay_command(app);
 
   try {
     app.parse(argc, argv);

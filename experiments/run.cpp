@@ -146,6 +146,8 @@ std::int64_t open_run(Store& store, const ExperimentSpec& spec, const RunOptions
   run.host = host_name();
   run.libraries = "compiler " __VERSION__;
   run.success_profile = success_in_words(spec);
+  const std::string clock = clock_in_words(spec.clock);
+  if (!clock.empty()) run.success_profile += "; " + clock;
   run.seed = spec.seed;
   run.planned_n = spec.planned_n;
   run.planned_trials = planned_trials;
@@ -168,6 +170,7 @@ std::vector<TrialTask> all_tasks(const ExperimentSpec& spec,
         for (const ArmSpec& arm : spec.arms) {
           tasks.push_back({&scene, &episode, &arm, repetition, chosen(spec.videos),
                            chosen(spec.frames.of)});
+          tasks.back().replay_log = chosen(spec.replays.of);
         }
       }
       first = false;
@@ -314,7 +317,8 @@ RunReport run_experiment(const ExperimentSpec& spec, const RunOptions& options) 
   }
 
   // The run, and which of its trials are missing.
-  Store store(work / "results.sqlite");
+  const fs::path& results = options.results.empty() ? work : options.results;
+  Store store(results / "results.sqlite");
   const std::vector<TrialTask> planned = all_tasks(spec, scenes);
   RunReport report;
   report.run_id = open_run(store, spec, options, scene_rows(scenes), arm_rows(spec, detectors),
@@ -343,7 +347,7 @@ RunReport run_experiment(const ExperimentSpec& spec, const RunOptions& options) 
   if (report.trials_left == 0 && runs.back().ended.empty()) store.end_run(report.run_id);
   report.table = summarise(store.runs().back(), store.scenes(report.run_id),
                            store.arms(report.run_id), trials);
-  write_tables(work, report.table, trials);
+  write_tables(results, report.table, trials);
   return report;
 }
 

@@ -16,8 +16,9 @@ struct RunOptions {
   SpecFolders folders;
   int workers = 2;
   bool new_run = false;  ///< Begin again although a run with this spec, or another, is there.
-  bool prepare_only = false;  ///< Stop before the first trial.
-  int max_trials = 0;         ///< Stop after so many trials; 0 = all.
+  bool prepare_only = false;      ///< Stop before the first trial.
+  int max_trials = 0;             ///< Stop after so many trials; 0 = all.
+  std::filesystem::path results;  ///< For the database and the tables; empty: the work folder.
 };
 
 struct RunReport {

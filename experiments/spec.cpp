@@ -11,6 +11,7 @@
 #include "core/error.h"
 #include "core/file_io.h"
 #include "renderer/training/heads/panoptic_head.h"
+#include "sim/robot.h"
 
 namespace segsim::experiments {
 namespace {
@@ -289,6 +290,8 @@ ArmSpec read_arm(const ConfigNode& node, const Variables& variables) {
   if (node.has("score_threshold")) {
     arm.score_threshold = number_within(node, "score_threshold", 0.5, 0.0, 1.0);
   }
+  arm.clock =
+      read_arm_clock(node, [&](const ConfigNode& path) { return variables.expand(path); });
   node.finish();
   return arm;
 }
@@ -339,6 +342,27 @@ FramesSpec read_frames(const ConfigNode& root) {
   return frames;
 }
 
+ReplaysSpec read_replays(const ConfigNode& root) {
+  ReplaysSpec replays;
+  const std::optional<ConfigNode> node = root.optional_child("replays");
+  if (!node) return replays;
+  if (node->has("of")) replays.of = read_recorded(*node, "of");
+  replays.images = node->boolean_or("images", false);
+  node->finish();
+  return replays;
+}
+
+/// Of everything that decides what the trials are.
+std::string spec_hash(const ExperimentSpec& spec) {
+  std::string all = spec.text;
+  const auto add = [&all](const std::optional<BudgetFile>& budget) {
+    if (budget) all += "\n" + budget->sha256;
+  };
+  add(spec.clock.budget);
+  for (const ArmSpec& arm : spec.arms) add(arm.clock.budget);
+  return core::sha256_hex(all);
+}
+
 /// Refuses a second element of the same name.
 template <class Element>
 void check_new_name(const std::vector<Element>& before, const std::string& name,
@@ -360,6 +384,7 @@ void read_lists(const ConfigNode& root, const Variables& variables, const SpecFo
   for (const ConfigNode& node : root.child("arms").as_list()) {
     ArmSpec arm = read_arm(node, variables);
     check_new_name(spec.arms, arm.name, node);
+    check_arm_clock(spec.clock, arm.clock, node);
     spec.arms.push_back(std::move(arm));
   }
   if (spec.arms.empty()) root.child("arms").fail("at least one arm", "none");
@@ -417,7 +442,6 @@ ExperimentSpec parse_spec(const std::string& text, const fs::path& origin,
   ExperimentSpec spec;
   spec.file = origin;
   spec.text = text;
-  spec.sha256 = core::sha256_hex(text);
 
   (void)one_of(root, "schema", {ExperimentSpec::kSchema});
   spec.name = read_name(root, "name");
@@ -426,12 +450,19 @@ ExperimentSpec parse_spec(const std::string& text, const fs::path& origin,
   const Variables variables(folders, origin);
 
   spec.seed = read_seed(root, spec.seed);
+  spec.clock =
+      read_clock_spec(root, [&](const ConfigNode& path) { return variables.expand(path); });
   read_lists(root, variables, folders, spec);
   if (root.has("policy")) spec.policy = read_policy(root, variables);
   if (root.has("robot")) {
     spec.robot = root.text("robot");
-    (void)one_of(root, "robot", {"jackal", "jackal-gentle"});
+    (void)one_of(root, "robot", sim::RobotModel::names());
   }
+  if (root.has("localisation")) {
+    spec.odometry = one_of(root, "localisation", {"perfect", "odom"}) == 1;
+  }
+  if (root.has("contact"))
+    spec.slide_on_contact = one_of(root, "contact", {"stop", "slide"}) == 1;
   spec.control_period_s =
       number_within(root, "control_period_s", spec.control_period_s, 0.005, 2.0);
   const double steps = spec.control_period_s / 0.005;
@@ -446,8 +477,10 @@ ExperimentSpec parse_spec(const std::string& text, const fs::path& origin,
   spec.planned_n = count_within(root, "planned_n", 0, 0, 1000000);
   if (root.has("videos")) spec.videos = read_recorded(root, "videos");
   spec.frames = read_frames(root);
+  spec.replays = read_replays(root);
   spec.pictures = root.boolean_or("pictures", true);
   root.finish();
+  spec.sha256 = spec_hash(spec);
   return spec;
 }
 

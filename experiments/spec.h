@@ -16,6 +16,7 @@
 
 #include "core/camera.h"
 #include "core/config.h"
+#include "experiments/clock_spec.h"
 #include "nav/policy_factory.h"
 #include "renderer/renderer_backend.h"
 
@@ -107,6 +108,7 @@ struct ArmSpec {
   std::filesystem::path weights;              ///< kFile.
   std::optional<double> score_threshold;      ///< None: the one stored with the weights.
   std::optional<nav::PolicySettings> policy;  ///< None: the spec's.
+  ArmClockSpec clock;
 };
 
 struct SuccessSpec {
@@ -135,6 +137,12 @@ struct FramesSpec {
   double every_s = 1.0;  ///< Simulated time from one frame to the next, in whole ticks.
 };
 
+/// Logs for `segsim replay`, ${work}/replays/<scene>/<episode>.<arm>.jsonl.
+struct ReplaysSpec {
+  Recorded of = Recorded::kAll;
+  bool images = false;  ///< Also depth and labels of every image: replays need no renderer.
+};
+
 struct ExperimentSpec {
   static constexpr const char* kSchema = "segsim.experiment/1";
 
@@ -146,19 +154,23 @@ struct ExperimentSpec {
   std::vector<ArmSpec> arms;
   nav::PolicySettings policy;  ///< Of arms without one of their own.
   std::string robot = "jackal";
+  bool odometry = false;          ///< The robot knows its pose by wheel odometry only.
+  bool slide_on_contact = false;  ///< Along the obstacle; else it stops.
   double control_period_s = 0.1;
   double time_limit_s = 180.0;
+  ClockSpec clock;
   int repetitions = 1;
   CameraSpec camera;
   SuccessSpec success;
   int planned_n = 0;  ///< Episodes per arm that the conclusion was planned for; 0 = all.
   Recorded videos = Recorded::kNone;
   FramesSpec frames;
+  ReplaysSpec replays;
   bool pictures = true;  ///< A PNG per trial.
 
   std::filesystem::path file;  ///< It was read from.
   std::string text;            ///< The YAML itself.
-  std::string sha256;          ///< Of `text`.
+  std::string sha256;          ///< Of `text` and of the budgets that it names.
 
   /// nullptr if there is none.
   [[nodiscard]] const SceneSpec* find_scene(const std::string& scene_name) const;

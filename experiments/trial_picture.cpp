@@ -38,6 +38,8 @@ std::string outcome_words(const sim::TrialResult& result) {
       return "GAVE UP";
     case sim::Outcome::kCollision:
       return "COLLISION";
+    case sim::Outcome::kAborted:
+      return "ABORTED: TOO LATE";
   }
   return "?";
 }

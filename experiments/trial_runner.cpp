@@ -8,6 +8,7 @@
 #include "core/error.h"
 #include "core/file_io.h"
 #include "core/random.h"
+#include "core/version.h"
 #include "experiments/backend_warning.h"
 #include "experiments/frame_recorder.h"
 #include "experiments/scene_surfels.h"
@@ -57,7 +58,34 @@ sim::TrialOptions trial_options(const ExperimentSpec& spec, const SceneSpec& sce
   options.camera_height_m = scene.camera_height_m;
   options.camera_pitch_down_rad = radians(spec.camera.pitch_down_deg);
   options.depth_range_m = spec.camera.depth_range_m;
+  if (spec.odometry) options.odometry = sim::OdometryNoise::skid_steered_indoors();
+  if (spec.slide_on_contact) options.contact_response = sim::ContactResponse::kSlide;
   return options;
+}
+
+/// How time passes; a trial that measured time is repeated with the times that it recorded.
+sim::TrialClock clock_for(const ExperimentSpec& spec, const TrialTask& task) {
+  sim::TrialClock clock = trial_clock(spec.clock, task.arm->clock);
+  if (task.replay == nullptr || !clock.measures()) return clock;
+  clock.budget = sim::with_trace(clock.played_budget(),
+                                 std::make_shared<sim::LatencyTrace>(task.replay->trace));
+  clock.mode = sim::ClockMode::kVirtual;
+  return clock;
+}
+
+ReplayLog start_log(const ExperimentSpec& spec, const TrialTask& task) {
+  ReplayLog log;
+  log.spec_text = spec.text;
+  log.spec_file = spec.file.string();
+  log.scene = task.scene->spec->name;
+  log.arm = task.arm->name;
+  log.episode = task.episode->id;
+  log.repetition = task.repetition;
+  log.scene_sha256 = task.scene->bundle.scene_sha256;
+  log.code_version = core::version();
+  log.clock_mode = sim::to_string(spec.clock.mode);
+  log.images = task.replay_log && spec.replays.images;
+  return log;
 }
 
 /// "flat/potted plant/03" -> "flat/potted_plant-03.before", with "-r1" for the second
@@ -272,10 +300,19 @@ void TrialRunner::run_checked(const TrialTask& task, TrialRow& row) {
   if (task.repetition > 0) {
     episode.seed = core::hash64("repetition " + std::to_string(task.repetition), episode.seed);
   }
-  core::Renderer& renderer = renderer_for(*task.scene);
-  ArmDetectorSlot& slot = detector_for(*task.scene, *task.arm);
+  // Of a trial that is played again, perception may come from its log.
+  ReplayRenderer replayed_images(task.replay_images);
+  ArmDetectorSlot replayed;
+  if (task.replay_perception) {
+    replayed.detector = std::make_unique<ReplayDetector>(*task.replay);
+  }
+  core::Renderer& renderer =
+      task.replay_images.empty() ? renderer_for(*task.scene) : replayed_images;
+  ArmDetectorSlot& slot =
+      task.replay_perception ? replayed : detector_for(*task.scene, *task.arm);
   const std::unique_ptr<core::Policy> policy = policy_for(task, slot);
-  const sim::TrialOptions options = trial_options(spec_, *task.scene->spec);
+  sim::TrialOptions options = trial_options(spec_, *task.scene->spec);
+  options.clock = clock_for(spec_, task);
 
   TrialScene scene;
   scene.plan = &task.scene->plan;
@@ -307,9 +344,16 @@ void TrialRunner::run_checked(const TrialTask& task, TrialRow& row) {
     if (frames) frames->add(tick, frame);
   };
 
+  ReplayLog log = start_log(spec_, task);
+  RecordingDetector detector(*slot.detector, log);
+  const fs::path log_file = work_ / "replays" / (stem + ".jsonl");
+  std::optional<RecordingRenderer> kept_images;
+  if (log.images) kept_images.emplace(renderer, replay_images(log_file));
+  core::Renderer* const eye = kept_images ? &*kept_images : &renderer;
   const sim::TrialResult result =
-      sim::run_trial(episode, options, task.scene->world, task.scene->world.robot(), renderer,
-                     *slot.detector, *policy, slot.truth, observer);
+      sim::run_trial(episode, options, task.scene->world, task.scene->world.robot(), *eye,
+                     detector, *policy, slot.truth, observer);
+  if (task.replay_log) write_replay_log(log_file, with_result(std::move(log), result));
   copy_result(result, row);
   if (video) video->finish(result);
   if (frames) frames->finish();

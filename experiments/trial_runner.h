@@ -15,6 +15,7 @@
 #include "experiments/episodes.h"
 #include "experiments/floor_plan.h"
 #include "experiments/prepare.h"
+#include "experiments/replay_log.h"
 #include "experiments/spec.h"
 #include "experiments/store.h"
 #include "renderer/panoptic_field.h"
@@ -54,6 +55,10 @@ struct TrialTask {
   int repetition = 0;
   bool video = false;
   bool frames = false;
+  bool replay_log = false;            ///< Write one, see replay_log.h.
+  const ReplayLog* replay = nullptr;  ///< Play this trial again: measured times come from it.
+  bool replay_perception = false;     ///< Detections (and images, if kept) too.
+  std::filesystem::path replay_images{};  ///< Where they are; empty: the renderer draws.
 };
 
 /// Weights of an arm; empty for the oracle.

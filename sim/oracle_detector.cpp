@@ -55,7 +55,7 @@ std::vector<core::Detection> OracleDetector::detect(const core::Observation& obs
   for (const Seen& seen : seen_) {
     if (seen.pixels < options_.min_pixels) continue;
     // One stream per capture and instance: what else is in view does not shift the draws.
-    core::RandomStream random(options_.seed, "oracle_detector",
+    core::RandomStream random(options_.seed ^ episode_seed_, "oracle_detector",
                               observation.capture_index * 65536U + seen.instance);
     if (!random.chance(options_.recall)) continue;
     core::BoxPx box{static_cast<float>(seen.x0), static_cast<float>(seen.y0),

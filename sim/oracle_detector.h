@@ -18,7 +18,7 @@ struct OracleDetectorOptions {
   int min_pixels = 40;        ///< Smaller instances are not reported.
   double recall = 1.0;        ///< Chance to report an instance, drawn per capture.
   double jitter_share = 0.0;  ///< Sigma of each box side's shift, relative to the box's size.
-  std::uint64_t seed = 0;
+  std::uint64_t seed = 0;     ///< Mixed with that of the episode.
 };
 
 class OracleDetector final : public core::Detector, public GroundTruthSink {
@@ -35,6 +35,7 @@ class OracleDetector final : public core::Detector, public GroundTruthSink {
   /// Boxes of the frame that `set_truth` was last given; ordered by score, then instance id.
   [[nodiscard]] std::vector<core::Detection> detect(
       const core::Observation& observation) override;
+  void begin_episode(std::uint64_t episode_seed) override { episode_seed_ = episode_seed; }
   void set_truth(const core::Frame& frame) override;
 
  private:
@@ -47,6 +48,7 @@ class OracleDetector final : public core::Detector, public GroundTruthSink {
   std::vector<std::string> class_names_;
   std::vector<int> class_index_;  ///< By scene class id; -1 = not reported.
   OracleDetectorOptions options_;
+  std::uint64_t episode_seed_ = 0;
   int width_px_ = 0, height_px_ = 0;
   std::vector<Seen> seen_;  ///< Ascending instance id.
 };

@@ -11,6 +11,7 @@
 ///     x += v/w (sin(yaw + w h) - sin yaw),  y -= v/w (cos(yaw + w h) - cos yaw)
 
 #include <string>
+#include <vector>
 
 #include "core/frames.h"
 #include "core/stages.h"
@@ -49,7 +50,14 @@ struct RobotModel {
   [[nodiscard]] static RobotModel jackal();
   /// The same base indoors: 0.8 m/s, 1.57 rad/s, 2 m/s^2, 4 rad/s^2.
   [[nodiscard]] static RobotModel jackal_gentle();
-  /// "jackal" or "jackal-gentle". @throws core::InputError naming both for any other name.
+  /// TurtleBot3 Waffle Pi, from its maker's table of specifications: 0.26 m/s, 1.82 rad/s. The
+  /// acceleration limits (1 m/s^2, 3 rad/s^2) and the mast at 0.6 m are ours.
+  [[nodiscard]] static RobotModel turtlebot3_waffle();
+  /// A square of 0.40 m with 0.6 m/s and 1.5 rad/s: no maker's, for comparisons.
+  [[nodiscard]] static RobotModel generic_diff();
+  /// "jackal", "jackal-gentle", "turtlebot3-waffle", "generic-diff".
+  [[nodiscard]] static const std::vector<std::string>& names();
+  /// @throws core::InputError naming all of them for any other name.
   [[nodiscard]] static RobotModel by_name(const std::string& name);
 };
 

@@ -2,85 +2,46 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cmath>
 #include <limits>
+#include <map>
+#include <optional>
 #include <string_view>
 
-#include "core/check.h"
-#include "core/error.h"
 #include "core/random.h"
+#include "sim/internal/trial_drive.h"
+#include "sim/internal/trial_eye.h"
 #include "sim/metrics.h"
+#include "sim/schedule.h"
 
 namespace segsim::sim {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
-/// What a tick needs: images for the detector and the map, labels for the judge.
-constexpr core::Channels kTickChannels = core::Channels::kRgbd | core::Channels::kLabels;
-
-double ms_since(Clock::time_point start) {
-  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-}
+using internal::Capture;
+using internal::GoalView;
+using internal::TrialDrive;
+using internal::TrialEye;
+using internal::wall_ns;
 
 /// A base that is free may stand up to (circumscribed - inscribed radius) outside the free
 /// space of a disc; plus a cell. Far less than the thickness of two radii that separates
 /// rooms.
 constexpr double kGoalSnap_m = 0.30;
-constexpr double kContactDebounce_s = 0.5;
-
-/// What the true frame says about the goal.
-struct GoalView {
-  int pixels = 0;            ///< Of all goal instances.
-  int largest_instance = 0;  ///< Pixels of the one seen best.
-};
-
-GoalView look_for_goal(const core::Frame& frame, std::uint16_t class_id) {
-  GoalView view;
-  if (class_id == 0) return view;
-  std::vector<std::pair<std::uint16_t, int>>
-      counts;  // Few instances of one class are in view.
-  for (std::size_t k = 0; k < frame.semantic.size(); ++k) {
-    if (frame.semantic.pixels()[k] != class_id) continue;
-    ++view.pixels;
-    const std::uint16_t id = frame.instance.pixels()[k];
-    auto found = std::find_if(counts.begin(), counts.end(),
-                              [id](const auto& entry) { return entry.first == id; });
-    if (found == counts.end()) found = counts.insert(counts.end(), {id, 0});
-    view.largest_instance = std::max(view.largest_instance, ++found->second);
-  }
-  return view;
-}
-
-double invalid_share(const core::Image<float>& alpha) {
-  if (alpha.empty()) return 0.0;
-  const auto invalid = std::count_if(alpha.pixels().begin(), alpha.pixels().end(),
-                                     [](float a) { return !(a >= 0.5F); });
-  return static_cast<double>(invalid) / static_cast<double>(alpha.size());
-}
-
-/// What a depth camera of limited range would deliver.
-void measure_depth(const core::Image<float>& true_depth_m, double range_m,
-                   core::Image<float>& measured_m) {
-  measured_m.resize(true_depth_m.width_px(), true_depth_m.height_px());
-  const auto limit_m = static_cast<float>(range_m);
-  std::transform(true_depth_m.pixels().begin(), true_depth_m.pixels().end(),
-                 measured_m.pixels().begin(), [limit_m](float d) {
-                   return d > 0.0F && d <= limit_m ? d
-                                                   : std::numeric_limits<float>::quiet_NaN();
-                 });
-}
+/// A tick that comes later than that is an overrun: below, it is the system's timer.
+constexpr core::TimeNs kLate_ns = 1'000'000;
 
 std::uint64_t chain_hash(std::uint64_t previous, const TickRecord& record) {
   const auto quantised = [](double value) { return std::llround(value * 1e6); };
-  const std::array<std::int64_t, 7> state = {record.time_ns,
-                                             quantised(record.pose.x_m),
-                                             quantised(record.pose.y_m),
-                                             quantised(record.pose.yaw_rad),
-                                             quantised(record.command.forward_mps),
-                                             quantised(record.command.turn_radps),
-                                             static_cast<std::int64_t>(record.mode)};
+  const std::array<std::int64_t, 9> state = {
+      record.time_ns,
+      quantised(record.pose.x_m),
+      quantised(record.pose.y_m),
+      quantised(record.pose.yaw_rad),
+      quantised(record.command.forward_mps),
+      quantised(record.command.turn_radps),
+      static_cast<std::int64_t>(record.mode),
+      record.capture_index,
+      static_cast<std::int64_t>(record.detections_hash)};
   // Bytes in a fixed order, so that the hash is the same on every machine.
   std::array<char, 8 * state.size()> bytes{};
   for (std::size_t k = 0; k < bytes.size(); ++k) {
@@ -90,170 +51,6 @@ std::uint64_t chain_hash(std::uint64_t previous, const TickRecord& record) {
   return core::hash64(std::string_view(bytes.data(), bytes.size()), previous);
 }
 
-int index_of_class(const core::Detector& detector, const std::string& name) {
-  const std::vector<std::string>& names = detector.class_names();
-  const auto found = std::find(names.begin(), names.end(), name);
-  return found == names.end() ? -1 : static_cast<int>(found - names.begin());
-}
-
-/// The robot in the world, with its odometer and its bumper.
-class Drive {
- public:
-  Drive(const Episode& episode, const TrialOptions& options, const World& world,
-        const RobotModel& model)
-      : options_(options), collision_(world.collision()), robot_(model, episode.start) {
-    substeps_ = static_cast<int>(std::lround(options.control_period_s / options.substep_s));
-    SEGSIM_CHECK(substeps_ >= 1 &&
-                     std::abs(substeps_ * options.substep_s - options.control_period_s) < 1e-9,
-                 "the control period is a whole number of substeps");
-    if (collision_.collides(episode.start)) {
-      throw core::InputError::expected("episode " + episode.id, "a free start", "a collision");
-    }
-  }
-
-  /// One control period. @return false if it was cut short by a contact that ends the trial.
-  bool run(const core::VelocityCommand& command) {
-    in_contact_ = false;
-    robot_.set_command(command);
-    for (int k = 0; k < substeps_; ++k) {
-      const core::Pose2 before = robot_.state().pose;
-      const core::VelocityCommand velocity = robot_.update_velocity(options_.substep_s);
-      const MoveResult moved = collision_.move(before, velocity, options_.substep_s);
-      path_m_ += std::hypot(moved.pose.x_m - before.x_m, moved.pose.y_m - before.y_m);
-      robot_.set_pose(moved.pose);
-      ++step_;
-      if (moved.contact) {
-        note_contact();
-        if (options_.stop_on_contact) return false;
-      }
-    }
-    return true;
-  }
-
-  [[nodiscard]] const core::Pose2& pose() const { return robot_.state().pose; }
-  [[nodiscard]] bool in_contact() const { return in_contact_; }
-  [[nodiscard]] double path_m() const { return path_m_; }
-  [[nodiscard]] int contacts() const { return contacts_; }
-  [[nodiscard]] double contact_s() const { return contact_steps_ * options_.substep_s; }
-  [[nodiscard]] double time_s() const {
-    return static_cast<double>(step_) * options_.substep_s;
-  }
-
- private:
-  void note_contact() {
-    robot_.set_velocity({});
-    in_contact_ = true;
-    ++contact_steps_;
-    const double pause_s =
-        static_cast<double>(step_ - last_contact_step_) * options_.substep_s;
-    if (last_contact_step_ < 0 || pause_s > kContactDebounce_s) ++contacts_;
-    last_contact_step_ = step_;
-  }
-
-  const TrialOptions& options_;
-  const CollisionWorld& collision_;
-  Robot robot_;
-  int substeps_ = 0;
-  std::int64_t step_ = 0, last_contact_step_ = -1;
-  bool in_contact_ = false;
-  double path_m_ = 0.0;
-  int contacts_ = 0, contact_steps_ = 0;
-};
-
-/// Sense, detect, decide: one tick without the motion, and its share of the statistics.
-class Mind {
- public:
-  Mind(const Episode& episode, const TrialOptions& options, const World& world,
-       core::Renderer& renderer, core::Detector& detector, core::Policy& policy,
-       GroundTruthSink* truth)
-      : options_(options),
-        renderer_(renderer),
-        detector_(detector),
-        policy_(policy),
-        truth_(truth),
-        goal_{episode.class_name, index_of_class(detector, episode.class_name)},
-        T_robot_camera_(
-            core::mast_camera(options.camera_height_m, options.camera_pitch_down_rad)) {
-    const core::SceneClass* scene_class = world.manifest().find_class(episode.class_name);
-    goal_class_id_ = scene_class != nullptr ? scene_class->id : std::uint16_t{0};
-    policy_.reset(goal_, episode.seed);
-  }
-
-  core::Decision decide(TickRecord& record, int tick, TrialResult& result) {
-    const auto T_world_robot = core::transform_from_pose2<core::frame::World>(record.pose);
-    auto start = Clock::now();
-    renderer_.render(T_world_robot * T_robot_camera_, options_.camera, kTickChannels, frame_);
-    render_ms_ += ms_since(start);
-
-    measure_depth(frame_.depth_m, options_.depth_range_m, depth_m_);
-    core::Observation observation;
-    observation.capture_time_ns = record.time_ns;
-    observation.capture_index = static_cast<std::uint64_t>(tick);
-    observation.intrinsics = options_.camera;
-    // Localisation is perfect: Odom is World.
-    observation.T_odom_robot = core::transform_from_pose2<core::frame::Odom>(record.pose);
-    observation.T_robot_camera = T_robot_camera_;
-    observation.rgb = &frame_.rgb;
-    observation.depth_m = &depth_m_;
-
-    if (truth_ != nullptr) truth_->set_truth(frame_);
-    start = Clock::now();
-    detections_ = detector_.detect(observation);
-    detect_ms_ += ms_since(start);
-    start = Clock::now();
-    core::Decision decision = policy_.decide(observation, detections_);
-    policy_ms_ += ms_since(start);
-
-    view_ = look_for_goal(frame_, goal_class_id_);
-    record.goal_pixels = view_.pixels;
-    record.detections_of_goal = static_cast<int>(std::count_if(
-        detections_.begin(), detections_.end(), [this](const core::Detection& d) {
-          return goal_.class_index >= 0 && d.class_index == goal_.class_index;
-        }));
-    record.command = decision.stop ? core::VelocityCommand{} : decision.command;
-    record.mode = decision.mode;
-    invalid_share_ += invalid_share(frame_.alpha);
-    if (result.first_visible_tick < 0 && goal_visible()) result.first_visible_tick = tick;
-    if (result.first_detected_tick < 0 && record.detections_of_goal > 0) {
-      result.first_detected_tick = tick;
-    }
-    ++ticks_;
-    return decision;
-  }
-
-  void observe(const TickObserver& observer, const TickRecord& record) const {
-    if (observer) observer(record, frame_, detections_, policy_);
-  }
-  [[nodiscard]] bool goal_visible() const {
-    return view_.largest_instance >= options_.visible_pixels;
-  }
-  void finish(TrialResult& result) const {
-    result.ticks = ticks_;
-    const double share = 1.0 / std::max(1, ticks_);
-    result.render_ms = render_ms_ * share;
-    result.detect_ms = detect_ms_ * share;
-    result.policy_ms = policy_ms_ * share;
-    result.invalid_pixel_fraction = invalid_share_ * share;
-    result.final_view = policy_.view();
-  }
-
- private:
-  const TrialOptions& options_;
-  core::Renderer& renderer_;
-  core::Detector& detector_;
-  core::Policy& policy_;
-  GroundTruthSink* truth_;
-  core::ObjectGoal goal_;
-  std::uint16_t goal_class_id_ = 0;
-  core::Transform<core::frame::Robot, core::frame::Camera> T_robot_camera_;
-  core::Frame frame_;
-  core::Image<float> depth_m_;
-  std::vector<core::Detection> detections_;
-  GoalView view_;
-  int ticks_ = 0;
-  double render_ms_ = 0.0, detect_ms_ = 0.0, policy_ms_ = 0.0, invalid_share_ = 0.0;
-};
-
 /// What a STOP amounts to. Near is strict: at exactly the success distance it fails.
 Outcome classify_stop(const std::string& reason, double distance_m, bool visible,
                       const TrialOptions& options) {
@@ -261,6 +58,315 @@ Outcome classify_stop(const std::string& reason, double distance_m, bool visible
   if (!(distance_m < options.success_distance_m)) return Outcome::kStoppedFar;
   return visible || !options.require_visible ? Outcome::kSuccess : Outcome::kNotVisible;
 }
+
+/// One trial: what drives, what sees, what computes, and what decides.
+class Loop {
+ public:
+  Loop(const Episode& episode, const TrialOptions& options, const World& world,
+       const RobotModel& robot, core::Renderer& renderer, core::Detector& detector,
+       core::Policy& policy, GroundTruthSink* truth, const TickObserver& observer)
+      : episode_(episode),
+        options_(options),
+        policy_(policy),
+        observer_(observer),
+        drive_(episode, options, world, robot),
+        eye_(episode, options, world, renderer, detector, truth),
+        budget_(options.clock.played_budget()),
+        schedule_(budget_, [this](const StageBudget& stage,
+                                  std::uint64_t index) { return work(stage, index); }),
+        period_ns_(std::llround(options.control_period_s * 1e9)),
+        camera_(options.clock.camera) {
+    // A scripted drive has no goal, and no use for the distances to it.
+    if (!episode.view_points_m.empty()) {
+      to_goal_.emplace(world.distance_to(episode.view_points_m));
+    }
+    if (camera_.period_ns == 0) camera_.period_ns = period_ns_;
+    result_.timing.end_to_end.name = "end_to_end";
+    result_.timing.end_to_end.deadline_ns = budget_.end_to_end_deadline_ns;
+    policy_.reset(eye_.goal(), episode.seed);
+  }
+
+  TrialResult run() {
+    const core::TimeNs limit_ns = std::llround(options_.time_limit_s * 1e9);
+    // A STOP at exactly the time limit still counts.
+    for (int tick = 0; tick * period_ns_ <= limit_ns; ++tick) {
+      const core::TimeNs now_ns = tick * period_ns_;
+      if (options_.clock.mode == ClockMode::kRealtime &&
+          pacer_.wait_until(now_ns) > kLate_ns) {
+        ++result_.timing.overruns;
+      }
+      drive_.begin_tick();
+      if (!play_until(now_ns)) break;
+      if (!one_tick(tick, now_ns)) break;
+    }
+    finish();
+    return std::move(result_);
+  }
+
+ private:
+  /// Duration of one job that starts now; runs what this program does for it.
+  core::TimeNs work(const StageBudget& stage, std::uint64_t index) {
+    core::TimeNs measured_ns = 0;
+    int items = 0;
+    if (stage.name == "policy") {
+      measured_ns = policy_ns_;
+    } else if (stage.name != "actuate") {
+      Capture& capture = eye_.at(index);
+      if (stage.name == "detect") {
+        eye_.detect(capture);
+        measured_ns = capture.detect_ns;
+      } else if (stage.name == "render") {
+        measured_ns = capture.render_ns;
+      }
+      items = static_cast<int>(capture.detections.size());
+    }
+    const auto scaled_ns = static_cast<core::TimeNs>(static_cast<double>(measured_ns) *
+                                                     options_.clock.measured_scale);
+    const core::TimeNs duration_ns =
+        stage.duration.draw(stage.name, episode_.seed, index, items, scaled_ns);
+    result_.trace.add(stage.name, index, duration_ns);
+    return duration_ns;
+  }
+
+  /// Drives, takes images and computes up to that time. @return  False if the trial is over.
+  bool play_until(core::TimeNs time_ns) {
+    while (camera_.time_of(next_capture_, episode_.seed) <= time_ns) {
+      const core::TimeNs capture_ns = camera_.time_of(next_capture_, episode_.seed);
+      if (!compute_until(capture_ns)) return false;
+      schedule_.capture(capture_ns,
+                        eye_.take(capture_ns, drive_.pose(), drive_.estimate()).index);
+      ++next_capture_;
+    }
+    return compute_until(time_ns);
+  }
+
+  bool compute_until(core::TimeNs time_ns) {
+    schedule_.advance_to(time_ns);
+    for (const std::uint64_t index : schedule_.take_dropped()) eye_.dropped(index);
+    for (const Schedule::Result& done : schedule_.take_results()) eye_.ready(done.index);
+    for (const Schedule::Effect& effect : schedule_.take_effects()) {
+      if (!drive_to(effect.time_ns) || !apply(effect)) return false;
+    }
+    return drive_to(time_ns);
+  }
+
+  bool drive_to(core::TimeNs time_ns) {
+    if (drive_.drive_to(time_ns)) return true;
+    result_.outcome = Outcome::kCollision;
+    return false;
+  }
+
+  /// A command reaches the wheels. @return  False if the trial is over.
+  bool apply(const Schedule::Effect& effect) {
+    const Pending pending = pending_.at(effect.tick);
+    pending_.erase(effect.tick);
+    const bool late = result_.timing.end_to_end.add(effect.time_ns - pending.capture_ns);
+    if (pending.stop) {
+      drive_.set_command({});
+      judge(pending.stop_reason);
+      return false;
+    }
+    // An actuation delay that varies may let a newer command overtake.
+    if (effect.tick < newest_effect_) return true;
+    newest_effect_ = effect.tick;
+    if (pending.too_old) return true;  // The rule on the age has answered in its place.
+    return answer(late ? budget_.on_miss : OnMiss::kUseStale, pending.command);
+  }
+
+  /// Gives the base the command, or what the rule puts in its place.
+  bool answer(OnMiss rule, const core::VelocityCommand& command) {
+    switch (rule) {
+      case OnMiss::kUseStale:
+        drive_.set_command(command);
+        return true;
+      case OnMiss::kDrop:
+        return true;
+      case OnMiss::kHold:
+        drive_.send_again();
+        return true;
+      case OnMiss::kZeroCommand:
+        drive_.set_command({});
+        return true;
+      case OnMiss::kAbort:
+        drive_.set_command({});
+        result_.outcome = Outcome::kAborted;
+        return false;
+    }
+    return true;
+  }
+
+  /// What a STOP at this moment is worth.
+  void judge(const std::string& reason) {
+    const Capture* newest = eye_.newest();
+    // The final view is what the camera sees now, also if no image is due.
+    const GoalView view = newest != nullptr && newest->time_ns == drive_.time_ns()
+                              ? newest->goal
+                              : eye_.look(drive_.pose());
+    result_.stop_reason = reason;
+    result_.outcome = classify_stop(reason, distance_m(), eye_.goal_visible(view), options_);
+  }
+
+  [[nodiscard]] double distance_m() const {
+    if (!to_goal_) return std::numeric_limits<double>::infinity();
+    return to_goal_->at({drive_.pose().x_m, drive_.pose().y_m}, kGoalSnap_m);
+  }
+
+  /// Decides, if there is something new; records. @return  False if the trial is over.
+  bool one_tick(int tick, core::TimeNs now_ns) {
+    TickRecord record;
+    record.time_ns = now_ns;
+    record.pose = drive_.pose();
+    record.in_contact = drive_.in_contact();
+    bool goes_on = true;
+    if (take_news(now_ns)) {
+      record.fresh = true;
+      decide(tick, now_ns);
+      // What takes no time happens within the tick.
+      goes_on = compute_until(now_ns);
+    } else {
+      ++result_.timing.ticks_without_news;
+      if (sends_again_) drive_.send_again();
+    }
+    if (eye_.in_use() != nullptr) {
+      record.capture_index = static_cast<std::int64_t>(eye_.in_use()->index);
+      record.age_ns = now_ns - eye_.in_use()->time_ns;
+      record.detections_hash = eye_.in_use()->detections_hash;
+      result_.timing.age.add(record.age_ns);
+      if (goes_on) goes_on = check_age(record.age_ns);
+    } else {
+      ++result_.timing.ticks_without_image;
+    }
+    note(tick, record);
+    return goes_on && !stop_decided_without_effect(tick, now_ns);
+  }
+
+  /// Whether a new image is there and the policy is free for it.
+  bool take_news(core::TimeNs now_ns) {
+    if (eye_.ready() == nullptr || schedule_.deciding()) return false;
+    const core::TimeNs age_ns = now_ns - eye_.ready()->time_ns;
+    if (budget_.on_miss == OnMiss::kDrop && budget_.end_to_end_deadline_ns > 0 &&
+        age_ns > budget_.end_to_end_deadline_ns) {
+      result_.timing.end_to_end.add(age_ns);  // At least that late.
+      eye_.discard_ready();
+      sends_again_ = false;
+      return false;
+    }
+    eye_.detect(*eye_.ready());  // If no stage has.
+    eye_.use_ready();
+    sends_again_ = true;
+    return true;
+  }
+
+  void decide(int tick, core::TimeNs now_ns) {
+    const Capture& capture = *eye_.in_use();
+    const core::Pose2 pose = drive_.estimate();
+    const bool at_use = options_.clock.registration == Registration::kUse;
+    const core::TimeNs start_ns = wall_ns();
+    decision_ = policy_.decide(eye_.observation(capture, at_use ? &pose : nullptr),
+                               capture.detections);
+    policy_ns_ = wall_ns() - start_ns;
+    policy_sum_ns_ += policy_ns_;
+    ++decisions_;
+    if (decision_.stop) decision_.command = {};
+    const auto index = static_cast<std::uint64_t>(tick);
+    pending_[index] = {decision_.command, capture.time_ns, decision_.stop,
+                       decision_.stop_reason, false};
+    schedule_.decide(now_ns, index);
+  }
+
+  bool check_age(core::TimeNs age_ns) {
+    const bool too_old = budget_.max_age_ns > 0 && age_ns > budget_.max_age_ns;
+    // A rule that lets the command pass has nothing to do.
+    if (!too_old || budget_.on_max_age == OnMiss::kUseStale) return true;
+    sends_again_ = budget_.on_max_age == OnMiss::kHold;
+    for (auto& [tick, pending] : pending_) pending.too_old = true;
+    return answer(budget_.on_max_age, {});
+  }
+
+  /// The robot goes on until its STOP reaches the wheels.
+  bool stop_decided_without_effect(int tick, core::TimeNs now_ns) {
+    if (!decision_.stop) return false;
+    for (core::TimeNs t = now_ns; pending_.contains(static_cast<std::uint64_t>(tick));) {
+      t += period_ns_;
+      if (!play_until(t)) break;
+    }
+    return true;
+  }
+
+  /// The tick's truth and statistics.
+  void note(int tick, TickRecord& record) {
+    record.command = decision_.command;
+    record.mode = decision_.mode;
+    if (eye_.newest() != nullptr) {
+      record.goal_pixels = eye_.newest()->goal.pixels;
+      if (result_.first_visible_tick < 0 && eye_.goal_visible(eye_.newest()->goal)) {
+        result_.first_visible_tick = tick;
+      }
+    }
+    if (const Capture* used = eye_.in_use(); used != nullptr) {
+      const int goal = eye_.goal().class_index;
+      record.detections_of_goal = static_cast<int>(std::count_if(
+          used->detections.begin(), used->detections.end(),
+          [goal](const core::Detection& d) { return goal >= 0 && d.class_index == goal; }));
+      if (result_.first_detected_tick < 0 && record.detections_of_goal > 0) {
+        result_.first_detected_tick = tick;
+      }
+    }
+    result_.state_hash = record.state_hash = chain_hash(result_.state_hash, record);
+    result_.track.push_back(record);
+    if (observer_ && eye_.newest() != nullptr) {
+      static const std::vector<core::Detection> kNone;
+      observer_(record, eye_.newest()->frame,
+                eye_.in_use() != nullptr ? eye_.in_use()->detections : kNone, policy_);
+    }
+  }
+
+  void finish() {
+    result_.ticks = static_cast<int>(result_.track.size());
+    eye_.report(result_);
+    result_.policy_ms = decisions_ == 0 ? 0.0 : ms_from_ns(policy_sum_ns_) / decisions_;
+    result_.final_view = policy_.view();
+    result_.final_estimate = drive_.estimate();
+    schedule_.report(result_.timing);
+    result_.timing.span_ns = drive_.time_ns();
+    result_.path_m = drive_.path_m();
+    result_.contact_log = drive_.contacts();
+    result_.contacts = static_cast<int>(result_.contact_log.size());
+    result_.contact_s = drive_.contact_s();
+    result_.sim_s = core::seconds(drive_.time_ns());
+    result_.distance_to_goal_m = distance_m();
+  }
+
+  /// A command on its way to the wheels.
+  struct Pending {
+    core::VelocityCommand command;
+    core::TimeNs capture_ns = 0;
+    bool stop = false;
+    std::string stop_reason;
+    bool too_old = false;  ///< Its image exceeded the largest age.
+  };
+
+  const Episode& episode_;
+  const TrialOptions& options_;
+  core::Policy& policy_;
+  const TickObserver& observer_;
+  TrialResult result_;
+  std::optional<DistanceField> to_goal_;
+  TrialDrive drive_;
+  TrialEye eye_;
+  const LatencyBudget budget_;
+  Schedule schedule_;
+  core::TimeNs period_ns_;
+  SensorRate camera_;
+  Pacer pacer_;
+  std::uint64_t next_capture_ = 0;
+  core::Decision decision_{{}, core::PolicyMode::kInitialize, false, {}};
+  core::TimeNs policy_ns_ = 0, policy_sum_ns_ = 0;
+  int decisions_ = 0;
+  std::map<std::uint64_t, Pending> pending_;  ///< By tick.
+  std::uint64_t newest_effect_ = 0;
+  bool sends_again_ = true;
+};
 
 }  // namespace
 
@@ -278,6 +384,8 @@ const char* to_string(Outcome outcome) {
       return "gave_up";
     case Outcome::kCollision:
       return "collision";
+    case Outcome::kAborted:
+      return "aborted";
   }
   return "unknown";
 }
@@ -286,52 +394,15 @@ TrialResult run_trial(const Episode& episode, const TrialOptions& options, const
                       const RobotModel& robot, core::Renderer& renderer,
                       core::Detector& detector, core::Policy& policy, GroundTruthSink* truth,
                       const TickObserver& observer) {
-  const auto wall_start = Clock::now();
-  TrialResult result;
-  result.shortest_path_m = episode.shortest_path_m;
-  const DistanceField to_goal = world.distance_to(episode.view_points_m);
-  Drive drive(episode, options, world, robot);
-  Mind mind(episode, options, world, renderer, detector, policy, truth);
-  const core::TimeNs period_ns = std::llround(options.control_period_s * 1e9);
-  const core::TimeNs limit_ns = std::llround(options.time_limit_s * 1e9);
-  const auto distance_now = [&] {
-    return to_goal.at({drive.pose().x_m, drive.pose().y_m}, kGoalSnap_m);
-  };
-
-  // A STOP at exactly the time limit still counts.
-  for (int tick = 0; tick * period_ns <= limit_ns; ++tick) {
-    TickRecord record;
-    record.time_ns = tick * period_ns;
-    record.pose = drive.pose();
-    record.in_contact = drive.in_contact();
-    const core::Decision decision = mind.decide(record, tick, result);
-    result.track.push_back(record);
-    result.state_hash = chain_hash(result.state_hash, record);
-    mind.observe(observer, record);
-
-    if (decision.stop) {
-      result.stop_reason = decision.stop_reason;
-      result.outcome =
-          classify_stop(decision.stop_reason, distance_now(), mind.goal_visible(), options);
-      break;
-    }
-    if ((tick + 1) * period_ns <= limit_ns && !drive.run(decision.command)) {
-      result.outcome = Outcome::kCollision;
-      break;
-    }
-  }
-
-  mind.finish(result);
+  const core::TimeNs start_ns = wall_ns();
+  Loop loop(episode, options, world, robot, renderer, detector, policy, truth, observer);
+  TrialResult result = loop.run();
   result.success = result.outcome == Outcome::kSuccess;
-  result.path_m = drive.path_m();
-  result.contacts = drive.contacts();
-  result.contact_s = drive.contact_s();
-  result.sim_s = drive.time_s();
-  result.distance_to_goal_m = distance_now();
+  result.shortest_path_m = episode.shortest_path_m;
   result.spl = spl(result.success, episode.shortest_path_m, result.path_m);
   result.soft_spl =
       soft_spl(result.distance_to_goal_m, episode.shortest_path_m, result.path_m);
-  result.wall_s = 1e-3 * ms_since(wall_start);
+  result.wall_s = core::seconds(wall_ns() - start_ns);
   return result;
 }
 

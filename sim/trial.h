@@ -6,6 +6,14 @@
 ///     true pose -> Renderer -> Observation -> Detector -> Policy -> command -> Robot
 ///         ^                                                                  |
 ///
+/// One control tick k at t = k * period (docs/simulation.md):
+///  1. The robot drives from the tick before to t; commands take effect in between, when they
+///     are due. Images are taken when they are due, at the true pose of that moment.
+///  2. The robot's computer works on them (sim/schedule.h); in lockstep that takes no time.
+///  3. The policy decides on the newest result that is ready at t. Without a new one the last
+///     command is sent again.
+///  4. The command is due after the policy's own time and the actuation delay.
+///
 /// Perception and policy see Observations only; the true state stays in this module.
 
 #include <cstdint>
@@ -18,7 +26,10 @@
 #include "core/render.h"
 #include "core/scene_bundle.h"
 #include "core/stages.h"
+#include "sim/clock.h"
+#include "sim/odometer.h"
 #include "sim/robot.h"
+#include "sim/timing.h"
 #include "sim/world.h"
 
 namespace segsim::sim {
@@ -47,6 +58,9 @@ struct TrialOptions {
   double camera_pitch_down_rad = 0.0;
   double depth_range_m = 6.0;  ///< Farther depth is not measured (NaN).
   bool stop_on_contact = false;
+  ContactResponse contact_response = ContactResponse::kStop;
+  std::optional<OdometryNoise> odometry;  ///< None: the robot knows its pose.
+  TrialClock clock;                       ///< Lockstep by default.
 };
 
 enum class Outcome : std::uint8_t {
@@ -56,6 +70,7 @@ enum class Outcome : std::uint8_t {
   kTimeout,
   kGaveUp,     ///< The policy stopped because nothing was left to explore.
   kCollision,  ///< Only with stop_on_contact.
+  kAborted,    ///< A deadline or the age of an image, where the budget says "abort".
 };
 [[nodiscard]] const char* to_string(Outcome outcome);
 
@@ -68,6 +83,21 @@ struct TickRecord {
   bool in_contact = false;
   int detections_of_goal = 0;
   int goal_pixels = 0;  ///< Visible pixels of goal instances (ground truth).
+  // What the command rests on.
+  std::int64_t capture_index = -1;    ///< Of the image in use; -1: none yet.
+  core::TimeNs age_ns = 0;            ///< Of that image.
+  bool fresh = false;                 ///< The policy decided at this tick.
+  std::uint64_t detections_hash = 0;  ///< Of the detections in use, bit by bit.
+  std::uint64_t state_hash = 0;       ///< The chain up to and including this tick.
+};
+
+/// One touch, from its beginning to 0.5 s after its last moment (true values).
+struct ContactRecord {
+  core::TimeNs time_ns = 0;
+  glm::dvec2 point_m{0.0}, normal{0.0};  ///< World; the normal points at the robot.
+  double approach_mps = 0.0;
+  double duration_s = 0.0;
+  std::uint16_t instance = 0;  ///< Whose box holds the point; 0: none (walls).
 };
 
 struct TrialResult {
@@ -85,14 +115,20 @@ struct TrialResult {
   double contact_s = 0;
   int first_visible_tick = -1, first_detected_tick = -1;
   double invalid_pixel_fraction = 0;  ///< Mean share of pixels with alpha < 0.5.
-  std::uint64_t state_hash = 0;       ///< Chain over all ticks: quantised pose, command, mode.
+  /// Chain over all ticks: pose (quantised), command, mode, image and detections in use.
+  std::uint64_t state_hash = 0;
   std::vector<TickRecord> track;
   core::PolicyView final_view;  ///< In Odom, which equals World with perfect localisation.
-  // Mean wall times per tick [ms].
+  core::Pose2 final_estimate;   ///< Of the robot, in Odom.
+  // Mean wall times per image, detector call and decision [ms].
   double render_ms = 0, detect_ms = 0, policy_ms = 0;
+  std::vector<ContactRecord> contact_log;  ///< `contacts` of them.
+  TimingReport timing;
+  LatencyTrace trace;  ///< All durations that were played: the trial again, in virtual time.
 };
 
-/// Called after every tick with what was seen and decided; for videos and logs.
+/// Called after every tick with the newest image, the detections in use and the policy; for
+/// videos and logs. Not before the first image.
 using TickObserver =
     std::function<void(const TickRecord&, const core::Frame&,
                        const std::vector<core::Detection>&, const core::Policy&)>;
@@ -101,10 +137,13 @@ using TickObserver =
 class GroundTruthSink {
  public:
   virtual ~GroundTruthSink() = default;
+  /// All randomness of the detector in this episode derives from that.
+  virtual void begin_episode(std::uint64_t /*episode_seed*/) {}
   virtual void set_truth(const core::Frame& frame) = 0;
 };
 
-/// Runs one episode. Deterministic: equal arguments give equal results (wall times excepted).
+/// Runs one episode. In lockstep and virtual time deterministic: equal arguments give equal
+/// results (wall times excepted).
 /// @param truth  If not null, receives each rendered frame before the detector runs.
 [[nodiscard]] TrialResult run_trial(const Episode& episode, const TrialOptions& options,
                                     const World& world, const RobotModel& robot,

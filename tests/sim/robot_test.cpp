@@ -94,5 +94,28 @@ TEST(RobotModel, JackalMeasures) {
   EXPECT_THROW(RobotModel::by_name("jackel"), core::InputError);
 }
 
+/// Whoever adds a profile gets this test with it.
+TEST(RobotModel, EveryProfileIsWhole) {
+  EXPECT_GE(RobotModel::names().size(), 4U);
+  for (const std::string& name : RobotModel::names()) {
+    SCOPED_TRACE(name);
+    const RobotModel model = RobotModel::by_name(name);
+    EXPECT_EQ(model.name, name);
+    EXPECT_GT(model.inscribed_radius_m(), 0.1);
+    EXPECT_GT(model.stopping_distance_m(), 0.0);
+    EXPECT_GE(model.max_wheel_mps, model.max_forward_mps)
+        << "full speed ahead must be possible";
+    EXPECT_LT(model.track_m, model.width_m);
+    EXPECT_GT(model.mast_height_m, model.body_top_m);
+    // Full speed within a second, a full stop within its stopping distance.
+    Robot robot(model, {});
+    for (int k = 0; k < 200; ++k) robot.step({10.0, 0.0}, 0.005);
+    EXPECT_NEAR(robot.state().forward_mps, model.max_forward_mps, 1e-9);
+    const double from_m = robot.state().pose.x_m;
+    for (int k = 0; k < 400; ++k) robot.step({0.0, 0.0}, 0.005);
+    EXPECT_LE(robot.state().pose.x_m - from_m, model.stopping_distance_m());
+  }
+}
+
 }  // namespace
 }  // namespace segsim::sim

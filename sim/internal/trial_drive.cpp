@@ -1,0 +1,85 @@
+#include "sim/internal/trial_drive.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/check.h"
+#include "core/error.h"
+
+namespace segsim::sim::internal {
+namespace {
+
+constexpr core::TimeNs kContactDebounce_ns = core::kNsPerSecond / 2;
+/// A contact point lies on the 2 cm grid of the collision world, boxes fit the surface.
+constexpr double kBoxMargin_m = 0.05;
+
+std::uint16_t instance_at(const core::SceneManifest& manifest, const glm::dvec2& p_m) {
+  for (const core::SceneInstance& instance : manifest.instances) {
+    if (p_m.x >= instance.box_min_m.x - kBoxMargin_m &&
+        p_m.x <= instance.box_max_m.x + kBoxMargin_m &&
+        p_m.y >= instance.box_min_m.y - kBoxMargin_m &&
+        p_m.y <= instance.box_max_m.y + kBoxMargin_m) {
+      return instance.id;
+    }
+  }
+  return 0;
+}
+
+}  // namespace
+
+TrialDrive::TrialDrive(const Episode& episode, const TrialOptions& options, const World& world,
+                       const RobotModel& model)
+    : options_(options),
+      world_(world),
+      robot_(model, episode.start),
+      substep_ns_(std::llround(options.substep_s * 1e9)) {
+  const core::TimeNs period_ns = std::llround(options.control_period_s * 1e9);
+  SEGSIM_CHECK(substep_ns_ > 0 && period_ns > 0 && period_ns % substep_ns_ == 0,
+               "the control period is a whole number of substeps");
+  if (world.collision().collides(episode.start)) {
+    throw core::InputError::expected("episode " + episode.id, "a free start", "a collision");
+  }
+  if (options.odometry) odometer_.emplace(*options.odometry, episode.start, episode.seed);
+}
+
+void TrialDrive::set_command(const core::VelocityCommand& command) {
+  command_ = command;
+  robot_.set_command(command);
+}
+
+bool TrialDrive::drive_to(core::TimeNs time_ns) {
+  while (now_ns_ < time_ns) {
+    // Steps lie on one grid, so that a command between two of them does not shift the others.
+    const core::TimeNs next_ns = std::min(time_ns, (now_ns_ / substep_ns_ + 1) * substep_ns_);
+    const core::TimeNs step_ns = next_ns - now_ns_;
+    const double step_s = step_ns == substep_ns_ ? options_.substep_s : core::seconds(step_ns);
+    const core::Pose2 before = robot_.state().pose;
+    const core::VelocityCommand velocity = robot_.update_velocity(step_s);
+    const MoveResult moved =
+        world_.collision().move(before, velocity, step_s, options_.contact_response);
+    path_m_ += std::hypot(moved.pose.x_m - before.x_m, moved.pose.y_m - before.y_m);
+    robot_.set_pose(moved.pose);
+    now_ns_ = next_ns;
+    if (odometer_) odometer_->move_to(now_ns_, moved.pose);
+    if (moved.contact) {
+      note_contact(*moved.contact, step_ns);
+      if (options_.stop_on_contact) return false;
+    }
+  }
+  return true;
+}
+
+void TrialDrive::note_contact(const Contact& contact, core::TimeNs step_ns) {
+  // A base that slides keeps its wheels turning.
+  if (options_.contact_response == ContactResponse::kStop) robot_.set_velocity({});
+  in_contact_ = true;
+  contact_ns_ += step_ns;
+  if (last_contact_ns_ < 0 || now_ns_ - last_contact_ns_ > kContactDebounce_ns) {
+    contacts_.push_back({now_ns_, contact.point_m, contact.normal, contact.approach_mps, 0.0,
+                         instance_at(world_.manifest(), contact.point_m)});
+  }
+  contacts_.back().duration_s += core::seconds(step_ns);
+  last_contact_ns_ = now_ns_;
+}
+
+}  // namespace segsim::sim::internal

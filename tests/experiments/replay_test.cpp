@@ -1,0 +1,258 @@
+// Trials in virtual time through the whole chain: run, record, replay, sweep.
+#include <fstream>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <CLI/CLI.hpp>
+
+#include "core/error.h"
+#include "core/file_io.h"
+#include "experiments/budget_file.h"
+#include "experiments/commands.h"
+#include "experiments/replay_log.h"
+#include "experiments/run.h"
+#include "experiments/store.h"
+#include "tests/error_message.h"
+#include "tiny_scene.h"
+
+namespace segsim::experiments {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+const char* const kBudget = R"(schema: segsim.budget/1
+id: test-edge
+resources: {gpu: 1, cpu: 1}
+stages:
+  capture: {ms: 20}
+  detect:  {on: gpu, dist: {lognormal: {p50: 60, p95: 160}}, deadline_ms: 100}
+  segment: {on: gpu, after: detect, per_item_ms: 15}
+  policy:  {on: cpu, ms: 5}
+  actuate: {ms: 8}
+end_to_end: {deadline_ms: 2000}
+)";
+
+const char* const kSpec = R"(schema: segsim.experiment/1
+name: late
+seed: 3
+scenes:
+  - name: tiny
+    title: Two rooms
+    bundle: ${data}/tiny
+    goals: [couch, chair]
+    episodes: 4
+    camera_height_m: 1.0
+clock: {mode: virtual, budget: "${data}/edge.yaml", camera: {period_ms: 150, jitter_ms: 20}}
+arms:
+  - {name: quick, detector: oracle}
+  - {name: slow, detector: oracle, add_ms: {detect: 300}}
+robot: jackal-gentle
+control_period_s: 0.25
+time_limit_s: 40
+camera: {width: 96, height: 72, hfov_deg: 70, pitch_down_deg: 10, depth_range_m: 6}
+success: {profile: segsim-object, distance_m: 1.0, visible_pixels: 30}
+pictures: false
+replays: {of: all, images: true}
+)";
+
+class ReplayTest : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    folder_ = new TemporaryFolder("replay");
+    TinyScene().write(folder_->path() / "tiny");
+    std::ofstream(folder_->path() / "edge.yaml") << kBudget;
+    (void)run("work", 2);
+  }
+  static void TearDownTestSuite() { delete folder_; }
+
+  static RunReport run(const std::string& work, int workers, const std::string& text = kSpec) {
+    RunOptions options;
+    options.folders = {folder_->path(), folder_->path() / work};
+    options.workers = workers;
+    return run_experiment(parse_spec(text, "late.yaml", options.folders), options);
+  }
+  static fs::path log(const std::string& arm, const std::string& work = "work") {
+    return folder_->path() / work / "replays" / "tiny" / ("couch-00." + arm + ".jsonl");
+  }
+  /// `segsim <arguments>`; what it complains about.
+  static std::string segsim(const std::string& arguments) {
+    CLI::App app;
+    add_replay_command(app);
+    add_budget_command(app);
+    try {
+      app.parse(arguments + " ");
+      return "";
+    } catch (const core::CheckFailed& error) {
+      return std::string("check failed: ") + error.what();
+    } catch (const core::InputError& error) {
+      return std::string("input: ") + error.what();
+    }
+  }
+  static std::string replay(const fs::path& path, const std::string& flags = "--verify") {
+    return segsim("replay " + path.string() + " " + flags + " --data " +
+                  folder_->path().string());
+  }
+  /// A copy of the log (with its images) in which a text is replaced.
+  static fs::path tampered(const std::string& work, const std::string& from,
+                           const std::string& to) {
+    const fs::path copy = log("quick", work);
+    fs::create_directories(copy.parent_path());
+    std::string text = core::read_file(log("quick"));
+    const std::size_t at = text.find(from);
+    EXPECT_NE(at, std::string::npos) << from;
+    text.replace(at, from.size(), to);
+    std::ofstream(copy) << text;
+    fs::copy(replay_images(log("quick")), replay_images(copy));
+    return copy;
+  }
+
+  static TemporaryFolder* folder_;
+};
+TemporaryFolder* ReplayTest::folder_ = nullptr;
+
+TEST_F(ReplayTest, TheChainDoesNotDependOnTheWorkers) {
+  std::string without_images = kSpec;
+  without_images.replace(without_images.find("images: true"), 12, "images: false");
+  const auto hashes = [](const std::string& work) {
+    const Store store(folder_->path() / work / "results.sqlite");
+    std::vector<std::uint64_t> found;
+    for (const TrialRow& row : store.trials(store.runs().back().run_id)) {
+      EXPECT_EQ(row.error, "");
+      found.push_back(row.state_hash);
+    }
+    return found;
+  };
+  (void)run("one", 1, without_images);
+  (void)run("eight", 8, without_images);
+  const auto one = hashes("one");
+  ASSERT_EQ(one.size(), 8U);
+  EXPECT_EQ(hashes("eight"), one);
+  EXPECT_EQ(hashes("work"), one) << "keeping images changes nothing";
+  EXPECT_NE(one[0], one[1]) << "the arms differ";
+  const ReplayLog a = read_replay_log(log("slow", "one")),
+                  b = read_replay_log(log("slow", "eight"));
+  EXPECT_EQ(first_divergence(a.ticks, b.ticks).tick, -1);
+}
+
+TEST_F(ReplayTest, LateArmsActOnOlderImages) {
+  const ReplayLog quick = read_replay_log(log("quick")), slow = read_replay_log(log("slow"));
+  const double rise_ms =
+      sim::ms_from_ns(slow.timing.age.percentile(0.5) - quick.timing.age.percentile(0.5));
+  EXPECT_GE(rise_ms, 50.0);
+  EXPECT_LE(rise_ms, 550.0);
+  // The same episode draws the same durations in both arms.
+  const auto& a = quick.trace.stages().at("detect");
+  EXPECT_EQ(slow.trace.at("detect", 0), a.front().second + 300'000'000);
+}
+
+TEST_F(ReplayTest, AllTrialsReplayEqual) {
+  EXPECT_EQ(replay(folder_->path() / "work" / "replays"), "");
+}
+
+TEST_F(ReplayTest, PerceptionFromTheLogNeedsNeitherRendererNorWeights) {
+  EXPECT_EQ(replay(folder_->path() / "work" / "replays", "--verify --from-log"), "");
+}
+
+TEST_F(ReplayTest, OneBitOfAScoreIsNoticedAtTheTickThatUsesIt) {
+  // The first image with a detection: its score is 1, the float before it 0.99999994.
+  const ReplayLog recorded = read_replay_log(log("quick"));
+  std::uint64_t image = 0;
+  while (recorded.detections.at(image).empty()) {
+    do ++image;
+    while (!recorded.detections.contains(image));
+  }
+  const std::string line = "{\"image\":" + std::to_string(image) + ",\"detections\":[[";
+  const core::Detection& d = recorded.detections.at(image)[0];
+  ASSERT_EQ(d.score, 1.0F);
+  const std::string from = line + std::to_string(d.class_index) + ",1.0,";
+  const std::string to = line + std::to_string(d.class_index) + ",0.9999999403953552,";
+  int expected = -1;
+  for (std::size_t k = 0; k < recorded.ticks.size() && expected < 0; ++k) {
+    if (recorded.ticks[k].capture_index == static_cast<std::int64_t>(image)) {
+      expected = static_cast<int>(k);
+    }
+  }
+  ASSERT_GE(expected, 0);
+  const fs::path copy = tampered("bit", from, to);
+  testing::internal::CaptureStdout();
+  const std::string message =
+      segsim("replay " + copy.string() + " --verify --from-log --data " +
+             folder_->path().string() + " --work " + (folder_->path() / "work").string());
+  const std::string out = testing::internal::GetCapturedStdout();
+  EXPECT_THAT(message, HasSubstr("check failed: 1 of 1"));
+  EXPECT_THAT(out, HasSubstr("differs from tick " + std::to_string(expected) +
+                             " on: detections recorded"));
+}
+
+TEST_F(ReplayTest, AChangedPoseIsNamed) {
+  const ReplayLog recorded = read_replay_log(log("quick"));
+  ReplayLog changed = recorded;
+  changed.ticks[5].pose.x_m += 1e-15 + std::abs(changed.ticks[5].pose.x_m) * 1e-15;
+  const Divergence found = first_divergence(recorded.ticks, changed.ticks);
+  EXPECT_EQ(found.tick, 5);
+  EXPECT_EQ(found.field, "pose");
+  changed.ticks.resize(3);
+  EXPECT_EQ(first_divergence(recorded.ticks, changed.ticks).field, "ticks");
+}
+
+TEST_F(ReplayTest, DamagedLogsAreRefusedWithTheirLine) {
+  EXPECT_THAT(replay(tampered("json", "{\"tick\":3,", "{\"tick\":3;")), HasSubstr("jsonl:"));
+  EXPECT_THAT(replay(tampered("order", "{\"tick\":3,", "{\"tick\":4,")),
+              HasSubstr("out of order"));
+  EXPECT_THAT(replay(tampered("schema", "segsim.replay/1", "segsim.replay/7")),
+              HasSubstr("jsonl:1"));
+  const fs::path cut = tampered("cut", "{\"tick\":0,", "{\"tick\":0,");
+  fs::resize_file(cut, fs::file_size(cut) / 2);
+  EXPECT_THAT(replay(cut), HasSubstr("input:"));
+  EXPECT_THAT(replay(folder_->path() / "nothing"), HasSubstr("none"));
+}
+
+TEST_F(ReplayTest, BudgetCheckJudgesARun) {
+  const std::string budget = (folder_->path() / "edge.yaml").string();
+  const std::string work = (folder_->path() / "work").string();
+  testing::internal::CaptureStdout();
+  const std::string strict = segsim("budget check " + budget + " --run " + work);
+  const std::string out = testing::internal::GetCapturedStdout();
+  EXPECT_THAT(strict, HasSubstr("deadlines do not hold"));
+  EXPECT_THAT(out, HasSubstr("8 trials of"));
+  EXPECT_EQ(segsim("budget check " + budget + " --run " + work + " --max-miss-rate 1"), "");
+  // On its own: the same deadlines, no scene.
+  EXPECT_THAT(segsim("budget check " + budget + " --seconds 120"),
+              HasSubstr("deadlines do not hold"));
+  EXPECT_THAT(segsim("budget check " + budget + " --run " + budget), HasSubstr("replay logs"));
+}
+
+TEST_F(ReplayTest, ATraceOfALogIsABudgetsTrace) {
+  const fs::path file = folder_->path() / "trace.csv";
+  testing::internal::CaptureStdout();
+  const std::string message =
+      segsim("budget trace " + log("quick").string() + " -o " + file.string());
+  (void)testing::internal::GetCapturedStdout();
+  ASSERT_EQ(message, "");
+  EXPECT_EQ(read_trace_csv(file), read_replay_log(log("quick")).trace);
+}
+
+TEST_F(ReplayTest, ASweepGivesATableAndAPicture) {
+  const fs::path spec = folder_->path() / "sweep.yaml";
+  std::ofstream(spec) << kSpec;
+  const fs::path output = folder_->path() / "sweep";
+  testing::internal::CaptureStdout();
+  const std::string message =
+      segsim("budget sweep " + spec.string() + " --add-ms 0,600 --arm quick --data " +
+             folder_->path().string() + " --work " + (folder_->path() / "swept").string() +
+             " -o " + output.string());
+  const std::string out = testing::internal::GetCapturedStdout();
+  EXPECT_EQ(message, "");
+  EXPECT_THAT(out, HasSubstr("Latency margin of detect"));
+  EXPECT_TRUE(fs::exists(output / "sweep.png"));
+  const Store store(output / "results.sqlite");
+  EXPECT_EQ(store.trials(store.runs().back().run_id).size(), 8U);
+  EXPECT_THAT(core::read_file(output / "sweep.csv"), HasSubstr("\n600,"));
+  EXPECT_THAT(segsim("budget sweep " + spec.string() +
+                     " --add-ms 0,600 --stage detekt --data " + folder_->path().string()),
+              HasSubstr("--stage"));
+}
+
+}  // namespace
+}  // namespace segsim::experiments
