@@ -15,6 +15,7 @@ namespace {
 constexpr float kFar_m = 1e6F;
 
 constexpr int kBorder_cells = 12;  // Unknown cells kept around the observed part.
+constexpr int kRoom_cells = 60;    // What a frame that has to grow gets beyond that.
 
 /// The up to four boxes that `outer` has around `inner`.
 void add_frame_of(const CellBox& outer, const CellBox& inner, std::vector<CellBox>& boxes) {
@@ -105,21 +106,41 @@ void CostMap::update(const GridFrame& frame, const core::Image<std::uint8_t>& oc
                      const CellBox& changed, const CostMapOptions& options) {
   SEGSIM_CHECK(occupied.size() == explored.size() && frame.width_cells == occupied.width_px(),
                "layers and frame differ in size");
-  const CellBox box = follow(frame, changed, options);
-  set_active(active.grown(kBorder_cells).clipped_to(frame_.box()));
+  // Of a large frame only the active part is kept, with some room to grow.
+  const CellBox wanted = active.grown(kBorder_cells).clipped_to(frame.box());
+  CellBox kept = wanted.grown(kRoom_cells).clipped_to(frame.box());
+  if (frame_.width_cells > 0) {
+    const Cell shift = frame_.lattice() - frame.lattice();
+    const CellBox now{shift + frame_.box().low, shift + frame_.box().high};
+    if (wanted.clipped_to(now) == wanted) {
+      kept = now;
+    } else {
+      kept.add(now);
+    }
+  }
+  GridFrame part = frame;
+  part.origin_m += glm::dvec2(kept.low) * frame.resolution_m;
+  part.width_cells = kept.width();
+  part.height_cells = kept.height();
+  const auto inside = [&](const CellBox& box) {
+    return CellBox{box.low - kept.low, box.high - kept.low}.clipped_to(part.box());
+  };
+  const CellBox box = follow(part, changed.empty() ? changed : inside(changed), options);
+  set_active(inside(wanted));
   const int count = box.empty() ? 0 : box.width();
   std::vector<CellState> states(static_cast<std::size_t>(count));
   const std::vector<std::uint8_t> none(static_cast<std::size_t>(count), 0);
   for (int j = box.low.y; j <= box.high.y && count > 0; ++j) {
-    const std::uint8_t* hit = occupied.row(j) + box.low.x;
-    const std::uint8_t* seen = explored.row(j) + box.low.x;
+    const Cell from = kept.low + Cell(box.low.x, j);
+    const std::uint8_t* hit = occupied.row(from.y) + from.x;
+    const std::uint8_t* seen = explored.row(from.y) + from.x;
     for (std::size_t i = 0; i < states.size(); ++i) {
       states[i] = hit[i] != 0    ? CellState::kOccupied
                   : seen[i] != 0 ? CellState::kFree
                                  : CellState::kUnknown;
     }
     take_row(j, box.low.x, states,
-             mast.empty() ? none : part_of_row(mast, j, box.low.x, count));
+             mast.empty() ? none : part_of_row(mast, from.y, from.x, count));
   }
   finish();
 }
@@ -135,7 +156,7 @@ void CostMap::start(const GridFrame& frame, const CostMapOptions& options) {
   states_ = core::Image<CellState>(width, height, CellState::kUnknown);
   occupied_ = mast_ = traversable_ = clear_ = pocket_ =
       core::Image<std::uint8_t>(width, height, 0);
-  visited_ = core::Image<std::uint32_t>(width, height, 0);
+  visited_ = {};
   visit_ = 0;
   make_tables();
   const auto last = static_cast<double>(clearance_table_m_.size() - 2);
@@ -162,7 +183,7 @@ CellBox CostMap::follow(const GridFrame& frame, const CellBox& changed,
     for (auto* layer : {&occupied_, &mast_, &traversable_, &clear_, &pocket_}) {
       *layer = grown(*layer, margins);
     }
-    visited_ = core::Image<std::uint32_t>(frame.width_cells, frame.height_cells, 0);
+    visited_ = {};
     visit_ = 0;
     body_field_.grow(margins.left, margins.bottom, margins.right, margins.top);
     mast_field_.grow(margins.left, margins.bottom, margins.right, margins.top);
@@ -255,6 +276,9 @@ void CostMap::finish() {
     for (int j = box.low.y; j <= box.high.y; ++j) combine_row(j, box.low.x, box.high.x);
   }
   if (!options_.cross_unknown && options_.fill_pocket_m2 > 0.0) {
+    if (visited_.empty()) {
+      visited_ = core::Image<std::uint32_t>(frame_.width_cells, frame_.height_cells, 0);
+    }
     visit_ += 2;
     for (const CellBox& box : computed) fill_pockets(box);
   }
@@ -278,8 +302,9 @@ void CostMap::combine_row(int j, int i0, int i1) {
     if (!clear || state != CellState::kUnknown) pocket = 0;
     clear_(i, j) = clear ? 1 : 0;
     traversable_(i, j) = (clear && (free || options_.cross_unknown)) || pocket != 0 ? 1 : 0;
-    cost_(i, j) =
-        options_.cross_unknown && !free ? cost_table_[d2] * unknown_cost : cost_table_[d2];
+    float cost = inside ? cost_table_[d2] : 1.0F;
+    if (inside && options_.cross_unknown && !free) cost *= unknown_cost;
+    cost_(i, j) = cost;
   }
 }
 

@@ -52,7 +52,8 @@ class CostMap {
   /// changed since, in its frame of now.
   void update(const OccupancyMap& map, const CellBox& changed, const CostMapOptions& options);
   /// The same for layers of occupied cells, explored cells (free unless occupied) and cells
-  /// only the mast hits (may be empty). @param active  Holds all cells that are set.
+  /// only the mast hits (may be empty). @param active  Holds all cells that are set. The map's
+  /// own frame is the part around them.
   void update(const GridFrame& frame, const core::Image<std::uint8_t>& occupied,
               const core::Image<std::uint8_t>& explored, const core::Image<std::uint8_t>& mast,
               const CellBox& active, const CellBox& changed, const CostMapOptions& options);

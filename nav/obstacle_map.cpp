@@ -22,30 +22,6 @@ glm::dvec2 robot_of(const core::Observation& observation) {
   return glm::dvec2(observation.T_odom_robot.translation_m());
 }
 
-/// Where the image is wide, every n-th pixel of it: at 5 m a cell still covers two pixels of
-/// an image of 320 px.
-int thinning_of(const core::Image<float>& depth_m) {
-  constexpr int kEnough_px = 320;
-  return std::max(1, depth_m.width_px() / kEnough_px);
-}
-
-void thin_out(const core::Image<float>& depth_m, int n, core::Image<float>& thin_m) {
-  thin_m.resize(depth_m.width_px() / n, depth_m.height_px() / n);
-  for (int y = 0; y < thin_m.height_px(); ++y) {
-    const float* from = depth_m.row(y * n);
-    float* to = thin_m.row(y);
-    for (int x = 0; x < thin_m.width_px(); ++x)
-      to[x] = from[static_cast<std::ptrdiff_t>(x) * n];
-  }
-}
-
-/// The camera of the thinned image: the centre of pixel n x is that of the new pixel x.
-core::CameraIntrinsics thinned_out(const core::CameraIntrinsics& camera, int n) {
-  if (n == 1) return camera;
-  return {camera.width_px / n, camera.height_px / n,           camera.fx_px / n,
-          camera.fy_px / n,    (camera.cx_px - 0.5) / n + 0.5, (camera.cy_px - 0.5) / n + 0.5};
-}
-
 cv::Mat square(int cells) { return cv::getStructuringElement(cv::MORPH_RECT, {cells, cells}); }
 
 }  // namespace
@@ -156,7 +132,7 @@ CellBox ObstacleMap::take_log_odds(const core::Observation& observation) {
   const core::Image<float>& depth_m = *observation.depth_m;
   const int n = thinning_of(depth_m);
   core::Observation cleaned = observation;
-  cleaned.intrinsics = thinned_out(observation.intrinsics, n);
+  cleaned.intrinsics = thinned_camera(observation.intrinsics, n);
   cleaned.depth_m = &depth_m_;
   if (rules_.published(Quirk::kZeroDepth)) {  // Filling looks at neighbours.
     core::Image<float> filled_m;
@@ -313,15 +289,6 @@ void ObstacleMap::reveal(const core::Observation& observation) {
 void ObstacleMap::update(const core::Observation& observation) {
   SEGSIM_CHECK(observation.depth_m != nullptr, "observation without depth");
   const glm::dvec2 robot = robot_of(observation);
-  if (occupancy_ && frame_.width_cells == 0) {
-    // Large images have more rays than cells: about 128 x 64 of them clear.
-    OccupancyOptions occupancy = occupancy_->options();
-    occupancy.ray_step_x_px = std::max(
-        occupancy.ray_step_x_px, (std::min(observation.intrinsics.width_px, 320) + 64) / 128);
-    occupancy.ray_step_y_px = std::max(
-        occupancy.ray_step_y_px, (std::min(observation.intrinsics.height_px, 240) + 32) / 64);
-    occupancy_.emplace(occupancy);
-  }
   ensure_covers(robot);
   const glm::dvec2 reach(options_.depth.max_depth_m + 1.0);
   Cell low = frame_.cell_at(robot - reach), high = frame_.cell_at(robot + reach);

@@ -6,6 +6,7 @@
 #include <glm/mat3x3.hpp>
 
 #include "core/check.h"
+#include "nav/depth_cleanup.h"
 
 namespace segsim::nav {
 namespace {
@@ -108,6 +109,7 @@ struct OccupancyMap::View {
   core::CameraIntrinsics intrinsics;
   glm::dmat3 R_odom_camera{1.0};
   glm::dvec3 eye_m{0.0};  ///< Odom, z above the floor.
+  glm::dvec2 robot_m{0.0};
   double mast_top_m = 0.0;
   double floor_z_m = 0.0;
   double blind_range_m = 0.0;  ///< Nearer than this the body band lies below the image.
@@ -116,6 +118,7 @@ struct OccupancyMap::View {
       : intrinsics(observation.intrinsics) {
     const auto T_odom_camera = observation.T_odom_camera();
     R_odom_camera = glm::mat3_cast(T_odom_camera.rotation());
+    robot_m = glm::dvec2(observation.T_odom_robot.translation_m());
     floor_z_m = observation.T_odom_robot.translation_m().z;
     eye_m = T_odom_camera.translation_m();
     eye_m.z -= floor_z_m;
@@ -331,10 +334,10 @@ void OccupancyMap::trace_ray(const View& view, const glm::dvec3& direction, doub
 }
 
 void OccupancyMap::trace_rays(const core::Image<float>& depth_m, const View& view) {
-  for (int y = options_.ray_step_y_px / 2; y < depth_m.height_px();
-       y += options_.ray_step_y_px) {
-    for (int x = options_.ray_step_x_px / 2; x < depth_m.width_px();
-         x += options_.ray_step_x_px) {
+  const int step_x = std::max(options_.ray_step_x_px, (depth_m.width_px() + 64) / 128);
+  const int step_y = std::max(options_.ray_step_y_px, (depth_m.height_px() + 32) / 64);
+  for (int y = step_y / 2; y < depth_m.height_px(); y += step_y) {
+    for (int x = step_x / 2; x < depth_m.width_px(); x += step_x) {
       const float depth = depth_m(x, y);
       if (!(depth > 0.0F) || !std::isfinite(depth)) continue;
       const glm::dvec3 direction = view.direction(x + 0.5, y + 0.5);
@@ -522,9 +525,19 @@ void OccupancyMap::integrate(const core::Observation& observation) {
   SEGSIM_CHECK(depth_m.width_px() == observation.intrinsics.width_px &&
                    depth_m.height_px() == observation.intrinsics.height_px,
                "depth image and intrinsics differ in size");
-  const View view(observation, options_);
-  const glm::dvec2 robot(observation.T_odom_robot.translation_m());
-  const glm::dvec2 eye(view.eye_m);
+  const int n = thinning_of(depth_m);
+  if (n == 1) {
+    fuse_image(depth_m, View(observation, options_));
+  } else {
+    core::Observation thinned = observation;
+    thinned.intrinsics = thinned_camera(observation.intrinsics, n);
+    thin_out(depth_m, n, thinned_m_);
+    fuse_image(thinned_m_, View(thinned, options_));
+  }
+}
+
+void OccupancyMap::fuse_image(const core::Image<float>& depth_m, const View& view) {
+  const glm::dvec2 robot(view.robot_m), eye(view.eye_m);
 
   const double reach_m = options_.max_range_m + 4.0 * frame_.resolution_m;
   ensure_covers(glm::min(robot, eye) - reach_m, glm::max(robot, eye) + reach_m);

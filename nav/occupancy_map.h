@@ -46,7 +46,8 @@ struct OccupancyOptions {
   bool reject_flying_pixels = true;
   double hole_range_m = 4.0;  ///< Missing depth within this range of the floor is a hole;
   int hole_views = 3;  ///< seen so often, its unknown cells are presumed free. 0: never.
-  int ray_step_x_px = 2, ray_step_y_px = 3;  ///< Every n-th pixel is traced for clearing.
+  /// Every n-th pixel is traced for clearing; of large images, more: about 128 x 64 rays.
+  int ray_step_x_px = 2, ray_step_y_px = 3;
   float log_odds_hit = 0.7F, log_odds_miss = 0.35F;
   float log_odds_min = -1.5F, log_odds_max = 2.5F;
   float occupied_above = 0.5F;  ///< Log-odds; one hit makes an unknown cell occupied.
@@ -61,7 +62,8 @@ class OccupancyMap {
   /// Forgets everything.
   void reset();
   /// Fuses one depth image; pixels that are NaN, infinite or <= 0 are skipped. The map grows
-  /// as needed. Also marks the robot's footprint free.
+  /// as needed. Also marks the robot's footprint free. Of images from 640 px on every n-th
+  /// pixel is used (thinning_of()).
   /// @throws ContractViolation if the depth image is missing or of another size than the
   /// intrinsics.
   void integrate(const core::Observation& observation);
@@ -120,6 +122,7 @@ class OccupancyMap {
   void note_holes(const core::Image<float>& depth_m, const View& view);
   [[nodiscard]] bool hidden_by_obstacle(const View& view, const glm::dvec3& direction,
                                         double range_m) const;
+  void fuse_image(const core::Image<float>& depth_m, const View& view);
   void fuse_view(const View& view);
   void fuse_body(std::size_t index, const CellView& cell_view, int hits_needed,
                  bool below_unseen);
@@ -135,9 +138,10 @@ class OccupancyMap {
   bool started_ = false;
   CellBox observed_,
       changed_;  ///< On the lattice of GridFrame, so that growth shifts nothing.
-  core::Image<CellView> seen_;  ///< Scratch: what is in range of the image being fused.
-  Cell seen_low_{0};            ///< Cell of the map that is the window's first.
-  std::vector<Cell> touched_;   ///< Cells of the map with a view.
+  core::Image<float> thinned_m_;  ///< Scratch.
+  core::Image<CellView> seen_;    ///< Scratch: what is in range of the image being fused.
+  Cell seen_low_{0};              ///< Cell of the map that is the window's first.
+  std::vector<Cell> touched_;     ///< Cells of the map with a view.
   std::uint32_t stamp_ = 0;
 };
 

@@ -19,6 +19,9 @@ constexpr double kLookTolerance_rad = 0.17;
 constexpr double kBoxMargin = 0.1;      // Of the image's width, around a box seen again.
 constexpr double kWrongObject_m = 0.6;  // What is deleted around an object not seen again.
 constexpr double kDetour_m = 15.0;      // Way that open floor to the object is worth.
+// Of frontiers that are worth the same the nearest is taken; the second one is part of the
+// state that must not come back.
+constexpr std::ptrdiff_t kTiesThatMatter = 2;
 constexpr double kBeyondWeight = 1000.0;
 constexpr double kInside_m =
     0.15;  // A place this much nearer than the stop radius ends there.
@@ -27,6 +30,18 @@ bool finite_pose(const core::Observation& observation) {
   const glm::dvec3& p = observation.T_odom_robot.translation_m();
   const glm::dquat& q = observation.T_odom_robot.rotation();
   return std::isfinite(p.x + p.y + p.z + q.w + q.x + q.y + q.z);
+}
+
+/// Searches until so many of the cells are settled, or all.
+void settle_nearest(const GeodesicField& field, const std::vector<Cell>& cells,
+                    std::ptrdiff_t count) {
+  const auto enough = [&] {
+    const auto settled = std::count_if(cells.begin(), cells.end(),
+                                       [&](const Cell& cell) { return field.settled(cell); });
+    return settled >= std::min(count, std::ssize(cells));
+  };
+  while (!enough() && field.settle_more()) {
+  }
 }
 
 VlfmOptions completed(VlfmOptions options) {
@@ -141,20 +156,35 @@ std::optional<glm::dvec2> VlfmSearch::choose_frontier(const Now& now) {
     const auto cell = nearest_traversable(cost_, cost_.frame().cell_at(place_m), 0.3);
     return cell && known && field_.reachable(*cell) ? cell : std::nullopt;
   };
-  const auto away_m = [&](const glm::dvec2& place_m) {
-    const auto cell = reached_at(place_m);
-    return cell ? static_cast<double>(field_.cost_m(cell->x, cell->y))
-                : std::numeric_limits<double>::infinity();
-  };
   const bool as_published = options_.rules.published(Quirk::kNoRecovery);
   std::vector<ValuedFrontier> candidates;
+  double best_value = -std::numeric_limits<double>::infinity();
   for (const ContourFrontier& frontier : frontiers_) {
     if (!as_published && (vetoed(frontier.waypoint_m) || !reached_at(frontier.waypoint_m))) {
       continue;
     }
     const auto value = values_.median_around(frontier.waypoint_m, options_.value_radius_m);
     candidates.push_back({frontier.waypoint_m, value.value_or(options_.choice.unseen_value)});
+    best_value = std::max(best_value, candidates.back().value);
   }
+  const double tie_margin = options_.choice.tie_margin;
+  if (tie_margin > 0.0) {
+    std::vector<Cell> tied;
+    for (const ValuedFrontier& candidate : candidates) {
+      const auto cell = reached_at(candidate.place_m);
+      if (cell && candidate.value >= best_value - tie_margin) tied.push_back(*cell);
+    }
+    settle_nearest(field_, tied, kTiesThatMatter);
+  }
+  const auto away_m = [&](const glm::dvec2& place_m) {
+    const auto cell = reached_at(place_m);
+    if (!cell) return std::numeric_limits<double>::infinity();
+    // Ties farther away than those come after them, in the order of straight lines.
+    if (tie_margin > 0.0 && !field_.settled(*cell)) {
+      return field_.settled_below_m() + glm::distance(place_m, now.position_m);
+    }
+    return static_cast<double>(field_.cost_m(cell->x, cell->y));
+  };
   const auto chosen = chooser_.choose(now.position_m, candidates, away_m);
   if (!chosen) return std::nullopt;
   return candidates[*chosen].place_m;
