@@ -21,16 +21,26 @@ struct Candidate {
   double cost_m;
 };
 
-core::Image<float> distance_to_object_m(const CostMap& map, const MappedObject& object) {
-  core::Image<std::uint8_t> cells(map.frame().width_cells, map.frame().height_cells);
+/// Cells of the object's cloud, without strays beyond the trimmed extent (as in
+/// nearest_point_m()).
+std::vector<Cell> cells_of(const CostMap& map, const MappedObject& object) {
+  std::vector<Cell> cells;
   for (const glm::vec3& p : object.cloud_m) {
     if (p.x < object.low_m.x || p.y < object.low_m.y || p.x > object.high_m.x ||
         p.y > object.high_m.y) {
-      continue;  // Strays beyond the trimmed extent, as in nearest_point_m().
+      continue;
     }
     const Cell cell = map.frame().cell_at({p.x, p.y});
-    if (map.frame().contains(cell)) cells(cell.x, cell.y) = 1;
+    if (map.active().contains(cell)) cells.push_back(cell);
   }
+  return cells;
+}
+
+/// Distances to the object's cells, in a part of the map that holds them all.
+core::Image<float> distance_to_object_m(const CostMap& map, const std::vector<Cell>& object,
+                                        const CellBox& part) {
+  core::Image<std::uint8_t> cells(part.width(), part.height());
+  for (const Cell& cell : object) cells(cell.x - part.low.x, cell.y - part.low.y) = 1;
   return distance_to_cells_m(cells, map.frame().resolution_m);
 }
 
@@ -114,44 +124,60 @@ bool open_floor(const CostMap& map, const glm::dvec2& from_m, const glm::dvec2& 
 std::optional<ApproachPlace> choose_approach(const CostMap& map, const GeodesicField& field,
                                              const MappedObject& object, double min_m,
                                              double max_m, double limit_m) {
-  const core::Image<float> distance_m = distance_to_object_m(map, object);
+  const std::vector<Cell> object_cells = cells_of(map, object);
+  CellBox part;
+  for (const Cell& cell : object_cells) part.add(cell);
+  // All that lies within the limit; the whole map if nothing there can be reached.
+  const int reach = static_cast<int>(std::max(max_m, limit_m) / map.frame().resolution_m) + 2;
   std::vector<Candidate> preferred, allowed;
-  std::optional<Candidate> nearest;
-  for (int j = 0; j < map.frame().height_cells; ++j) {
-    for (int i = 0; i < map.frame().width_cells; ++i) {
-      if (!std::isfinite(field.cost_m(i, j))) continue;
-      Candidate candidate{{i, j},
-                          static_cast<double>(distance_m(i, j)),
-                          static_cast<double>(field.cost_m(i, j))};
-      if (!nearest || candidate.to_object_m < nearest->to_object_m) nearest = candidate;
-      candidate.cost_m += kNearnessWeight * candidate.to_object_m;
-      if (candidate.to_object_m >= min_m && candidate.to_object_m <= max_m) {
-        preferred.push_back(candidate);
-      } else if (candidate.to_object_m >= 0.5 * min_m && candidate.to_object_m <= limit_m) {
-        allowed.push_back(candidate);
+  constexpr double kNone_m = 1e18;
+  Candidate nearest{{0, 0}, kNone_m, 0.0};
+  for (const bool everywhere : {false, true}) {
+    if (!everywhere && part.empty()) continue;
+    const CellBox window =
+        everywhere ? map.active() : part.grown(reach).clipped_to(map.active());
+    const core::Image<float> distance_m = distance_to_object_m(map, object_cells, window);
+    for (int j = window.low.y; j <= window.high.y; ++j) {
+      for (int i = window.low.x; i <= window.high.x; ++i) {
+        if (!field.reachable({i, j})) continue;
+        Candidate candidate{
+            {i, j}, static_cast<double>(distance_m(i - window.low.x, j - window.low.y)), 0.0};
+        if (candidate.to_object_m < nearest.to_object_m) nearest = candidate;
+        const bool prefer = candidate.to_object_m >= min_m && candidate.to_object_m <= max_m;
+        const bool allow =
+            candidate.to_object_m >= 0.5 * min_m && candidate.to_object_m <= limit_m;
+        if (!prefer && !allow) continue;
+        candidate.cost_m =
+            static_cast<double>(field.cost_m(i, j)) + kNearnessWeight * candidate.to_object_m;
+        (prefer ? preferred : allowed).push_back(candidate);
       }
     }
+    if (nearest.to_object_m <= limit_m) break;
+    if (everywhere) break;
+    preferred.clear();
+    allowed.clear();
+    nearest.to_object_m = kNone_m;
   }
   if (auto place = cheapest_in_sight(map, field, object, std::move(preferred))) return place;
   if (auto place = cheapest_in_sight(map, field, object, std::move(allowed))) return place;
-  if (!nearest) return std::nullopt;
-  const glm::dvec2 place = map.frame().center_m(nearest->cell);
+  if (nearest.to_object_m >= kNone_m) return std::nullopt;
+  const glm::dvec2 place = map.frame().center_m(nearest.cell);
   const glm::dvec2 surface = object.nearest_point_m(place);
-  return ApproachPlace{place, nearest->to_object_m, line_of_sight(map, place, surface),
-                       open_floor(map, place, surface), nearest->cost_m};
+  return ApproachPlace{place, nearest.to_object_m, line_of_sight(map, place, surface),
+                       open_floor(map, place, surface),
+                       static_cast<double>(field.cost_m(nearest.cell.x, nearest.cell.y))};
 }
 
 std::vector<glm::dvec2> spread_places(const CostMap& map, const GeodesicField& field,
                                       int count) {
   std::vector<glm::dvec2> candidates;
-  for (int j = 0; j < map.frame().height_cells; j += kSpreadStride_cells) {
-    for (int i = 0; i < map.frame().width_cells; i += kSpreadStride_cells) {
-      if (std::isfinite(field.cost_m(i, j)))
-        candidates.push_back(map.frame().center_m({i, j}));
+  for (int j = map.active().low.y; j <= map.active().high.y; j += kSpreadStride_cells) {
+    for (int i = map.active().low.x; i <= map.active().high.x; i += kSpreadStride_cells) {
+      if (field.reachable({i, j})) candidates.push_back(map.frame().center_m({i, j}));
     }
   }
   // Farthest point sampling from the robot on.
-  std::vector<glm::dvec2> chosen{map.frame().center_m(field.start)};
+  std::vector<glm::dvec2> chosen{map.frame().center_m(field.start())};
   while (static_cast<int>(chosen.size()) <= count) {
     double best_m = kMinSpread_m;
     std::optional<glm::dvec2> best;

@@ -1,11 +1,13 @@
 #include "nav/cost_map.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "core/check.h"
+#include "nav/growing_frame.h"
 
 namespace segsim::nav {
 namespace {
@@ -13,29 +15,22 @@ namespace {
 constexpr float kFar_m = 1e6F;
 
 constexpr int kBorder_cells = 12;  // Unknown cells kept around the observed part.
+constexpr int kRoom_cells = 60;    // What a frame that has to grow gets beyond that.
 
-/// Inclusive range of cells.
-struct Observed {
-  Cell low{0}, high{0};
-};
-
-Observed observed_part(const OccupancyMap& map) {
-  const int width = map.frame().width_cells, height = map.frame().height_cells;
-  Cell low(width, height), high(-1, -1);
-  for (int j = 0; j < height; ++j) {
-    const float* row = map.body_log_odds().row(j);
-    const auto seen = [](float odds) { return odds != 0.0F; };
-    const float* first = std::find_if(row, row + width, seen);
-    if (first == row + width) continue;
-    int last = width - 1;
-    while (!seen(row[last])) --last;
-    low = {std::min(low.x, static_cast<int>(first - row)), std::min(low.y, j)};
-    high = {std::max(high.x, last), j};
+/// The up to four boxes that `outer` has around `inner`.
+void add_frame_of(const CellBox& outer, const CellBox& inner, std::vector<CellBox>& boxes) {
+  const CellBox around[] = {{outer.low, {outer.high.x, inner.low.y - 1}},
+                            {{outer.low.x, inner.high.y + 1}, outer.high},
+                            {{outer.low.x, inner.low.y}, {inner.low.x - 1, inner.high.y}},
+                            {{inner.high.x + 1, inner.low.y}, {outer.high.x, inner.high.y}}};
+  for (const CellBox& box : around) {
+    if (!box.empty()) boxes.push_back(box);
   }
-  if (high.x < 0) return {{0, 0}, {width - 1, height - 1}};
-  return {{std::max(low.x - kBorder_cells, 0), std::max(low.y - kBorder_cells, 0)},
-          {std::min(high.x + kBorder_cells, width - 1),
-           std::min(high.y + kBorder_cells, height - 1)}};
+}
+
+template <class Pixel>
+std::span<const Pixel> part_of_row(const core::Image<Pixel>& image, int j, int i0, int count) {
+  return {image.row(j) + i0, static_cast<std::size_t>(count)};
 }
 
 }  // namespace
@@ -62,26 +57,8 @@ core::Image<float> distance_to_cells_m(const core::Image<std::uint8_t>& sources,
 }
 
 void CostMap::build(const OccupancyMap& map, const CostMapOptions& options) {
-  const Observed observed = observed_part(map);
-  frame_ = map.frame();
-  frame_.origin_m += glm::dvec2(observed.low) * frame_.resolution_m;
-  frame_.width_cells = observed.high.x - observed.low.x + 1;
-  frame_.height_cells = observed.high.y - observed.low.y + 1;
-  options_ = options;
-  states_.resize(frame_.width_cells, frame_.height_cells);
-  core::Image<std::uint8_t> mast(frame_.width_cells, frame_.height_cells);
-  const float occupied = map.options().occupied_above, free = map.options().free_below;
-  for (int j = 0; j < frame_.height_cells; ++j) {
-    const float* body_row = map.body_log_odds().row(j + observed.low.y) + observed.low.x;
-    const float* mast_row = map.mast_log_odds().row(j + observed.low.y) + observed.low.x;
-    for (int i = 0; i < frame_.width_cells; ++i) {
-      states_(i, j) = body_row[i] > occupied ? CellState::kOccupied
-                      : body_row[i] < free   ? CellState::kFree
-                                             : CellState::kUnknown;
-      mast(i, j) = mast_row[i] > occupied ? 1 : 0;
-    }
-  }
-  finish(mast);
+  start(map.frame(), options);
+  update(map, map.frame().box(), options);
 }
 
 void CostMap::build(const GridFrame& frame, const core::Image<CellState>& body,
@@ -89,73 +66,308 @@ void CostMap::build(const GridFrame& frame, const core::Image<CellState>& body,
   SEGSIM_CHECK(body.width_px() == frame.width_cells && body.height_px() == frame.height_cells,
                "states and frame differ in size");
   SEGSIM_CHECK(mast.empty() || mast.size() == body.size(), "mast and states differ in size");
-  frame_ = frame;
-  options_ = options;
-  states_ = body;
-  finish(mast.empty() ? core::Image<std::uint8_t>(frame.width_cells, frame.height_cells)
-                      : mast);
+  start(frame, options);
+  set_active(frame.box());
+  const std::vector<std::uint8_t> none(static_cast<std::size_t>(frame.width_cells), 0);
+  for (int j = 0; j < frame.height_cells; ++j) {
+    take_row(j, 0, part_of_row(body, j, 0, frame.width_cells),
+             mast.empty() ? none : part_of_row(mast, j, 0, frame.width_cells));
+  }
+  finish();
 }
 
-void CostMap::finish(const core::Image<std::uint8_t>& mast) {
-  const int width = frame_.width_cells, height = frame_.height_cells;
-  core::Image<std::uint8_t> occupied(width, height);
-  for (std::size_t k = 0; k < states_.size(); ++k) {
-    occupied.data()[k] = states_.data()[k] == CellState::kOccupied ? 1 : 0;
+void CostMap::update(const OccupancyMap& map, const CellBox& changed,
+                     const CostMapOptions& options) {
+  const CellBox box = follow(map.frame(), changed, options);
+  set_active(map.observed().empty()
+                 ? frame_.box()
+                 : map.observed().grown(kBorder_cells).clipped_to(frame_.box()));
+  const float occupied = map.options().occupied_above, free = map.options().free_below;
+  const int count = box.empty() ? 0 : box.width();
+  std::vector<CellState> states(static_cast<std::size_t>(count));
+  std::vector<std::uint8_t> mast(static_cast<std::size_t>(count));
+  for (int j = box.low.y; j <= box.high.y && count > 0; ++j) {
+    const float* body_row = map.body_log_odds().row(j) + box.low.x;
+    const float* mast_row = map.mast_log_odds().row(j) + box.low.x;
+    for (std::size_t i = 0; i < states.size(); ++i) {
+      states[i] = body_row[i] > occupied ? CellState::kOccupied
+                  : body_row[i] < free   ? CellState::kFree
+                                         : CellState::kUnknown;
+      mast[i] = mast_row[i] > occupied ? 1 : 0;
+    }
+    take_row(j, box.low.x, states, mast);
   }
-  clearance_m_ = distance_to_cells_m(occupied, frame_.resolution_m);
-  mast_clearance_m_ = distance_to_cells_m(mast, frame_.resolution_m);
+  finish();
+}
 
-  traversable_.resize(width, height);
-  clear_.resize(width, height);
-  cost_.resize(width, height);
+void CostMap::update(const GridFrame& frame, const core::Image<std::uint8_t>& occupied,
+                     const core::Image<std::uint8_t>& explored,
+                     const core::Image<std::uint8_t>& mast, const CellBox& active,
+                     const CellBox& changed, const CostMapOptions& options) {
+  SEGSIM_CHECK(occupied.size() == explored.size() && frame.width_cells == occupied.width_px(),
+               "layers and frame differ in size");
+  // Of a large frame only the active part is kept, with some room to grow.
+  const CellBox wanted = active.grown(kBorder_cells).clipped_to(frame.box());
+  CellBox kept = wanted.grown(kRoom_cells).clipped_to(frame.box());
+  if (frame_.width_cells > 0) {
+    const Cell shift = frame_.lattice() - frame.lattice();
+    const CellBox now{shift + frame_.box().low, shift + frame_.box().high};
+    if (wanted.clipped_to(now) == wanted) {
+      kept = now;
+    } else {
+      kept.add(now);
+    }
+  }
+  GridFrame part = frame;
+  part.origin_m += glm::dvec2(kept.low) * frame.resolution_m;
+  part.width_cells = kept.width();
+  part.height_cells = kept.height();
+  const auto inside = [&](const CellBox& box) {
+    return CellBox{box.low - kept.low, box.high - kept.low}.clipped_to(part.box());
+  };
+  const CellBox box = follow(part, changed.empty() ? changed : inside(changed), options);
+  set_active(inside(wanted));
+  const int count = box.empty() ? 0 : box.width();
+  std::vector<CellState> states(static_cast<std::size_t>(count));
+  const std::vector<std::uint8_t> none(static_cast<std::size_t>(count), 0);
+  for (int j = box.low.y; j <= box.high.y && count > 0; ++j) {
+    const Cell from = kept.low + Cell(box.low.x, j);
+    const std::uint8_t* hit = occupied.row(from.y) + from.x;
+    const std::uint8_t* seen = explored.row(from.y) + from.x;
+    for (std::size_t i = 0; i < states.size(); ++i) {
+      states[i] = hit[i] != 0    ? CellState::kOccupied
+                  : seen[i] != 0 ? CellState::kFree
+                                 : CellState::kUnknown;
+    }
+    take_row(j, box.low.x, states,
+             mast.empty() ? none : part_of_row(mast, from.y, from.x, count));
+  }
+  finish();
+}
+
+// ---- What is known
+
+void CostMap::start(const GridFrame& frame, const CostMapOptions& options) {
+  frame_ = frame;
+  options_ = options;
+  active_ = changed_ = {};
+  dirty_.clear();
+  const int width = frame.width_cells, height = frame.height_cells;
+  states_ = core::Image<CellState>(width, height, CellState::kUnknown);
+  occupied_ = mast_ = traversable_ = clear_ = pocket_ =
+      core::Image<std::uint8_t>(width, height, 0);
+  visited_ = {};
+  visit_ = 0;
+  make_tables();
+  const auto last = static_cast<double>(clearance_table_m_.size() - 2);
+  const int reach_cells = static_cast<int>(std::lround(std::sqrt(last)));
+  body_field_.reset(width, height, reach_cells);
+  mast_field_.reset(width, height, reach_cells);
+  cost_ = core::Image<float>(width, height, 1.0F);
+}
+
+CellBox CostMap::follow(const GridFrame& frame, const CellBox& changed,
+                        const CostMapOptions& options) {
+  const double r = frame.resolution_m;
+  const Cell low = frame.lattice() - frame_.lattice();
+  const Cell more(frame.width_cells - frame_.width_cells + low.x,
+                  frame.height_cells - frame_.height_cells + low.y);
+  if (frame_.width_cells == 0 || !(options == options_) || r != frame_.resolution_m ||
+      low.x > 0 || low.y > 0 || more.x < 0 || more.y < 0) {
+    start(frame, options);
+    return frame.box();
+  }
+  const Margins margins{-low.x, -low.y, more.x, more.y};
+  if (margins.any()) {
+    states_ = grown(states_, margins, CellState::kUnknown);
+    for (auto* layer : {&occupied_, &mast_, &traversable_, &clear_, &pocket_}) {
+      *layer = grown(*layer, margins);
+    }
+    visited_ = {};
+    visit_ = 0;
+    body_field_.grow(margins.left, margins.bottom, margins.right, margins.top);
+    mast_field_.grow(margins.left, margins.bottom, margins.right, margins.top);
+    cost_ = grown(cost_, margins, 1.0F);
+    const Cell shift(margins.left, margins.bottom);
+    const CellBox old{shift, shift + Cell(frame_.width_cells - 1, frame_.height_cells - 1)};
+    if (!active_.empty()) active_ = {active_.low + shift, active_.high + shift};
+    add_frame_of(frame.box(), old, dirty_);
+  }
+  frame_ = frame;
+  return changed.clipped_to(frame.box());
+}
+
+void CostMap::set_active(const CellBox& active) {
+  if (active == active_) return;
+  const CellBox both = active.clipped_to(active_);
+  if (active_.empty() || !(both == active_)) {
+    dirty_.push_back(active_);
+    dirty_.push_back(active);
+  } else {
+    add_frame_of(active, active_, dirty_);
+  }
+  active_ = active;
+}
+
+void CostMap::take_row(int j, int i0, std::span<const CellState> states,
+                       std::span<const std::uint8_t> mast) {
+  CellState* old = states_.row(j) + i0;
+  std::uint8_t* old_mast = mast_.row(j) + i0;
+  const auto differs = [&](std::size_t i) {
+    return old[i] != states[i] || old_mast[i] != mast[i];
+  };
+  std::size_t first = 0, last = states.size();
+  // Most rows are as they were.
+  if (std::equal(states.begin(), states.end(), old) &&
+      std::equal(mast.begin(), mast.end(), old_mast)) {
+    return;
+  }
+  while (first < last && !differs(first)) ++first;
+  while (last > first && !differs(last - 1)) --last;
+  changed_.add(Cell(i0 + static_cast<int>(first), j));
+  changed_.add(Cell(i0 + static_cast<int>(last) - 1, j));
+  std::uint8_t* occupied = occupied_.row(j) + i0;
+  for (std::size_t i = first; i < last; ++i) {
+    old[i] = states[i];
+    old_mast[i] = mast[i];
+    occupied[i] = states[i] == CellState::kOccupied ? 1 : 0;
+  }
+}
+
+// ---- What follows from it
+
+void CostMap::make_tables() {
+  const double r = frame_.resolution_m;
   const auto radius = static_cast<float>(options_.robot_radius_m + options_.margin_m);
   const auto mast_radius = static_cast<float>(options_.mast_radius_m);
   const float soft = std::max(static_cast<float>(options_.soft_distance_m), radius + 1e-3F);
   const auto weight = static_cast<float>(options_.soft_weight);
-  for (std::size_t k = 0; k < states_.size(); ++k) {
-    const float clearance = clearance_m_.data()[k];
-    clear_.data()[k] =
-        clearance >= radius && mast_clearance_m_.data()[k] >= mast_radius ? 1 : 0;
-    const bool known_free = states_.data()[k] == CellState::kFree;
-    traversable_.data()[k] =
-        clear_.data()[k] != 0 && (known_free || options_.cross_unknown) ? 1 : 0;
+  const double reach_m = std::max({kReach_m, static_cast<double>(soft),
+                                   static_cast<double>(radius), options_.mast_radius_m});
+  const int reach = std::clamp(static_cast<int>(std::ceil(reach_m / r)), 1, 100);
+  const auto count = static_cast<std::size_t>(reach * reach + 2);
+  clearance_table_m_.assign(count, kFar_m);
+  cost_table_.assign(count, 1.0F);
+  room_table_.assign(count, 1);
+  mast_room_table_.assign(count, 1);
+  for (std::size_t d2 = 0; d2 < count; ++d2) {
+    // The last entry stands for everything farther away.
+    if (d2 + 1 < count) {
+      clearance_table_m_[d2] = std::sqrt(static_cast<float>(d2)) * static_cast<float>(r);
+    }
+    const float clearance = clearance_table_m_[d2];
+    room_table_[d2] = clearance >= radius ? 1 : 0;
+    mast_room_table_[d2] = clearance >= mast_radius ? 1 : 0;
     // Quadratic: cheap in the middle of a corridor, steep next to the wall.
     const float near = std::clamp((soft - clearance) / (soft - radius), 0.0F, 1.0F);
-    cost_.data()[k] = 1.0F + weight * near * near;
-    if (options_.cross_unknown && !known_free) {
-      cost_.data()[k] *= static_cast<float>(options_.unknown_cost);
-    }
+    cost_table_[d2] = 1.0F + weight * near * near;
   }
-  if (!options_.cross_unknown) fill_pockets();
 }
 
-void CostMap::fill_pockets() {
-  const int width = frame_.width_cells, height = frame_.height_cells;
-  cv::Mat unknown(height, width, CV_8U);
-  for (int j = 0; j < height; ++j) {
-    for (int i = 0; i < width; ++i) {
-      unknown.at<std::uint8_t>(j, i) =
-          states_(i, j) == CellState::kUnknown && clear_(i, j) != 0 ? 1 : 0;
+void CostMap::finish() {
+  if (!changed_.empty()) dirty_.push_back(changed_);
+  std::vector<CellBox> computed;
+  for (const CellBox& box : dirty_) {
+    if (box.empty()) continue;
+    computed.push_back(body_field_.update(occupied_, box));
+    (void)mast_field_.update(mast_, box);
+  }
+  for (const CellBox& box : computed) {
+    for (int j = box.low.y; j <= box.high.y; ++j) combine_row(j, box.low.x, box.high.x);
+  }
+  if (!options_.cross_unknown && options_.fill_pocket_m2 > 0.0) {
+    if (visited_.empty()) {
+      visited_ = core::Image<std::uint32_t>(frame_.width_cells, frame_.height_cells, 0);
+    }
+    visit_ += 2;
+    for (const CellBox& box : computed) fill_pockets(box);
+  }
+  dirty_.clear();
+  changed_ = {};
+}
+
+void CostMap::combine_row(int j, int i0, int i1) {
+  const std::int16_t* body = body_field_.row(j);
+  const std::int16_t* mast = mast_field_.row(j);
+  const bool row_active = j >= active_.low.y && j <= active_.high.y;
+  const auto unknown_cost = static_cast<float>(options_.unknown_cost);
+  for (int i = i0; i <= i1; ++i) {
+    const auto d2 = static_cast<std::size_t>(body[i]);
+    const bool inside = row_active && i >= active_.low.x && i <= active_.high.x;
+    const bool clear = inside && room_table_[d2] != 0 &&
+                       mast_room_table_[static_cast<std::size_t>(mast[i])] != 0;
+    const CellState state = states_(i, j);
+    const bool free = state == CellState::kFree;
+    std::uint8_t& pocket = pocket_(i, j);
+    if (!clear || state != CellState::kUnknown) pocket = 0;
+    clear_(i, j) = clear ? 1 : 0;
+    traversable_(i, j) = (clear && (free || options_.cross_unknown)) || pocket != 0 ? 1 : 0;
+    float cost = inside ? cost_table_[d2] : 1.0F;
+    if (inside && options_.cross_unknown && !free) cost *= unknown_cost;
+    cost_(i, j) = cost;
+  }
+}
+
+/// Decides for every group of unknown cells that touches the box whether it is a pocket.
+void CostMap::fill_pockets(const CellBox& around) {
+  const CellBox box = around.grown(1).clipped_to(active_);
+  for (int j = box.low.y; j <= box.high.y; ++j) {
+    const std::size_t row =
+        static_cast<std::size_t>(j) * static_cast<std::size_t>(frame_.width_cells);
+    for (int i = box.low.x; i <= box.high.x; ++i) {
+      const std::size_t index = row + static_cast<std::size_t>(i);
+      if (may_be_pocket(index) && visited_.data()[index] < visit_) {
+        visit_pocket(static_cast<std::uint32_t>(index));
+      }
     }
   }
-  cv::Mat labels, statistics, centroids;
-  const int count =
-      cv::connectedComponentsWithStats(unknown, labels, statistics, centroids, 8, CV_32S);
-  std::vector<std::uint8_t> fill(static_cast<std::size_t>(count), 0);
-  for (int label = 1; label < count; ++label) {
-    const int* box = statistics.ptr<int>(label);
-    // A pocket that touches the edge goes on beyond it.
-    const bool inside = box[cv::CC_STAT_LEFT] > 0 && box[cv::CC_STAT_TOP] > 0 &&
-                        box[cv::CC_STAT_LEFT] + box[cv::CC_STAT_WIDTH] < width &&
-                        box[cv::CC_STAT_TOP] + box[cv::CC_STAT_HEIGHT] < height;
-    const double area_m2 = box[cv::CC_STAT_AREA] * frame_.resolution_m * frame_.resolution_m;
-    fill[static_cast<std::size_t>(label)] =
-        inside && area_m2 < options_.fill_pocket_m2 ? 1 : 0;
+}
+
+/// Spreads from the cell until the group ends, or is too large, or reaches the edge of what is
+/// active (it goes on beyond it), or another one that is.
+void CostMap::visit_pocket(std::uint32_t seed) {
+  const int width = frame_.width_cells;
+  const double cell_m2 = frame_.resolution_m * frame_.resolution_m;
+  queue_.assign(1, seed);
+  visited_.data()[seed] = visit_;
+  bool large = false;
+  for (std::size_t k = 0; k < queue_.size() && !large; ++k) {
+    const int x = static_cast<int>(queue_[k]) % width, y = static_cast<int>(queue_[k]) / width;
+    large = x == active_.low.x || y == active_.low.y || x == active_.high.x ||
+            y == active_.high.y ||
+            !(static_cast<double>(queue_.size()) * cell_m2 < options_.fill_pocket_m2);
+    for (int n = 0; n < 9 && !large; ++n) {
+      const auto next = static_cast<std::uint32_t>((y + n / 3 - 1) * width + x + n % 3 - 1);
+      if (!may_be_pocket(next)) continue;
+      large = visited_.data()[next] == visit_ + 1;
+      if (visited_.data()[next] >= visit_) continue;
+      visited_.data()[next] = visit_;
+      queue_.push_back(next);
+    }
   }
-  for (int j = 0; j < height; ++j) {
-    const int* label = labels.ptr<int>(j);
-    for (int i = 0; i < width; ++i) {
-      if (fill[static_cast<std::size_t>(label[i])] != 0) traversable_(i, j) = 1;
+  if (large) {
+    empty_pockets_in_queue();
+  } else {
+    for (const std::uint32_t index : queue_)
+      pocket_.data()[index] = traversable_.data()[index] = 1;
+  }
+}
+
+/// The queue's cells are part of something large; so are pockets of old that they touch.
+void CostMap::empty_pockets_in_queue() {
+  const int width = frame_.width_cells;
+  for (const std::uint32_t index : queue_) visited_.data()[index] = visit_ + 1;
+  for (std::size_t k = 0; k < queue_.size(); ++k) {
+    if (pocket_.data()[queue_[k]] == 0) continue;
+    pocket_.data()[queue_[k]] = traversable_.data()[queue_[k]] = 0;
+    const int x = static_cast<int>(queue_[k]) % width, y = static_cast<int>(queue_[k]) / width;
+    for (int n = 0; n < 9; ++n) {
+      const Cell cell(x + n % 3 - 1, y + n / 3 - 1);
+      if (!active_.contains(cell)) continue;
+      const auto next = static_cast<std::uint32_t>(cell.y * width + cell.x);
+      if (pocket_.data()[next] == 0 || visited_.data()[next] == visit_ + 1) continue;
+      visited_.data()[next] = visit_ + 1;
+      queue_.push_back(next);
     }
   }
 }
@@ -170,10 +382,14 @@ bool CostMap::clear(const Cell& cell) const {
   return frame_.contains(cell) && clear_(cell.x, cell.y) != 0;
 }
 float CostMap::clearance_m(const Cell& cell) const {
-  return frame_.contains(cell) ? clearance_m_(cell.x, cell.y) : kFar_m;
+  if (!frame_.contains(cell)) return kFar_m;
+  return clearance_table_m_[static_cast<std::size_t>(
+      body_field_.squared_cells(cell.x, cell.y))];
 }
 float CostMap::mast_clearance_m(const Cell& cell) const {
-  return frame_.contains(cell) ? mast_clearance_m_(cell.x, cell.y) : kFar_m;
+  if (!frame_.contains(cell)) return kFar_m;
+  return clearance_table_m_[static_cast<std::size_t>(
+      mast_field_.squared_cells(cell.x, cell.y))];
 }
 float CostMap::length_cost(const Cell& cell) const {
   return frame_.contains(cell) ? cost_(cell.x, cell.y) : 1.0F;

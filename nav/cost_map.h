@@ -3,7 +3,15 @@
 /// @file
 /// Where the robot's centre may be: obstacles inflated by its circumscribed circle, with a
 /// soft cost beyond. Distances come from an exact Euclidean transform between cell centres.
+///
+/// build() computes everything; update() only what a change of the map can have changed (the
+/// changed cells, the reach of an obstacle around them, and the small unknown pockets that
+/// touch those), with equal results. Nothing is known beyond the active part of the frame, in
+/// which all observed cells lie: cells outside are neither traversable nor clear.
 
+#include <span>
+
+#include "nav/clearance_field.h"
 #include "nav/grid.h"
 #include "nav/occupancy_map.h"
 
@@ -23,29 +31,46 @@ struct CostMapOptions {
   /// `unknown_cost` times the length: where to go when the known way does not lead there.
   bool cross_unknown = false;
   double unknown_cost = 2.0;
+
+  bool operator==(const CostMapOptions&) const = default;
 };
 
 class CostMap {
  public:
-  /// Computes everything from the observed part of the map (and some cells around it), so its
-  /// frame is smaller than the map's. Cost linear in cells.
+  /// Farther obstacles are reported as being at 1e6 m.
+  static constexpr double kReach_m = 1.0;
+
+  /// Computes everything from the observed part of the map (and some cells around it, the
+  /// active part). Cost linear in cells.
   void build(const OccupancyMap& map, const CostMapOptions& options);
   /// Builds from hand-made states (tests, other map sources). @param mast  Empty or equal
   /// size.
   void build(const GridFrame& frame, const core::Image<CellState>& body,
              const core::Image<std::uint8_t>& mast, const CostMapOptions& options);
+  /// Ends like build(map, options), if what is here came from an earlier state of the same
+  /// map. Changed options mean building anew. @param changed  Holds every cell of the map that
+  /// changed since, in its frame of now.
+  void update(const OccupancyMap& map, const CellBox& changed, const CostMapOptions& options);
+  /// The same for layers of occupied cells, explored cells (free unless occupied) and cells
+  /// only the mast hits (may be empty). @param active  Holds all cells that are set. The map's
+  /// own frame is the part around them.
+  void update(const GridFrame& frame, const core::Image<std::uint8_t>& occupied,
+              const core::Image<std::uint8_t>& explored, const core::Image<std::uint8_t>& mast,
+              const CellBox& active, const CellBox& changed, const CostMapOptions& options);
 
   [[nodiscard]] const GridFrame& frame() const { return frame_; }
+  /// Where anything may be known; inside of the frame.
+  [[nodiscard]] const CellBox& active() const { return active_; }
   [[nodiscard]] const CostMapOptions& options() const { return options_; }
   [[nodiscard]] CellState state(const Cell& cell) const;
   /// Free (or in a small unknown pocket) and far enough from obstacles; false outside of the
-  /// map.
+  /// active part.
   [[nodiscard]] bool traversable(const Cell& cell) const;
-  /// Not occupied, far enough from obstacles, seen or not; false outside of the map.
+  /// Not occupied, far enough from obstacles, seen or not; false outside of the active part.
   [[nodiscard]] bool clear(const Cell& cell) const;
-  /// To the nearest occupied cell (body layer) [m]; large if there is none.
+  /// To the nearest occupied cell (body layer) [m]; large if there is none within kReach_m.
   [[nodiscard]] float clearance_m(const Cell& cell) const;
-  /// To the nearest thing that only the mast can hit [m]; large if there is none.
+  /// To the nearest thing that only the mast can hit [m]; large if there is none within reach.
   [[nodiscard]] float mast_clearance_m(const Cell& cell) const;
   /// Multiple of the length that a traversable cell costs, >= 1.
   [[nodiscard]] float length_cost(const Cell& cell) const;
@@ -61,14 +86,43 @@ class CostMap {
   [[nodiscard]] const core::Image<float>& length_costs() const { return cost_; }
 
  private:
-  void finish(const core::Image<std::uint8_t>& mast);
-  void fill_pockets();
+  /// Empties the map.
+  void start(const GridFrame& frame, const CostMapOptions& options);
+  /// Grows to a frame that is the old one with whole cells added, or starts anew.
+  /// @return  What has to be read: `changed`, or everything.
+  CellBox follow(const GridFrame& frame, const CellBox& changed,
+                 const CostMapOptions& options);
+  void make_tables();
+  /// Takes a row of cells, from (i0, j) on; notes what differs from the old ones.
+  void take_row(int j, int i0, std::span<const CellState> states,
+                std::span<const std::uint8_t> mast);
+  void set_active(const CellBox& active);
+  /// Computes anew what depends on the noted changes.
+  void finish();
+  void combine_row(int j, int i0, int i1);
+  void fill_pockets(const CellBox& around);
+  void visit_pocket(std::uint32_t seed);
+  void empty_pockets_in_queue();
+  [[nodiscard]] bool may_be_pocket(std::size_t index) const {
+    return states_.data()[index] == CellState::kUnknown && clear_.data()[index] != 0;
+  }
 
   GridFrame frame_;
   CostMapOptions options_;
+  CellBox active_;
+  CellBox changed_;             ///< Cells whose state or mast changed.
+  std::vector<CellBox> dirty_;  ///< New parts of frame or active part.
   core::Image<CellState> states_;
-  core::Image<std::uint8_t> traversable_, clear_;
-  core::Image<float> clearance_m_, mast_clearance_m_, cost_;
+  core::Image<std::uint8_t> occupied_, mast_;  ///< Sources of the two fields.
+  ClearanceField body_field_, mast_field_;
+  core::Image<std::uint8_t> traversable_, clear_, pocket_;
+  core::Image<float> cost_;
+  /// By squared distance in cells: metres; cost; 1 where the body, the mast has room.
+  std::vector<float> clearance_table_m_, cost_table_;
+  std::vector<std::uint8_t> room_table_, mast_room_table_;
+  core::Image<std::uint32_t> visited_;  ///< Scratch: visit_, or visit_ + 1 in a large pocket.
+  std::uint32_t visit_ = 0;
+  std::vector<std::uint32_t> queue_;
 };
 
 /// Distance from each cell centre to the nearest cell centre where `sources` is not 0 [m];

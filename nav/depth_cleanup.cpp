@@ -117,4 +117,26 @@ double normalised_inferred(double depth_m, const VlfmRules& rules,
   return (clipped_m - offset_m) / (options.max_depth_m - options.min_depth_m);
 }
 
+int thinning_of(const core::Image<float>& depth_m) {
+  constexpr int kEnough_px = 320;
+  return std::max(1, depth_m.width_px() / kEnough_px);
+}
+
+void thin_out(const core::Image<float>& depth_m, int n, core::Image<float>& thin_m) {
+  thin_m.resize(depth_m.width_px() / n, depth_m.height_px() / n);
+  for (int y = 0; y < thin_m.height_px(); ++y) {
+    const float* from = depth_m.row(y * n);
+    float* to = thin_m.row(y);
+    for (int x = 0; x < thin_m.width_px(); ++x)
+      to[x] = from[static_cast<std::ptrdiff_t>(x) * n];
+  }
+}
+
+core::CameraIntrinsics thinned_camera(const core::CameraIntrinsics& camera, int n) {
+  if (n == 1) return camera;
+  // The centre of pixel n x is that of the new pixel x.
+  return {camera.width_px / n, camera.height_px / n,           camera.fx_px / n,
+          camera.fy_px / n,    (camera.cx_px - 0.5) / n + 0.5, (camera.cy_px - 0.5) / n + 0.5};
+}
+
 }  // namespace segsim::nav

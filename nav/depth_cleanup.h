@@ -4,6 +4,7 @@
 /// What VLFM does to a depth image before it maps it (depth_camera_filtering at 39d6e2f, after
 /// the hole filling of IP-Basic, Ku et al. 2018), and what is done here instead.
 
+#include "core/camera.h"
 #include "core/image.h"
 #include "nav/vlfm_rules.h"
 
@@ -35,5 +36,16 @@ void clean_depth_m(const core::Image<float>& depth_m, const VlfmRules& rules,
 /// published (quirk Q13) the minimum is not subtracted: z / (max - min).
 [[nodiscard]] double normalised_inferred(double depth_m, const VlfmRules& rules,
                                          const DepthCleanupOptions& options);
+
+/// Of an image that is this wide every n-th pixel suffices for maps: at 5 m a cell of 5 cm
+/// still covers two pixels of an image of 320 px.
+[[nodiscard]] int thinning_of(const core::Image<float>& depth_m);
+
+/// Every n-th pixel of every n-th row.
+void thin_out(const core::Image<float>& depth_m, int n, core::Image<float>& thin_m);
+
+/// The camera of the thinned image.
+[[nodiscard]] core::CameraIntrinsics thinned_camera(const core::CameraIntrinsics& camera,
+                                                    int n);
 
 }  // namespace segsim::nav

@@ -67,8 +67,14 @@ std::optional<std::size_t> FrontierChooser::choose(
     last_.reset();
     return std::nullopt;
   }
-  const auto away_m = [&](const glm::dvec2& place_m) {
-    return distance_m ? distance_m(place_m) : glm::distance(place_m, robot_m);
+  // Each is asked for once: a distance along the floor takes a search.
+  std::vector<std::optional<double>> away(frontiers.size());
+  const auto away_m = [&](std::size_t k) {
+    const glm::dvec2& place_m = frontiers[k].place_m;
+    if (!away[k]) {
+      away[k] = distance_m ? distance_m(place_m) : glm::distance(place_m, robot_m);
+    }
+    return *away[k];
   };
   // Descending value; equal ones nearest first, or in the order of the list.
   std::vector<std::size_t> order(frontiers.size());
@@ -81,9 +87,8 @@ std::optional<std::size_t> FrontierChooser::choose(
     const auto end = std::find_if(order.begin(), order.end(), [&](std::size_t k) {
       return frontiers[k].value < best - options_.tie_margin;
     });
-    std::stable_sort(order.begin(), end, [&](std::size_t a, std::size_t b) {
-      return away_m(frontiers[a].place_m) < away_m(frontiers[b].place_m);
-    });
+    std::stable_sort(order.begin(), end,
+                     [&](std::size_t a, std::size_t b) { return away_m(a) < away_m(b); });
   }
   std::vector<ValuedFrontier> sorted;
   for (const std::size_t k : order) sorted.push_back(frontiers[k]);
@@ -95,9 +100,7 @@ std::optional<std::size_t> FrontierChooser::choose(
     if (!memory_.seen(robot_m, sorted[k].place_m, best_value, second_value)) chosen = k;
   }
   if (!chosen) {  // All vetoed.
-    std::vector<double> away(frontiers.size());
-    std::transform(frontiers.begin(), frontiers.end(), away.begin(),
-                   [&](const ValuedFrontier& f) { return away_m(f.place_m); });
+    for (std::size_t k = 0; k < frontiers.size(); ++k) (void)away_m(k);
     if (rules_.published(Quirk::kVetoFallback)) {
       // The index of the farthest in the unsorted list, used in the sorted one.
       chosen =

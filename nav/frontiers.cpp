@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include <glm/geometric.hpp>
 
@@ -10,15 +11,20 @@
 namespace segsim::nav {
 namespace {
 
-/// Unknown cells in which the robot would fit, without the pockets that count as free.
-core::Image<std::uint8_t> worthwhile_unknown(const CostMap& map) {
-  core::Image<std::uint8_t> unknown(map.frame().width_cells, map.frame().height_cells);
-  for (std::size_t k = 0; k < unknown.size(); ++k) {
-    unknown.data()[k] = map.states().data()[k] == CellState::kUnknown &&
-                                map.clear_cells().data()[k] != 0 &&
-                                map.traversable_cells().data()[k] == 0
-                            ? 1
-                            : 0;
+/// Unknown cells in which the robot would fit, without the pockets that count as free. Only
+/// the active part is set.
+core::Image<std::uint8_t> worthwhile_unknown(const CostMap& map, const CellBox& box) {
+  core::Image<std::uint8_t> unknown(box.width(), box.height());
+  for (int j = 0; j < box.height(); ++j) {
+    const CellState* states = map.states().row(j + box.low.y) + box.low.x;
+    const std::uint8_t* clear = map.clear_cells().row(j + box.low.y) + box.low.x;
+    const std::uint8_t* traversable = map.traversable_cells().row(j + box.low.y) + box.low.x;
+    std::uint8_t* row = unknown.row(j);
+    for (int i = 0; i < box.width(); ++i) {
+      row[i] = static_cast<std::uint8_t>(static_cast<int>(states[i] == CellState::kUnknown) &
+                                         static_cast<int>(clear[i] != 0) &
+                                         static_cast<int>(traversable[i] == 0));
+    }
   }
   return unknown;
 }
@@ -50,8 +56,8 @@ std::vector<Cell> ordered_from_end(core::Image<std::uint8_t>& mask, std::vector<
   return flood(mask, end);
 }
 
-Frontier describe(const CostMap& map, const GeodesicField& field,
-                  const core::Image<std::uint8_t>& unknown, const std::vector<Cell>& cells) {
+Frontier describe(const CostMap& map, const core::Image<std::uint8_t>& unknown,
+                  const CellBox& box, const std::vector<Cell>& cells) {
   glm::dvec2 middle(0.0), outward(0.0);
   for (const Cell& cell : cells) {
     middle += glm::dvec2(cell);
@@ -68,47 +74,56 @@ Frontier describe(const CostMap& map, const GeodesicField& field,
     return glm::dot(offset, offset);
   };
   Frontier frontier;
-  frontier.waypoint = *std::min_element(
-      cells.begin(), cells.end(),
-      [&](const Cell& a, const Cell& b) { return distance2(a) < distance2(b); });
+  frontier.waypoint = box.low + *std::min_element(cells.begin(), cells.end(),
+                                                  [&](const Cell& a, const Cell& b) {
+                                                    return distance2(a) < distance2(b);
+                                                  });
   frontier.waypoint_m = map.frame().center_m(frontier.waypoint);
   const double norm = glm::length(outward);
   frontier.outward = norm > 0.5 ? outward / norm : glm::dvec2(0.0);
   frontier.length_m = static_cast<double>(cells.size()) * map.frame().resolution_m;
-  frontier.distance_m =
-      static_cast<double>(field.cost_m(frontier.waypoint.x, frontier.waypoint.y));
   return frontier;
 }
 
 }  // namespace
 
-std::vector<Frontier> find_frontiers(const CostMap& map, const GeodesicField& field,
-                                     const FrontierOptions& options) {
-  SEGSIM_CHECK(field.cost_m.size() == map.states().size(), "field and map differ in size");
-  const int width = map.frame().width_cells, height = map.frame().height_cells;
-  const core::Image<std::uint8_t> unknown = worthwhile_unknown(map);
+std::vector<Frontier> find_reachable_frontiers(const CostMap& map, const GeodesicField& field,
+                                               const FrontierOptions& options) {
+  SEGSIM_CHECK(field.reachable_cells().size() == map.states().size(),
+               "field and map differ in size");
+  std::vector<Frontier> frontiers;
+  if (field.reachable_box().empty()) return frontiers;
+  // Cells of the frame's outermost rows and columns are never a border.
+  const CellBox box = field.reachable_box().grown(1).clipped_to(map.frame().box());
+  const int width = box.width(), height = box.height();
+  const core::Image<std::uint8_t> unknown = worthwhile_unknown(map, box);
 
-  // Reachable cells next to the unknown.
+  // Reachable cells next to the unknown; whole rows at a time.
   core::Image<std::uint8_t> border(width, height);
+  std::vector<std::uint8_t> beside(static_cast<std::size_t>(width));
   for (int j = 1; j + 1 < height; ++j) {
+    const std::uint8_t *below = unknown.row(j - 1), *here = unknown.row(j),
+                       *above = unknown.row(j + 1);
+    for (int i = 0; i < width; ++i) {
+      beside[static_cast<std::size_t>(i)] =
+          static_cast<std::uint8_t>(below[i] | here[i] | above[i]);
+    }
+    const std::uint8_t* reachable = field.reachable_cells().row(j + box.low.y) + box.low.x;
+    std::uint8_t* row = border.row(j);
     for (int i = 1; i + 1 < width; ++i) {
-      if (!std::isfinite(field.cost_m(i, j))) continue;
-      for (int n = 0; n < 8; ++n) {
-        if (unknown(i + kDx[n], j + kDy[n]) != 0) {
-          border(i, j) = 1;
-          break;
-        }
-      }
+      const auto k = static_cast<std::size_t>(i);
+      row[i] = static_cast<std::uint8_t>(reachable[i] &
+                                         (beside[k - 1] | beside[k] | beside[k + 1]));
     }
   }
 
   // Contiguous runs, cut where they are long.
-  std::vector<Frontier> frontiers;
   const double resolution = map.frame().resolution_m;
   for (int j = 0; j < height; ++j) {
-    for (int i = 0; i < width; ++i) {
-      if (border(i, j) != 1) continue;
-      std::vector<Cell> run = flood(border, {i, j});
+    for (const std::uint8_t* at = border.row(j); at != border.row(j) + width; ++at) {
+      at = std::find(at, static_cast<const std::uint8_t*>(border.row(j) + width), 1);
+      if (at == border.row(j) + width) break;
+      std::vector<Cell> run = flood(border, {static_cast<int>(at - border.row(j)), j});
       const double length_m = static_cast<double>(run.size()) * resolution;
       if (length_m < options.min_length_m) continue;
       const auto parts =
@@ -118,9 +133,19 @@ std::vector<Frontier> find_frontiers(const CostMap& map, const GeodesicField& fi
         const auto first = static_cast<std::ptrdiff_t>(run.size() * part / parts);
         const auto last = static_cast<std::ptrdiff_t>(run.size() * (part + 1) / parts);
         frontiers.push_back(
-            describe(map, field, unknown, {run.begin() + first, run.begin() + last}));
+            describe(map, unknown, box, {run.begin() + first, run.begin() + last}));
       }
     }
+  }
+  return frontiers;
+}
+
+std::vector<Frontier> find_frontiers(const CostMap& map, const GeodesicField& field,
+                                     const FrontierOptions& options) {
+  std::vector<Frontier> frontiers = find_reachable_frontiers(map, field, options);
+  for (Frontier& frontier : frontiers) {
+    frontier.distance_m =
+        static_cast<double>(field.cost_m(frontier.waypoint.x, frontier.waypoint.y));
   }
   return frontiers;
 }
@@ -134,7 +159,9 @@ FrontierScorer make_nearest_scorer(const FrontierSelectorOptions& options) {
 
 FrontierSelector::FrontierSelector(const FrontierSelectorOptions& options,
                                    FrontierScorer scorer)
-    : options_(options), scorer_(scorer ? std::move(scorer) : make_nearest_scorer(options)) {}
+    : options_(options),
+      nearest_(!scorer),
+      scorer_(scorer ? std::move(scorer) : make_nearest_scorer(options)) {}
 
 void FrontierSelector::reset() {
   last_m_.reset();
@@ -151,25 +178,68 @@ bool FrontierSelector::blacklisted(const glm::dvec2& waypoint_odom_m) const {
   });
 }
 
-std::optional<Frontier> FrontierSelector::select(std::vector<Frontier>& frontiers) {
-  const Frontier* best = nullptr;
+const Frontier* FrontierSelector::last_among(const std::vector<Frontier>& frontiers) const {
   const Frontier* kept = nullptr;
   double kept_distance_m = options_.stick_radius_m;
-  for (Frontier& frontier : frontiers) {
-    frontier.value = scorer_(frontier);
-    if (blacklisted(frontier.waypoint_m)) continue;
-    if (best == nullptr || frontier.value > best->value) best = &frontier;
-    if (!last_m_) continue;
+  for (const Frontier& frontier : frontiers) {
+    if (!last_m_ || blacklisted(frontier.waypoint_m)) continue;
     const double moved_m = glm::distance(*last_m_, frontier.waypoint_m);
     if (moved_m <= kept_distance_m) {
       kept = &frontier;
       kept_distance_m = moved_m;
     }
   }
+  return kept;
+}
+
+/// Nothing beyond the settled distance is worth more than the size bonus less that distance.
+void FrontierSelector::settle_enough(std::vector<Frontier>& frontiers,
+                                     const GeodesicField& field) const {
+  constexpr double kUnknown = std::numeric_limits<double>::infinity();
+  std::vector<Frontier*> open;
+  for (Frontier& frontier : frontiers) {
+    frontier.distance_m = kUnknown;
+    open.push_back(&frontier);
+  }
+  const Frontier* kept = last_among(frontiers);
+  const double most_bonus = options_.size_bonus_m_per_m * options_.size_cap_m;
+  double best = -kUnknown;
+  const auto take_settled = [&](Frontier* frontier) {
+    if (!field.settled(frontier->waypoint)) return false;
+    frontier->distance_m =
+        static_cast<double>(field.cost_m(frontier->waypoint.x, frontier->waypoint.y));
+    if (!blacklisted(frontier->waypoint_m)) best = std::max(best, scorer_(*frontier));
+    return true;
+  };
+  while (true) {
+    std::erase_if(open, take_settled);
+    if (open.empty()) return;
+    const double most = most_bonus - field.settled_below_m();
+    const bool kept_decided =
+        kept == nullptr || kept->distance_m != kUnknown || most + options_.stick_margin < best;
+    if (nearest_ && best > most && kept_decided) return;
+    if (!field.settle_more()) return;
+  }
+}
+
+std::optional<Frontier> FrontierSelector::select(std::vector<Frontier>& frontiers,
+                                                 const GeodesicField& field) {
+  settle_enough(frontiers, field);
+  return select(frontiers);
+}
+
+std::optional<Frontier> FrontierSelector::select(std::vector<Frontier>& frontiers) {
+  const Frontier* best = nullptr;
+  for (Frontier& frontier : frontiers) {
+    frontier.value = scorer_(frontier);
+    if (blacklisted(frontier.waypoint_m)) continue;
+    if (best == nullptr || frontier.value > best->value) best = &frontier;
+  }
   if (best == nullptr) {
     last_m_.reset();
     return std::nullopt;
   }
+  const Frontier* kept = last_among(frontiers);
   const Frontier& chosen =
       kept != nullptr && kept->value + options_.stick_margin >= best->value ? *kept : *best;
   last_m_ = chosen.waypoint_m;

@@ -39,6 +39,12 @@ struct Frontier {
                                                    const GeodesicField& field,
                                                    const FrontierOptions& options);
 
+/// The same without `distance_m`, which is what takes time on large maps; FrontierSelector
+/// asks the field for those that matter.
+[[nodiscard]] std::vector<Frontier> find_reachable_frontiers(const CostMap& map,
+                                                             const GeodesicField& field,
+                                                             const FrontierOptions& options);
+
 /// How much a frontier promises; larger is better. VLFM's value map is one of these.
 using FrontierScorer = std::function<double(const Frontier&)>;
 
@@ -62,6 +68,11 @@ class FrontierSelector {
   void reset();
   /// The frontier to visit, nullopt if none is left that is not vetoed. Fills `value` of all.
   [[nodiscard]] std::optional<Frontier> select(std::vector<Frontier>& frontiers);
+  /// The same for frontiers without distances: fills them from the field as far out as the
+  /// choice depends on them; what is farther away gets infinity. A scorer of one's own gets
+  /// all of them.
+  [[nodiscard]] std::optional<Frontier> select(std::vector<Frontier>& frontiers,
+                                               const GeodesicField& field);
   /// Vetoes frontiers near this place until clear_blacklist().
   void blacklist(const glm::dvec2& waypoint_odom_m);
   void clear_blacklist() { blacklist_.clear(); }
@@ -69,7 +80,12 @@ class FrontierSelector {
   [[nodiscard]] std::size_t blacklist_size() const { return blacklist_.size(); }
 
  private:
+  void settle_enough(std::vector<Frontier>& frontiers, const GeodesicField& field) const;
+  /// The frontier nearest to the last choice, if near enough.
+  [[nodiscard]] const Frontier* last_among(const std::vector<Frontier>& frontiers) const;
+
   FrontierSelectorOptions options_;
+  bool nearest_ = true;  ///< The scorer is make_nearest_scorer().
   FrontierScorer scorer_;
   std::optional<glm::dvec2> last_m_;
   std::vector<glm::dvec2> blacklist_;

@@ -107,10 +107,6 @@ std::vector<glm::dvec2> shortened(const CostMap& map, const std::vector<Cell>& c
 
 }  // namespace
 
-bool GeodesicField::reachable(const Cell& cell) const {
-  return cost_m.contains(cell.x, cell.y) && std::isfinite(cost_m(cell.x, cell.y));
-}
-
 double chain_cost_m(const CostMap& map, const std::vector<Cell>& cells) {
   double sum = 0.0;
   for (std::size_t k = 1; k < cells.size(); ++k) {
@@ -127,59 +123,48 @@ bool segment_traversable(const CostMap& map, const glm::dvec2& a_m, const glm::d
 
 std::optional<Cell> nearest_traversable(const CostMap& map, const Cell& from, double limit_m) {
   if (map.traversable(from)) return from;
-  if (!map.frame().contains(from)) return std::nullopt;
+  if (!map.active().contains(from)) return std::nullopt;
   const auto resolution = static_cast<float>(map.frame().resolution_m);
-  core::Image<float> distance(map.frame().width_cells, map.frame().height_cells, kInfinity);
+  // No way of this length leads out of the window.
+  const int reach = static_cast<int>(limit_m / map.frame().resolution_m) + 1;
+  const CellBox window = CellBox{from - reach, from + reach}.clipped_to(map.active());
+  const int width = window.width();
+  core::Image<float> distance(width, window.height(), kInfinity);
+  const auto at_cell = [&](std::uint32_t index) {
+    return window.low + Cell(static_cast<int>(index) % width, static_cast<int>(index) / width);
+  };
+  // Ties go to the lower index, which orders cells as the index in the map does.
+  const auto index_in = [&](const Cell& cell) {
+    return static_cast<std::uint32_t>((cell.y - window.low.y) * width + cell.x - window.low.x);
+  };
   OpenQueue open;
-  distance(from.x, from.y) = 0.0F;
-  open.push({0.0F, index_of(map, from)});
+  distance.data()[index_in(from)] = 0.0F;
+  open.push({0.0F, index_in(from)});
   while (!open.empty()) {
     const Open top = open.top();
     open.pop();
-    const Cell at = cell_of(map, top.cell);
-    if (top.priority > distance(at.x, at.y)) continue;
+    const Cell at = at_cell(top.cell);
+    if (top.priority > distance.data()[top.cell]) continue;
     if (map.traversable(at)) return at;
     for (const Step& step : kSteps) {
       const Cell next(at.x + step.dx, at.y + step.dy);
       // Obstacles cannot be crossed; what is unknown can, at twice the price.
-      if (!map.frame().contains(next) || map.state(next) == CellState::kOccupied) continue;
+      if (!window.contains(next) || map.state(next) == CellState::kOccupied) continue;
       const float price = map.state(next) == CellState::kFree ? 1.0F : 2.0F;
       const float there = top.priority + price * step.length * resolution;
-      if (there > static_cast<float>(limit_m) || there >= distance(next.x, next.y)) continue;
-      distance(next.x, next.y) = there;
-      open.push({there, index_of(map, next)});
+      float& known = distance.data()[index_in(next)];
+      if (there > static_cast<float>(limit_m) || there >= known) continue;
+      known = there;
+      open.push({there, index_in(next)});
     }
   }
   return std::nullopt;
 }
 
-std::optional<GeodesicField> geodesic_field(const CostMap& map, const Cell& from) {
-  const std::optional<Cell> start = nearest_traversable(map, from);
-  if (!start) return std::nullopt;
-  GeodesicField field;
-  field.start = *start;
-  field.cost_m =
-      core::Image<float>(map.frame().width_cells, map.frame().height_cells, kInfinity);
-  float* cost = field.cost_m.data();
-  OpenQueue open;
-  cost[index_of(map, *start)] = 0.0F;
-  open.push({0.0F, index_of(map, *start)});
-  while (!open.empty()) {
-    const Open top = open.top();
-    open.pop();
-    if (top.priority > cost[top.cell]) continue;
-    for_each_step(map, top.cell, [&](std::uint32_t next, float step_m) {
-      const float there = top.priority + step_m;
-      if (there >= cost[next]) return;
-      cost[next] = there;
-      open.push({there, next});
-    });
-  }
-  return field;
-}
-
 std::optional<std::vector<Cell>> astar_cells(const CostMap& map, const Cell& start,
-                                             const Cell& goal) {
+                                             const Cell& goal, PlannerMemory* memory) {
+  PlannerMemory own;
+  PlannerMemory& scratch = memory != nullptr ? *memory : own;
   if (!map.traversable(start) || !map.traversable(goal)) return std::nullopt;
   const auto resolution = static_cast<float>(map.frame().resolution_m);
   // Octile distance; admissible because length_cost is at least 1. Shrunk by rounding's share.
@@ -189,11 +174,18 @@ std::optional<std::vector<Cell>> astar_cells(const CostMap& map, const Cell& sta
     return 0.9999F * resolution * (std::max(dx, dy) + (kSqrt2 - 1.0F) * std::min(dx, dy));
   };
   const std::size_t count = map.traversable_cells().size();
-  std::vector<float> cost(count, kInfinity);
-  std::vector<std::uint32_t> parent(count, 0);
+  std::vector<float>& cost = scratch.cost;
+  std::vector<std::uint32_t>& parent = scratch.parent;
+  if (cost.size() != count) {
+    cost.assign(count, kInfinity);
+    parent.resize(count);
+  } else {
+    for (const std::uint32_t cell : scratch.touched) cost[cell] = kInfinity;
+  }
   OpenQueue open;
   const std::uint32_t start_index = index_of(map, start), goal_index = index_of(map, goal);
   cost[start_index] = 0.0F;
+  scratch.touched.assign(1, start_index);
   open.push({heuristic(start), start_index});
   while (!open.empty()) {
     const Open top = open.top();
@@ -204,6 +196,7 @@ std::optional<std::vector<Cell>> astar_cells(const CostMap& map, const Cell& sta
     for_each_step(map, top.cell, [&](std::uint32_t next, float step_m) {
       const float there = here + step_m;
       if (there >= cost[next]) return;
+      if (cost[next] == kInfinity) scratch.touched.push_back(next);
       cost[next] = there;
       parent[next] = top.cell;
       open.push({there + heuristic(cell_of(map, next)), next});
@@ -220,10 +213,10 @@ std::optional<std::vector<Cell>> astar_cells(const CostMap& map, const Cell& sta
 }
 
 std::optional<Path> plan_path(const CostMap& map, const glm::dvec2& start_odom_m,
-                              const glm::dvec2& goal_odom_m) {
+                              const glm::dvec2& goal_odom_m, PlannerMemory* memory) {
   const auto start = nearest_traversable(map, map.frame().cell_at(start_odom_m));
   if (!start) return std::nullopt;
-  const auto cells = astar_cells(map, *start, map.frame().cell_at(goal_odom_m));
+  const auto cells = astar_cells(map, *start, map.frame().cell_at(goal_odom_m), memory);
   if (!cells) return std::nullopt;
   Path path;
   path.cost_m = chain_cost_m(map, *cells);

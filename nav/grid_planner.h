@@ -18,11 +18,56 @@ struct Path {
   double cost_m = 0.0;               ///< Weighted length on the grid, before shortening.
 };
 
-/// Distances from one cell over traversable cells.
-struct GeodesicField {
-  Cell start{0};              ///< Where the search began: after escaping from inflation.
-  core::Image<float> cost_m;  ///< Weighted by length_cost; infinity where unreachable.
+/// Distances from one cell over traversable cells, computed as far out as they are asked for:
+/// which cells can be reached at all is known at once, row by row; the price of the nearest
+/// ones is known before that of those farther away.
+///
+/// Buckets one cell wide take the place of a heap (Dial 1969); the sums are those of
+/// Dijkstra's algorithm to the last bit. The map must outlive the field and stay as it is
+/// meanwhile. Not for several threads at once.
+class GeodesicField {
+ public:
+  /// Starts from a cell, or from the one by which it escapes from inflation.
+  /// @return  False if there is none within 1 m; everything is unreachable then.
+  bool begin(const CostMap& map, const Cell& from);
+  /// Where the search began.
+  [[nodiscard]] Cell start() const { return start_; }
   [[nodiscard]] bool reachable(const Cell& cell) const;
+  /// 1 where reachable() holds. [width_cells x height_cells of the map]
+  [[nodiscard]] const core::Image<std::uint8_t>& reachable_cells() const { return reachable_; }
+  /// Holds all reachable cells.
+  [[nodiscard]] const CellBox& reachable_box() const { return box_; }
+  /// Weighted by length_cost; infinity where unreachable.
+  [[nodiscard]] float cost_m(int x, int y) const;
+  /// Whether cost_m() of the cell is known without further search.
+  [[nodiscard]] bool settled(const Cell& cell) const;
+  /// All costs below this are known.
+  [[nodiscard]] double settled_below_m() const;
+  /// Searches on by about one cell. @return  False if everything reachable is settled.
+  bool settle_more() const;
+
+ private:
+  void spread_rows();
+  void relax_around(std::uint32_t from) const;
+  [[nodiscard]] std::size_t bucket_of(float cost_m) const {
+    return static_cast<std::size_t>(cost_m * per_bucket_);
+  }
+
+  const CostMap* map_ = nullptr;
+  Cell start_{0};
+  CellBox box_;
+  float per_bucket_ = 20.0F;
+  core::Image<std::uint8_t> reachable_;
+  // What is computed on demand.
+  mutable core::Image<float> cost_m_;  ///< Final below settled_below_m(); else a bound.
+  mutable std::vector<std::vector<std::uint32_t>> buckets_;
+  mutable std::size_t next_bucket_ = 0, waiting_ = 0;
+};
+
+/// Arrays of a search that are used again.
+struct PlannerMemory {
+  std::vector<float> cost;
+  std::vector<std::uint32_t> parent, touched;
 };
 
 /// The traversable cell that is reached first from `from` through cells that are not occupied
@@ -36,14 +81,16 @@ struct GeodesicField {
 
 /// A* from the start (which may lie inside inflation: the path begins with the way out) to the
 /// cell of the goal; nullopt if there is no way. The result is shortened by line of sight.
+/// @param memory  Of an earlier search, for speed; may be null.
 [[nodiscard]] std::optional<Path> plan_path(const CostMap& map, const glm::dvec2& start_odom_m,
-                                            const glm::dvec2& goal_odom_m);
+                                            const glm::dvec2& goal_odom_m,
+                                            PlannerMemory* memory = nullptr);
 
 /// Cells of the cheapest path, both ends included; nullopt if there is none. Both ends must be
 /// traversable.
 [[nodiscard]] std::optional<std::vector<Cell>> astar_cells(const CostMap& map,
-                                                           const Cell& start,
-                                                           const Cell& goal);
+                                                           const Cell& start, const Cell& goal,
+                                                           PlannerMemory* memory = nullptr);
 
 /// Weighted cost of a chain of neighbouring cells [m].
 [[nodiscard]] double chain_cost_m(const CostMap& map, const std::vector<Cell>& cells);

@@ -22,35 +22,6 @@ glm::dvec2 robot_of(const core::Observation& observation) {
   return glm::dvec2(observation.T_odom_robot.translation_m());
 }
 
-/// The observation with this depth, where it is wide every n-th pixel of it: at 5 m a cell
-/// still covers two pixels of an image of 320 px.
-core::Observation thinned_out(const core::Observation& observation,
-                              core::Image<float>& depth_m) {
-  constexpr int kEnough_px = 320;
-  core::Observation result = observation;
-  result.depth_m = &depth_m;
-  const int n = depth_m.width_px() / kEnough_px;
-  if (n < 2) return result;
-  const int width = depth_m.width_px() / n, height = depth_m.height_px() / n;
-  // In place: what is read lies never before what is written.
-  float* to = depth_m.data();
-  for (int y = 0; y < height; ++y) {
-    const float* from =
-        depth_m.data() + static_cast<std::ptrdiff_t>(y) * n * depth_m.width_px();
-    for (int x = 0; x < width; ++x) *to++ = from[static_cast<std::ptrdiff_t>(x) * n];
-  }
-  depth_m.resize(width, height);
-  // The centre of pixel n x is that of the new pixel x.
-  core::CameraIntrinsics& camera = result.intrinsics;
-  camera = {width,
-            height,
-            camera.fx_px / n,
-            camera.fy_px / n,
-            (camera.cx_px - 0.5) / n + 0.5,
-            (camera.cy_px - 0.5) / n + 0.5};
-  return result;
-}
-
 cv::Mat square(int cells) { return cv::getStructuringElement(cv::MORPH_RECT, {cells, cells}); }
 
 }  // namespace
@@ -78,6 +49,7 @@ void ObstacleMap::reset() {
   frame_ = {};
   occupied_ = mast_ = navigable_ = explored_ = {};
   exhausted_ = false;
+  touched_ = changed_ = {};
   occupancy_.reset();
   if (!rules_.published(Quirk::kObstaclesStay)) {
     OccupancyOptions occupancy = options_.occupancy;
@@ -154,30 +126,92 @@ void ObstacleMap::mark_monotone(const core::Observation& observation) {
   }
 }
 
-/// Copies what the log-odds map says about the cells that this view can have changed.
-void ObstacleMap::take_log_odds(const core::Observation& observation) {
-  const core::Observation cleaned = thinned_out(observation, depth_m_);
+/// Takes over what the log-odds map says about the cells that this view changed.
+/// @return  Holds the cells of which that is news, in our frame.
+CellBox ObstacleMap::take_log_odds(const core::Observation& observation) {
+  const core::Image<float>& depth_m = *observation.depth_m;
+  const int n = thinning_of(depth_m);
+  core::Observation cleaned = observation;
+  cleaned.intrinsics = thinned_camera(observation.intrinsics, n);
+  cleaned.depth_m = &depth_m_;
+  if (rules_.published(Quirk::kZeroDepth)) {  // Filling looks at neighbours.
+    core::Image<float> filled_m;
+    clean_depth_m(depth_m, rules_, options_.depth, filled_m);
+    thin_out(filled_m, n, depth_m_);
+  } else {
+    thin_out(depth_m, n, thinned_m_);
+    clean_depth_m(thinned_m_, rules_, options_.depth, depth_m_);
+  }
   occupancy_->integrate(cleaned);
   const GridFrame& from = occupancy_->frame();
   const glm::dvec2 shift_cells = (from.origin_m - frame_.origin_m) / frame_.resolution_m;
   const Cell shift(static_cast<int>(std::lround(shift_cells.x)),
                    static_cast<int>(std::lround(shift_cells.y)));
-  const glm::dvec2 reach(options_.depth.max_depth_m + 0.5);
-  const Cell low = from.cell_at(robot_of(observation) - reach);
-  const Cell high = from.cell_at(robot_of(observation) + reach);
   const float above = occupancy_->options().occupied_above;
-  for (int j = std::max(low.y, 0); j <= std::min(high.y, from.height_cells - 1); ++j) {
-    const int to_j = j + shift.y;
-    if (to_j < 0 || to_j >= frame_.height_cells) continue;
-    const int i0 = std::max({low.x, 0, -shift.x});
-    const int i1 = std::min({high.x, from.width_cells - 1, frame_.width_cells - 1 - shift.x});
-    const float* body = occupancy_->body_log_odds().row(j);
-    const float* mast = occupancy_->mast_log_odds().row(j);
-    for (int i = i0; i <= i1; ++i) {
-      occupied_(i + shift.x, to_j) = body[i] > above ? 1 : 0;
-      mast_(i + shift.x, to_j) = mast[i] > above ? 1 : 0;
+  CellBox box = occupancy_->take_changed();
+  if (box.empty()) return {};
+  box = CellBox{box.low + shift, box.high + shift}.clipped_to(frame_.box());
+  CellBox news;
+  for (int to_j = box.low.y; to_j <= box.high.y; ++to_j) {
+    const float* body = occupancy_->body_log_odds().row(to_j - shift.y);
+    const float* mast = occupancy_->mast_log_odds().row(to_j - shift.y);
+    std::uint8_t* occupied = occupied_.row(to_j);
+    std::uint8_t* hanging = mast_.row(to_j);
+    for (int i = box.low.x; i <= box.high.x; ++i) {
+      const std::uint8_t hit = body[i - shift.x] > above ? 1 : 0;
+      const std::uint8_t hung = mast[i - shift.x] > above ? 1 : 0;
+      if (hit == occupied[i] && hung == hanging[i]) continue;
+      occupied[i] = hit;
+      hanging[i] = hung;
+      news.add(Cell(i, to_j));
     }
   }
+  return news;
+}
+
+void ObstacleMap::note_changed(const CellBox& cells) {
+  const CellBox inside = cells.clipped_to(frame_.box());
+  if (inside.empty()) return;
+  const Cell lattice = frame_.lattice();
+  const CellBox on_lattice{inside.low + lattice, inside.high + lattice};
+  changed_.add(on_lattice);
+  touched_.add(on_lattice);
+}
+
+CellBox ObstacleMap::observed() const {
+  if (touched_.empty()) return {};
+  const Cell lattice = frame_.lattice();
+  const CellBox box =
+      CellBox{touched_.low - lattice, touched_.high - lattice}.clipped_to(frame_.box());
+  // Whole rows at once: which columns hold something, and which rows?
+  CellBox observed;
+  std::vector<std::uint8_t> columns(static_cast<std::size_t>(box.width()), 0);
+  for (int j = box.low.y; j <= box.high.y; ++j) {
+    const std::uint8_t* explored = explored_.row(j) + box.low.x;
+    const std::uint8_t* occupied = occupied_.row(j) + box.low.x;
+    std::uint8_t any = 0;
+    for (std::size_t i = 0; i < columns.size(); ++i) {
+      const auto set = static_cast<std::uint8_t>(explored[i] | occupied[i]);
+      columns[i] |= set;
+      any |= set;
+    }
+    if (any != 0) observed.add(Cell(box.low.x, j));
+  }
+  if (observed.empty()) return {};
+  const auto is_set = [](std::uint8_t value) { return value != 0; };
+  const auto first = std::find_if(columns.begin(), columns.end(), is_set);
+  const auto last = std::find_if(columns.rbegin(), columns.rend(), is_set);
+  observed.low.x = box.low.x + static_cast<int>(first - columns.begin());
+  observed.high.x = box.high.x - static_cast<int>(last - columns.rbegin());
+  return observed;
+}
+
+CellBox ObstacleMap::take_changed() {
+  const Cell lattice = frame_.lattice();
+  const CellBox changed = changed_;
+  changed_ = {};
+  if (changed.empty()) return {};
+  return {changed.low - lattice, changed.high - lattice};
 }
 
 /// Recomputes the cells of the (inclusive) window; the squares reach beyond it.
@@ -201,6 +235,7 @@ void ObstacleMap::update_navigable(const Cell& low, const Cell& high) {
   navigable.setTo(0, blocked);
   cv::Mat explored = header(explored_)(window);
   cv::bitwise_and(explored, navigable, explored);
+  note_changed({{i0, j0}, {i1, j1}});
 }
 
 void ObstacleMap::keep_component_of(const glm::dvec2& robot_m) {
@@ -233,44 +268,44 @@ void ObstacleMap::reveal(const core::Observation& observation) {
                                      pose_of(observation.T_odom_robot).yaw_rad, fog, rules_);
   cv::Mat piece = header(window.cells);
   cv::dilate(piece, piece, square(3));
-  for (int j = 0; j < window.cells.height_px(); ++j) {
-    for (int i = 0; i < window.cells.width_px(); ++i) {
-      const Cell cell = window.low + Cell(i, j);
-      if (!frame_.contains(cell)) continue;
-      std::uint8_t& explored = explored_(cell.x, cell.y);
-      explored = (explored | window.cells(i, j)) & navigable_(cell.x, cell.y);
+  const CellBox box = CellBox{window.low, window.low + Cell(window.cells.width_px() - 1,
+                                                            window.cells.height_px() - 1)}
+                          .clipped_to(frame_.box());
+  for (int j = box.low.y; j <= box.high.y; ++j) {
+    const std::uint8_t* shown = window.cells.row(j - window.low.y) - window.low.x;
+    const std::uint8_t* navigable = navigable_.row(j);
+    std::uint8_t* explored = explored_.row(j);
+    for (int i = box.low.x; i <= box.high.x; ++i) {
+      explored[i] = static_cast<std::uint8_t>((explored[i] | shown[i]) & navigable[i]);
     }
   }
-  if (rules_.published(Quirk::kOneComponent)) keep_component_of(robot_of(observation));
+  note_changed(box);
+  if (rules_.published(Quirk::kOneComponent)) {
+    keep_component_of(robot_of(observation));
+    note_changed(frame_.box());
+  }
 }
 
 void ObstacleMap::update(const core::Observation& observation) {
   SEGSIM_CHECK(observation.depth_m != nullptr, "observation without depth");
   const glm::dvec2 robot = robot_of(observation);
-  if (occupancy_ && frame_.width_cells == 0) {
-    // Large images have more rays than cells: about 128 x 64 of them clear.
-    OccupancyOptions occupancy = occupancy_->options();
-    occupancy.ray_step_x_px = std::max(
-        occupancy.ray_step_x_px, (std::min(observation.intrinsics.width_px, 320) + 64) / 128);
-    occupancy.ray_step_y_px = std::max(
-        occupancy.ray_step_y_px, (std::min(observation.intrinsics.height_px, 240) + 32) / 64);
-    occupancy_.emplace(occupancy);
-  }
   ensure_covers(robot);
-  clean_depth_m(*observation.depth_m, rules_, options_.depth, depth_m_);
   const glm::dvec2 reach(options_.depth.max_depth_m + 1.0);
   Cell low = frame_.cell_at(robot - reach), high = frame_.cell_at(robot + reach);
   if (exhausted_) return;  // What does not fit is not mapped.
   if (occupancy_) {
-    take_log_odds(observation);
+    const CellBox news = take_log_odds(observation);
+    low = news.low;
+    high = news.high;
   } else {
+    clean_depth_m(*observation.depth_m, rules_, options_.depth, depth_m_);
     mark_monotone(observation);
     if (options_.growth.wrap && !(frame_.contains(low) && frame_.contains(high))) {
       low = {0, 0};
       high = {frame_.width_cells - 1, frame_.height_cells - 1};
     }
   }
-  update_navigable(low, high);
+  if (low.x <= high.x) update_navigable(low, high);
   reveal(observation);
 }
 

@@ -47,6 +47,10 @@ class ObstacleMap {
   void mark_blocked_disc(const glm::dvec2& center_odom_m, double radius_m);
 
   [[nodiscard]] const GridFrame& frame() const { return frame_; }
+  /// The smallest box that holds all occupied and explored cells.
+  [[nodiscard]] CellBox observed() const;
+  /// Holds every cell that may have changed since the last call, in the frame of now.
+  [[nodiscard]] CellBox take_changed();
   [[nodiscard]] const core::Image<std::uint8_t>& occupied() const { return occupied_; }
   /// Cells only the mast can hit; empty with the monotone rule.
   [[nodiscard]] const core::Image<std::uint8_t>& mast() const { return mast_; }
@@ -62,18 +66,20 @@ class ObstacleMap {
  private:
   void ensure_covers(const glm::dvec2& robot_m);
   void mark_monotone(const core::Observation& observation);
-  void take_log_odds(const core::Observation& observation);
+  CellBox take_log_odds(const core::Observation& observation);
   void update_navigable(const Cell& low, const Cell& high);
   void reveal(const core::Observation& observation);
   void keep_component_of(const glm::dvec2& robot_m);
+  void note_changed(const CellBox& cells);
 
   ObstacleMapOptions options_;
   VlfmRules rules_;
   std::optional<OccupancyMap> occupancy_;
   GridFrame frame_;
   core::Image<std::uint8_t> occupied_, mast_, navigable_, explored_;
-  core::Image<float> depth_m_;  ///< Scratch.
+  core::Image<float> depth_m_, thinned_m_;  ///< Scratch.
   bool exhausted_ = false;
+  CellBox touched_, changed_;  ///< Ever, and since the last call; on the lattice.
 };
 
 /// Side of the square that grows obstacles, in cells: int(2 radius / cell), plus 1 if even.

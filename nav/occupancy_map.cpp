@@ -6,6 +6,7 @@
 #include <glm/mat3x3.hpp>
 
 #include "core/check.h"
+#include "nav/depth_cleanup.h"
 
 namespace segsim::nav {
 namespace {
@@ -57,6 +58,40 @@ bool flying_pixel(const core::Image<float>& depth_m, int x, int y) {
          (y >= 2 && y + 2 < height && blended(depth, width));
 }
 
+/// What find_ends() needs besides the pixels; cells are those of the map.
+struct EndLimits {
+  float eye_x, eye_y;  ///< [cells]
+  float eye_z, mast_z;
+  float per_cell, range2;
+  int side, first;  ///< Of the scratch window: its width, and the index of the map's origin.
+};
+
+/// Heights and cells (indices into the scratch window; -1: of no use) in which a row's pixels
+/// end. Only selections, no branches, so that it vectorises.
+void find_ends(const float* __restrict depths, const float* __restrict columns_x,
+               const float* __restrict columns_y, const float* __restrict columns_z,
+               const glm::vec3& row, const EndLimits& limits, std::size_t count,
+               float* __restrict heights_m, std::int32_t* __restrict ends) {
+  const float row_x = row.x, row_y = row.y, row_z = row.z;
+  const EndLimits l = limits;
+  const auto lowest_z = -static_cast<float>(kFloorBelow_m);
+  for (std::size_t x = 0; x < count; ++x) {
+    const float depth = depths[x];
+    const float z = l.eye_z + depth * (columns_z[x] + row_z);
+    const float dx = depth * (columns_x[x] + row_x) * l.per_cell;
+    const float dy = depth * (columns_y[x] + row_y) * l.per_cell;
+    // Each comparison is false for NaN.
+    const int used = static_cast<int>(depth > 0.0F) & static_cast<int>(z <= l.mast_z) &
+                     static_cast<int>(z >= lowest_z) &
+                     static_cast<int>(dx * dx + dy * dy <= l.range2);
+    // Inside the map, hence positive: truncation is floor.
+    const auto i = static_cast<std::int32_t>(l.eye_x + (used != 0 ? dx : 0.0F));
+    const auto j = static_cast<std::int32_t>(l.eye_y + (used != 0 ? dy : 0.0F));
+    heights_m[x] = z;
+    ends[x] = used != 0 ? j * l.side + i - l.first : -1;
+  }
+}
+
 template <class Pixel>
 core::Image<Pixel> grown(const core::Image<Pixel>& old, int left, int bottom, int width,
                          int height) {
@@ -74,6 +109,7 @@ struct OccupancyMap::View {
   core::CameraIntrinsics intrinsics;
   glm::dmat3 R_odom_camera{1.0};
   glm::dvec3 eye_m{0.0};  ///< Odom, z above the floor.
+  glm::dvec2 robot_m{0.0};
   double mast_top_m = 0.0;
   double floor_z_m = 0.0;
   double blind_range_m = 0.0;  ///< Nearer than this the body band lies below the image.
@@ -82,6 +118,7 @@ struct OccupancyMap::View {
       : intrinsics(observation.intrinsics) {
     const auto T_odom_camera = observation.T_odom_camera();
     R_odom_camera = glm::mat3_cast(T_odom_camera.rotation());
+    robot_m = glm::dvec2(observation.T_odom_robot.translation_m());
     floor_z_m = observation.T_odom_robot.translation_m().z;
     eye_m = T_odom_camera.translation_m();
     eye_m.z -= floor_z_m;
@@ -118,7 +155,7 @@ void OccupancyMap::reset() {
   body_ = mast_ = {};
   heights_ = {};
   hole_views_ = {};
-  seen_ = {};
+  observed_ = changed_ = {};
   touched_.clear();
   stamp_ = 0;
   started_ = false;
@@ -136,7 +173,6 @@ void OccupancyMap::ensure_covers(const glm::dvec2& low_m, const glm::dvec2& high
     body_ = mast_ = core::Image<float>(frame_.width_cells, frame_.height_cells, 0.0F);
     heights_ = core::Image<Heights>(frame_.width_cells, frame_.height_cells);
     hole_views_ = core::Image<std::uint8_t>(frame_.width_cells, frame_.height_cells);
-    seen_ = core::Image<CellView>(frame_.width_cells, frame_.height_cells);
     return;
   }
   const Cell low = frame_.cell_at(low_m), high = frame_.cell_at(high_m);
@@ -153,59 +189,102 @@ void OccupancyMap::ensure_covers(const glm::dvec2& low_m, const glm::dvec2& high
   mast_ = grown(mast_, left, bottom, width, height);
   heights_ = grown(heights_, left, bottom, width, height);
   hole_views_ = grown(hole_views_, left, bottom, width, height);
-  seen_ = core::Image<CellView>(width, height);  // Stamps of old images never match again.
   frame_.origin_m -= glm::dvec2(left, bottom) * r;
   frame_.width_cells = width;
   frame_.height_cells = height;
 }
 
-OccupancyMap::CellView& OccupancyMap::touch(std::size_t index) {
-  CellView& cell = seen_.data()[index];
-  if (cell.stamp != stamp_) {
-    cell = {};
-    cell.stamp = stamp_;
-    cell.lowest_pass_m = 1e3F;
-    touched_.push_back(static_cast<std::uint32_t>(index));
-  }
-  return cell;
+/// Places the scratch window around the eye: two cells more than the range on each side.
+void OccupancyMap::open_window(const glm::dvec2& eye_m) {
+  const int reach = static_cast<int>(options_.max_range_m / frame_.resolution_m) + 2;
+  const int side = 2 * reach + 1;
+  if (seen_.width_px() != side) seen_ = core::Image<CellView>(side, side);
+  seen_low_ = frame_.cell_at(eye_m) - reach;
 }
 
-/// Every pixel: which cell does it end in, and at what height? This loop is the hot one.
+std::size_t OccupancyMap::seen_index(const Cell& cell) const {
+  return static_cast<std::size_t>(cell.y - seen_low_.y) *
+             static_cast<std::size_t>(seen_.width_px()) +
+         static_cast<std::size_t>(cell.x - seen_low_.x);
+}
+
+void OccupancyMap::begin_view(std::size_t seen_index) {
+  CellView& cell = seen_.data()[seen_index];
+  const auto side = static_cast<std::uint32_t>(seen_.width_px());
+  const auto index = static_cast<std::uint32_t>(seen_index);
+  const std::uint32_t y = index / side;
+  const Cell at = seen_low_ + Cell(static_cast<int>(index - y * side), static_cast<int>(y));
+  cell = {};
+  cell.stamp = stamp_;
+  cell.lowest_pass_m = 1e3F;
+  const Heights& stored = heights_(at.x, at.y);
+  cell.obstacle =
+      stored.body_low_m != Heights{}.body_low_m || stored.mast_low_m != Heights{}.mast_low_m;
+  touched_.push_back(at);
+}
+
+void OccupancyMap::note_changed(const Cell& cell) { changed_.add(cell + frame_.lattice()); }
+
+CellBox OccupancyMap::observed() const {
+  if (observed_.empty()) return {};
+  const Cell lattice = frame_.lattice();
+  return {observed_.low - lattice, observed_.high - lattice};
+}
+
+CellBox OccupancyMap::take_changed() {
+  const Cell lattice = frame_.lattice();
+  const CellBox changed = changed_;
+  changed_ = {};
+  if (changed.empty()) return {};
+  return {changed.low - lattice, changed.high - lattice};
+}
+
+/// Every pixel: which cell does it end in, and at what height? This loop is a hot one; its
+/// arithmetic is apart from its branches, so that it vectorises.
 void OccupancyMap::mark_end_points(const core::Image<float>& depth_m, const View& view) {
   const int width = depth_m.width_px(), height = depth_m.height_px();
+  const auto count = static_cast<std::size_t>(width);
   // p = eye + depth * (column part + row part), in floats: millimetres at 10 m.
-  std::vector<glm::vec3> columns(static_cast<std::size_t>(width));
-  for (int x = 0; x < width; ++x) {
-    const double u = (x + 0.5 - view.intrinsics.cx_px) / view.intrinsics.fx_px;
-    columns[static_cast<std::size_t>(x)] = glm::vec3(view.R_odom_camera[0] * u);
+  std::vector<float> columns_x(count), columns_y(count), columns_z(count);
+  for (std::size_t x = 0; x < count; ++x) {
+    const double u =
+        (static_cast<double>(x) + 0.5 - view.intrinsics.cx_px) / view.intrinsics.fx_px;
+    const glm::vec3 column(view.R_odom_camera[0] * u);
+    columns_x[x] = column.x;
+    columns_y[x] = column.y;
+    columns_z[x] = column.z;
   }
   const auto inverse_resolution = static_cast<float>(1.0 / frame_.resolution_m);
   const glm::vec2 eye_cells((view.eye_m.x - frame_.origin_m.x) / frame_.resolution_m,
                             (view.eye_m.y - frame_.origin_m.y) / frame_.resolution_m);
-  const auto eye_z = static_cast<float>(view.eye_m.z);
   const auto min_z = static_cast<float>(options_.obstacle_min_m);
   const auto max_z = static_cast<float>(options_.obstacle_max_m);
-  const auto mast_z = static_cast<float>(view.mast_top_m);
   const auto max_range_cells = static_cast<float>(options_.max_range_m / frame_.resolution_m);
-  const float max_range2 = max_range_cells * max_range_cells;
+  EndLimits limits{};
+  limits.eye_x = eye_cells.x;
+  limits.eye_y = eye_cells.y;
+  limits.eye_z = static_cast<float>(view.eye_m.z);
+  limits.mast_z = static_cast<float>(view.mast_top_m);
+  limits.per_cell = inverse_resolution;
+  limits.range2 = max_range_cells * max_range_cells;
+  limits.side = seen_.width_px();
+  limits.first = seen_low_.y * limits.side + seen_low_.x;
 
+  std::vector<float> heights_m(count);
+  std::vector<std::int32_t> ends(count);
   for (int y = 0; y < height; ++y) {
     const double v = (y + 0.5 - view.intrinsics.cy_px) / view.intrinsics.fy_px;
     const glm::vec3 row(view.R_odom_camera[1] * v + view.R_odom_camera[2]);
-    const float* depth_row = depth_m.row(y);
-    for (int x = 0; x < width; ++x) {
-      const float depth = depth_row[x];
-      if (!(depth > 0.0F)) continue;  // NaN too.
-      const glm::vec3 d = columns[static_cast<std::size_t>(x)] + row;
-      const float z = eye_z + depth * d.z;
-      if (!(z <= mast_z) || z < -static_cast<float>(kFloorBelow_m)) continue;
-      const float dx = depth * d.x * inverse_resolution, dy = depth * d.y * inverse_resolution;
-      if (!(dx * dx + dy * dy <= max_range2)) continue;
-      if (z >= min_z && options_.reject_flying_pixels && flying_pixel(depth_m, x, y)) continue;
-      // Inside the map, hence positive: truncation is floor.
-      const auto i = static_cast<std::size_t>(eye_cells.x + dx);
-      const auto j = static_cast<std::size_t>(eye_cells.y + dy);
-      CellView& cell = touch(j * static_cast<std::size_t>(frame_.width_cells) + i);
+    find_ends(depth_m.row(y), columns_x.data(), columns_y.data(), columns_z.data(), row,
+              limits, count, heights_m.data(), ends.data());
+    for (std::size_t x = 0; x < count; ++x) {
+      if (ends[x] < 0) continue;
+      const float z = heights_m[x];
+      if (z >= min_z && options_.reject_flying_pixels &&
+          flying_pixel(depth_m, static_cast<int>(x), y)) {
+        continue;
+      }
+      CellView& cell = touch(static_cast<std::size_t>(ends[x]));
       if (z < min_z) {
         cell.lowest_pass_m = 0.0F;
         ++cell.floor_hits;
@@ -222,9 +301,10 @@ void OccupancyMap::mark_end_points(const core::Image<float>& depth_m, const View
   }
 }
 
-/// Walks the planar projection of one ray and notes at which height it passes each cell.
+/// Walks the planar projection of one ray and notes at which height it passes each cell. This
+/// loop is the other hot one.
 void OccupancyMap::trace_ray(const View& view, const glm::dvec3& direction, double depth_m) {
-  const double planar = std::hypot(direction.x, direction.y);
+  const double planar = std::sqrt(direction.x * direction.x + direction.y * direction.y);
   const double r = frame_.resolution_m;
   const double range_m = std::min(planar * depth_m - r, options_.max_range_m);
   if (range_m <= 0.0) return;
@@ -236,13 +316,14 @@ void OccupancyMap::trace_ray(const View& view, const glm::dvec3& direction, doub
   auto y = static_cast<float>((view.eye_m.y - frame_.origin_m.y) / r);
   auto z = static_cast<float>(view.eye_m.z);
   const auto mast_above = static_cast<float>(options_.obstacle_max_m);
+  const int side = seen_.width_px();
+  const int first = seen_low_.y * side + seen_low_.x;
   for (int k = 0; k <= steps; ++k, x += step_x, y += step_y, z += step_z) {
-    const std::size_t index =
-        static_cast<std::size_t>(y) * static_cast<std::size_t>(frame_.width_cells) +
-        static_cast<std::size_t>(x);
-    CellView& cell = touch(index);
+    const int index = static_cast<int>(y) * side + static_cast<int>(x) - first;
+    CellView& cell = touch(static_cast<std::size_t>(index));
     cell.lowest_pass_m = std::min(cell.lowest_pass_m, z);
-    const Heights& stored = heights_.data()[index];
+    if (!cell.obstacle) continue;  // Nothing that a ray could contradict.
+    const Heights& stored = heights_(static_cast<int>(x), static_cast<int>(y));
     cell.through_body |=
         z > stored.body_low_m - kPassLow_m && z < stored.body_top_m - kPassTop_m;
     if (z > mast_above) {
@@ -253,10 +334,10 @@ void OccupancyMap::trace_ray(const View& view, const glm::dvec3& direction, doub
 }
 
 void OccupancyMap::trace_rays(const core::Image<float>& depth_m, const View& view) {
-  for (int y = options_.ray_step_y_px / 2; y < depth_m.height_px();
-       y += options_.ray_step_y_px) {
-    for (int x = options_.ray_step_x_px / 2; x < depth_m.width_px();
-         x += options_.ray_step_x_px) {
+  const int step_x = std::max(options_.ray_step_x_px, (depth_m.width_px() + 64) / 128);
+  const int step_y = std::max(options_.ray_step_y_px, (depth_m.height_px() + 32) / 64);
+  for (int y = step_y / 2; y < depth_m.height_px(); y += step_y) {
+    for (int x = step_x / 2; x < depth_m.width_px(); x += step_x) {
       const float depth = depth_m(x, y);
       if (!(depth > 0.0F) || !std::isfinite(depth)) continue;
       const glm::dvec3 direction = view.direction(x + 0.5, y + 0.5);
@@ -304,9 +385,7 @@ void OccupancyMap::note_holes(const core::Image<float>& depth_m, const View& vie
       const glm::dvec3 p = view.eye_m + direction * (view.eye_m.z / -direction.z);
       const Cell cell = frame_.cell_at(glm::dvec2(p));
       if (body_(cell.x, cell.y) != 0.0F) continue;
-      const std::size_t index =
-          static_cast<std::size_t>(cell.y) * static_cast<std::size_t>(frame_.width_cells) +
-          static_cast<std::size_t>(cell.x);
+      const std::size_t index = seen_index(cell);
       const CellView& seen = seen_.data()[index];
       if (seen.stamp == stamp_ && seen.hole) continue;
       if (!hidden_by_obstacle(view, direction, range_m)) touch(index).hole = true;
@@ -374,13 +453,15 @@ void OccupancyMap::fuse_view(const View& view) {
   // Pixels of a facing square of one cell at 1 m; the number falls with the distance squared.
   const double square_px = options_.hit_share * frame_.resolution_m * frame_.resolution_m *
                            view.intrinsics.fx_px * view.intrinsics.fy_px;
-  for (const std::uint32_t index : touched_) {
-    const CellView& cell = seen_.data()[index];
+  CellBox changed, observed;
+  for (const Cell& at : touched_) {
+    const CellView& cell = seen_.data()[seen_index(at)];
+    const std::size_t index =
+        static_cast<std::size_t>(at.y) * static_cast<std::size_t>(frame_.width_cells) +
+        static_cast<std::size_t>(at.x);
     bool below_unseen = false;
     int hits_needed = options_.min_hits_per_cell;
     if (cell.mast_hits > 0 || cell.body_hits > 0) {
-      const Cell at(static_cast<int>(index) % frame_.width_cells,
-                    static_cast<int>(index) / frame_.width_cells);
       const glm::dvec2 offset = frame_.center_m(at) - eye;
       const double range2 = glm::dot(offset, offset);
       below_unseen = cell.mast_hits > 0 && range2 < blind2;
@@ -390,7 +471,13 @@ void OccupancyMap::fuse_view(const View& view) {
     fuse_body(index, cell, hits_needed, below_unseen);
     fuse_mast(index, cell, hits_needed);
     if (cell.hole) fuse_hole(index, cell);
+    changed.add(at);
+    if (body_.data()[index] != 0.0F) observed.add(at);
   }
+  const Cell lattice = frame_.lattice();
+  if (!changed.empty()) changed_.add(CellBox{changed.low + lattice, changed.high + lattice});
+  if (!observed.empty())
+    observed_.add(CellBox{observed.low + lattice, observed.high + lattice});
 }
 
 void OccupancyMap::mark_free_disc(const glm::dvec2& center_odom_m, double radius_m) {
@@ -398,18 +485,26 @@ void OccupancyMap::mark_free_disc(const glm::dvec2& center_odom_m, double radius
   for_each_cell_in_disc(frame_, center_odom_m, radius_m, [&](int i, int j) {
     body_(i, j) = mast_(i, j) = options_.log_odds_min;
     heights_(i, j) = {};
+    note_changed({i, j});
+    observed_.add(Cell(i, j) + frame_.lattice());
   });
 }
 
 void OccupancyMap::mark_blocked_disc(const glm::dvec2& center_odom_m, double radius_m) {
   ensure_covers(center_odom_m - radius_m, center_odom_m + radius_m);
-  for_each_cell_in_disc(frame_, center_odom_m, radius_m,
-                        [&](int i, int j) { body_(i, j) = kBlocked; });
+  for_each_cell_in_disc(frame_, center_odom_m, radius_m, [&](int i, int j) {
+    body_(i, j) = kBlocked;
+    note_changed({i, j});
+    observed_.add(Cell(i, j) + frame_.lattice());
+  });
 }
 
 void OccupancyMap::assume_free_disc(const glm::dvec2& center_odom_m, double radius_m) {
   for_each_cell_in_disc(frame_, center_odom_m, radius_m, [&](int i, int j) {
-    if (body_(i, j) == 0.0F) body_(i, j) = kAssumedFree;
+    if (body_(i, j) != 0.0F) return;
+    body_(i, j) = kAssumedFree;
+    note_changed({i, j});
+    observed_.add(Cell(i, j) + frame_.lattice());
   });
 }
 
@@ -430,9 +525,19 @@ void OccupancyMap::integrate(const core::Observation& observation) {
   SEGSIM_CHECK(depth_m.width_px() == observation.intrinsics.width_px &&
                    depth_m.height_px() == observation.intrinsics.height_px,
                "depth image and intrinsics differ in size");
-  const View view(observation, options_);
-  const glm::dvec2 robot(observation.T_odom_robot.translation_m());
-  const glm::dvec2 eye(view.eye_m);
+  const int n = thinning_of(depth_m);
+  if (n == 1) {
+    fuse_image(depth_m, View(observation, options_));
+  } else {
+    core::Observation thinned = observation;
+    thinned.intrinsics = thinned_camera(observation.intrinsics, n);
+    thin_out(depth_m, n, thinned_m_);
+    fuse_image(thinned_m_, View(thinned, options_));
+  }
+}
+
+void OccupancyMap::fuse_image(const core::Image<float>& depth_m, const View& view) {
+  const glm::dvec2 robot(view.robot_m), eye(view.eye_m);
 
   const double reach_m = options_.max_range_m + 4.0 * frame_.resolution_m;
   ensure_covers(glm::min(robot, eye) - reach_m, glm::max(robot, eye) + reach_m);
@@ -446,6 +551,7 @@ void OccupancyMap::integrate(const core::Observation& observation) {
 
   ++stamp_;
   touched_.clear();
+  open_window(eye);
   mark_end_points(depth_m, view);
   trace_rays(depth_m, view);
   note_holes(depth_m, view);

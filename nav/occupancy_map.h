@@ -46,7 +46,8 @@ struct OccupancyOptions {
   bool reject_flying_pixels = true;
   double hole_range_m = 4.0;  ///< Missing depth within this range of the floor is a hole;
   int hole_views = 3;  ///< seen so often, its unknown cells are presumed free. 0: never.
-  int ray_step_x_px = 2, ray_step_y_px = 3;  ///< Every n-th pixel is traced for clearing.
+  /// Every n-th pixel is traced for clearing; of large images, more: about 128 x 64 rays.
+  int ray_step_x_px = 2, ray_step_y_px = 3;
   float log_odds_hit = 0.7F, log_odds_miss = 0.35F;
   float log_odds_min = -1.5F, log_odds_max = 2.5F;
   float occupied_above = 0.5F;  ///< Log-odds; one hit makes an unknown cell occupied.
@@ -61,7 +62,8 @@ class OccupancyMap {
   /// Forgets everything.
   void reset();
   /// Fuses one depth image; pixels that are NaN, infinite or <= 0 are skipped. The map grows
-  /// as needed. Also marks the robot's footprint free.
+  /// as needed. Also marks the robot's footprint free. Of images from 640 px on every n-th
+  /// pixel is used (thinning_of()).
   /// @throws ContractViolation if the depth image is missing or of another size than the
   /// intrinsics.
   void integrate(const core::Observation& observation);
@@ -72,6 +74,10 @@ class OccupancyMap {
   void mark_blocked_disc(const glm::dvec2& center_odom_m, double radius_m);
 
   [[nodiscard]] const GridFrame& frame() const { return frame_; }
+  /// Holds every cell that ever said something about the body layer, in the frame of now.
+  [[nodiscard]] CellBox observed() const;
+  /// Holds every cell that may have changed since the last call, in the frame of now.
+  [[nodiscard]] CellBox take_changed();
   [[nodiscard]] const OccupancyOptions& options() const { return options_; }
   /// State for the robot's body; unknown outside of the map.
   [[nodiscard]] CellState body_state(const Cell& cell) const;
@@ -90,22 +96,33 @@ class OccupancyMap {
   };
   /// What one image says about a cell.
   struct CellView {
-    std::uint32_t stamp = 0;  ///< Valid if equal to `stamp_`.
+    std::uint32_t stamp = 0;     ///< Valid if equal to `stamp_`.
+    float lowest_pass_m = 0.0F;  ///< Lowest ray seen through; floor points count as 0.
     std::uint16_t body_hits = 0, mast_hits = 0, floor_hits = 0;
+    bool obstacle = false;                            ///< Heights of a hit are stored.
     bool hole = false;                                ///< Floor without depth.
     bool through_body = false, through_mast = false;  ///< A ray met no stored obstacle.
-    float lowest_pass_m = 0.0F;  ///< Lowest ray seen through; floor points count as 0.
-    Heights heights;             ///< Of this image's hits.
+    Heights heights;                                  ///< Of this image's hits.
   };
 
   void ensure_covers(const glm::dvec2& low_m, const glm::dvec2& high_m);
-  CellView& touch(std::size_t index);
+  /// Index into the scratch window of a cell of the map.
+  [[nodiscard]] std::size_t seen_index(const Cell& cell) const;
+  void open_window(const glm::dvec2& eye_m);
+  CellView& touch(std::size_t seen_index) {
+    CellView& cell = seen_.data()[seen_index];
+    if (cell.stamp != stamp_) begin_view(seen_index);
+    return cell;
+  }
+  void begin_view(std::size_t seen_index);
+  void note_changed(const Cell& cell);
   void mark_end_points(const core::Image<float>& depth_m, const View& view);
   void trace_rays(const core::Image<float>& depth_m, const View& view);
   void trace_ray(const View& view, const glm::dvec3& direction, double depth_m);
   void note_holes(const core::Image<float>& depth_m, const View& view);
   [[nodiscard]] bool hidden_by_obstacle(const View& view, const glm::dvec3& direction,
                                         double range_m) const;
+  void fuse_image(const core::Image<float>& depth_m, const View& view);
   void fuse_view(const View& view);
   void fuse_body(std::size_t index, const CellView& cell_view, int hits_needed,
                  bool below_unseen);
@@ -119,8 +136,12 @@ class OccupancyMap {
   core::Image<Heights> heights_;
   core::Image<std::uint8_t> hole_views_;
   bool started_ = false;
-  core::Image<CellView> seen_;  ///< Scratch of the image being fused.
-  std::vector<std::uint32_t> touched_;
+  CellBox observed_,
+      changed_;  ///< On the lattice of GridFrame, so that growth shifts nothing.
+  core::Image<float> thinned_m_;  ///< Scratch.
+  core::Image<CellView> seen_;    ///< Scratch: what is in range of the image being fused.
+  Cell seen_low_{0};              ///< Cell of the map that is the window's first.
+  std::vector<Cell> touched_;     ///< Cells of the map with a view.
   std::uint32_t stamp_ = 0;
 };
 

@@ -42,6 +42,7 @@ core::Decision SearchPolicy::decide(const core::Observation& observation,
   core::Decision decision;
   if (state_ != State::kStopped) {
     map_.integrate(observation);
+    note_map_changes();
     cost_fresh_ = false;
     objects_.update(observation, detections, goal_.class_index);
     postponed_until_ns_.resize(objects_.objects().size(), -1);
@@ -198,8 +199,23 @@ void SearchPolicy::refresh_cost_map() {
     options.robot_radius_m = std::min(options_.tight_radius_m, options.robot_radius_m);
     options.margin_m = 0.0;
   }
-  cost_.build(map_, options);
+  cost_.update(map_, on_map(cost_changed_), options);
+  cost_changed_ = {};
   cost_fresh_ = true;
+}
+
+void SearchPolicy::note_map_changes() {
+  const CellBox changed = map_.take_changed();
+  if (changed.empty()) return;
+  const Cell lattice = map_.frame().lattice();
+  cost_changed_.add(CellBox{changed.low + lattice, changed.high + lattice});
+  bold_changed_.add(CellBox{changed.low + lattice, changed.high + lattice});
+}
+
+CellBox SearchPolicy::on_map(const CellBox& on_lattice) const {
+  if (on_lattice.empty()) return {};
+  const Cell lattice = map_.frame().lattice();
+  return {on_lattice.low - lattice, on_lattice.high - lattice};
 }
 
 void SearchPolicy::build_bold_map() {
@@ -207,7 +223,8 @@ void SearchPolicy::build_bold_map() {
   options.robot_radius_m = std::min(options_.tight_radius_m, options.robot_radius_m);
   options.margin_m = 0.0;
   options.cross_unknown = true;
-  bold_.build(map_, options);
+  bold_.update(map_, on_map(bold_changed_), options);
+  bold_changed_ = {};
 }
 
 void SearchPolicy::track_target(const Now& now, const glm::dvec2& target_m,
@@ -231,7 +248,7 @@ bool SearchPolicy::hopeless(const Now& now) {
 }
 
 bool SearchPolicy::drive_to(const Now& now, const glm::dvec2& place_m, const CostMap& map) {
-  const std::optional<Path> path = plan_path(map, now.position_m, place_m);
+  const std::optional<Path> path = plan_path(map, now.position_m, place_m, &planner_);
   if (!path) return false;
   follower_.set_path(*path);
   return true;
@@ -239,13 +256,14 @@ bool SearchPolicy::drive_to(const Now& now, const glm::dvec2& place_m, const Cos
 
 bool SearchPolicy::replan_explore(const Now& now) {
   replanned_ns_ = now.time_ns;
-  const auto field = geodesic_field(cost_, cost_.frame().cell_at(now.position_m));
+  const bool known = field_.begin(cost_, cost_.frame().cell_at(now.position_m));
   const bool bold = effort_ == Effort::kBold || effort_ == Effort::kBoldAgain;
   FrontierOptions options = options_.frontiers;
   if (effort_ != Effort::kNormal) options.min_length_m = 0.0;
-  frontiers_ = field ? find_frontiers(cost_, *field, options) : std::vector<Frontier>{};
+  frontiers_ =
+      known ? find_reachable_frontiers(cost_, field_, options) : std::vector<Frontier>{};
   while (true) {
-    const std::optional<Frontier> frontier = selector_.select(frontiers_);
+    const std::optional<Frontier> frontier = selector_.select(frontiers_, field_);
     if (!frontier) return bold && replan_bold(now);
     const bool seen_it_all =
         looked_at_m_ && glm::distance(*looked_at_m_, frontier->waypoint_m) <= kAtFrontier_m;
@@ -261,27 +279,33 @@ bool SearchPolicy::replan_explore(const Now& now) {
 bool SearchPolicy::replan_bold(const Now& now) {
   build_bold_map();
   const GridFrame& frame = bold_.frame();
-  const auto field = geodesic_field(bold_, frame.cell_at(now.position_m));
-  if (!field) return false;
-  core::Image<std::uint8_t> known(frame.width_cells, frame.height_cells);
-  for (std::size_t k = 0; k < known.size(); ++k) {
-    known.data()[k] = bold_.states().data()[k] != CellState::kUnknown ? 1 : 0;
+  if (!field_.begin(bold_, frame.cell_at(now.position_m))) return false;
+  const CellBox part = bold_.active();
+  core::Image<std::uint8_t> known(part.width(), part.height());
+  for (int j = 0; j < part.height(); ++j) {
+    const CellState* states = bold_.states().row(j + part.low.y) + part.low.x;
+    for (int i = 0; i < part.width(); ++i) {
+      known(i, j) = states[i] != CellState::kUnknown ? 1 : 0;
+    }
   }
   const core::Image<float> depth_m = distance_to_cells_m(known, frame.resolution_m);
   if (target_ && target_->bold) {  // Stay with it while it is worth it.
     const Cell cell = frame.cell_at(target_->position_m);
-    if (bold_.state(cell) == CellState::kUnknown && field->reachable(cell) &&
+    if (bold_.state(cell) == CellState::kUnknown && field_.reachable(cell) &&
         drive_to(now, target_->position_m, bold_)) {
       track_target(now, target_->position_m, glm::dvec2(0.0));
       return true;
     }
   }
   std::optional<Cell> best;
-  for (int j = 0; j < frame.height_cells; ++j) {
-    for (int i = 0; i < frame.width_cells; ++i) {
-      if (static_cast<double>(depth_m(i, j)) < options_.bold_depth_m) continue;
-      const float cost_m = field->cost_m(i, j);
-      if (!std::isfinite(cost_m) || (best && cost_m >= field->cost_m(best->x, best->y)) ||
+  for (int j = part.low.y; j <= part.high.y; ++j) {
+    for (int i = part.low.x; i <= part.high.x; ++i) {
+      const float in_m = depth_m(i - part.low.x, j - part.low.y);
+      if (static_cast<double>(in_m) < options_.bold_depth_m || !field_.reachable({i, j})) {
+        continue;
+      }
+      const float cost_m = field_.cost_m(i, j);
+      if ((best && cost_m >= field_.cost_m(best->x, best->y)) ||
           selector_.blacklisted(frame.center_m({i, j}))) {
         continue;
       }
@@ -331,8 +355,8 @@ void SearchPolicy::escalate(const Now& now) {
   selector_.clear_blacklist();
   looked_at_m_.reset();
   if (effort_ == Effort::kSweep) {
-    if (const auto field = geodesic_field(cost_, cost_.frame().cell_at(now.position_m))) {
-      sweep_places_m_ = spread_places(cost_, *field, options_.sweep_places);
+    if (field_.begin(cost_, cost_.frame().cell_at(now.position_m))) {
+      sweep_places_m_ = spread_places(cost_, field_, options_.sweep_places);
       std::reverse(sweep_places_m_.begin(), sweep_places_m_.end());
     }
     if (!sweep_places_m_.empty()) state_ = State::kSweep;
@@ -363,6 +387,7 @@ void SearchPolicy::begin_recovery(const Now& now) {
     map_.mark_blocked_disc(
         now.position_m + (options_.occupancy.footprint_radius_m + 0.05) * ahead,
         std::min(radius_m, 0.2));
+    note_map_changes();
     cost_fresh_ = false;
     refresh_cost_map();
   }
@@ -410,11 +435,17 @@ core::PolicyView SearchPolicy::view() const {
   const GridFrame& frame = cost_.frame();
   view.resolution_m = frame.resolution_m;
   view.origin_m = frame.origin_m;
-  view.cells = core::Image<std::uint8_t>(frame.width_cells, frame.height_cells);
-  for (std::size_t k = 0; k < view.cells.size(); ++k) {
-    const CellState state = cost_.states().data()[k];
-    const bool inflated = state == CellState::kFree && cost_.clear_cells().data()[k] == 0;
-    view.cells.data()[k] = inflated ? 3 : static_cast<std::uint8_t>(state);
+  if (const CellBox part = cost_.active(); !part.empty()) {
+    view.origin_m += glm::dvec2(part.low) * frame.resolution_m;
+    view.cells = core::Image<std::uint8_t>(part.width(), part.height());
+    for (int j = 0; j < part.height(); ++j) {
+      for (int i = 0; i < part.width(); ++i) {
+        const Cell cell = part.low + Cell(i, j);
+        const CellState state = cost_.state(cell);
+        const bool inflated = state == CellState::kFree && !cost_.clear(cell);
+        view.cells(i, j) = inflated ? 3 : static_cast<std::uint8_t>(state);
+      }
+    }
   }
   for (const Frontier& frontier : frontiers_) view.frontiers_m.push_back(frontier.waypoint_m);
   view.path_m = follower_.path().points_m;

@@ -118,7 +118,7 @@ SearchPolicy::ApproachRange SearchPolicy::approach_range(const Now& now,
 /// Whether to stay with the old place: the best one changes a little with every view.
 bool SearchPolicy::still_good(const Now& now, const MappedObject& object,
                               const ApproachRange& range, const ApproachPlace& better,
-                              ApproachRank rank) const {
+                              ApproachRank rank) {
   if (!target_ || !follower_.has_path() || rank < approach_rank_) return false;
   if (glm::distance(target_->position_m, better.position_m) >= 1.0) return false;
   const CostMap& map = rank == ApproachRank::kOpenBeyondUnknown ? bold_ : cost_;
@@ -130,16 +130,15 @@ bool SearchPolicy::still_good(const Now& now, const MappedObject& object,
   const double to_object_m = object.planar_distance_m(target_->position_m);
   return to_object_m >= range.min_m - kArrivalSlack_m &&
          to_object_m <= (rank == ApproachRank::kFar ? range.limit_m : range.max_m) &&
-         plan_path(map, now.position_m, target_->position_m).has_value();
+         plan_path(map, now.position_m, target_->position_m, &planner_).has_value();
 }
 
 bool SearchPolicy::replan_navigate(const Now& now, const MappedObject& object) {
   replanned_ns_ = now.time_ns;
   const ApproachRange range = approach_range(now, object);
   const auto choose = [&](const CostMap& map) -> std::optional<ApproachPlace> {
-    const auto field = geodesic_field(map, map.frame().cell_at(now.position_m));
-    if (!field) return std::nullopt;
-    auto place = choose_approach(map, *field, object, range.min_m, range.max_m, range.limit_m);
+    if (!field_.begin(map, map.frame().cell_at(now.position_m))) return std::nullopt;
+    auto place = choose_approach(map, field_, object, range.min_m, range.max_m, range.limit_m);
     if (place && place->to_object_m > range.limit_m) place.reset();
     return place;
   };

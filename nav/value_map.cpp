@@ -16,34 +16,45 @@ namespace {
 
 constexpr int kBearings = 2048;  // Of the tables over the view; confidences are interpolated.
 
-/// Tables over tan(bearing), even from the left edge of the view to the right one.
-struct ConeTables {
-  double left_tan = 0.0, right_tan = 0.0;  ///< Positive tangents of the two half openings.
-  std::vector<float> confidence;           ///< [kBearings + 1]
-  std::vector<float> limit_m;              ///< [kBearings + 1] Forward distance seen.
+bool same_view(const core::CameraIntrinsics& a, const core::CameraIntrinsics& b) {
+  return a.width_px == b.width_px && a.height_px == b.height_px && a.fx_px == b.fx_px &&
+         a.cx_px == b.cx_px;
+}
+
+constexpr float kNone = std::numeric_limits<float>::max();
+
+struct RowLimits {
+  float min_z, max_z,
+      max_depth;  ///< The band relative to the camera; depths count up to here.
 };
 
-ConeTables make_tables(const core::CameraIntrinsics& camera, std::span<const float> limits_m,
-                       const ValueMapOptions& options, bool even_angles) {
-  ConeTables tables;
-  tables.left_tan = camera.cx_px / camera.fx_px;
-  tables.right_tan = (camera.width_px - camera.cx_px) / camera.fx_px;
-  const double fov = camera.horizontal_fov_rad();
-  const auto last = static_cast<double>(limits_m.size()) - 1.0;
-  for (int k = 0; k <= kBearings; ++k) {
-    const double right =
-        -tables.left_tan + (tables.left_tan + tables.right_tan) * k / kBearings;
-    const double bearing = std::atan(right);
-    tables.confidence.push_back(
-        static_cast<float>(view_confidence(bearing, fov, options.min_confidence)));
-    // Published: columns spread evenly in angle; they are even in tangent.
-    const double column =
-        even_angles ? (bearing / fov + 0.5) * last : right * camera.fx_px + camera.cx_px - 0.5;
-    const auto nearest =
-        static_cast<std::size_t>(std::clamp(std::lround(column), 0L, static_cast<long>(last)));
-    tables.limit_m.push_back(limits_m[nearest]);
+/// One row of depth updates each column's nearest depth in the band and farthest depth. Only
+/// selections, no branches, so that it vectorises; NaN compares false and drops out.
+void take_row(const float* __restrict depths, const float* __restrict roll, float slope,
+              const RowLimits& limits, std::size_t count, float* __restrict nearest,
+              float* __restrict farthest) {
+  const float min_z = limits.min_z, max_z = limits.max_z, most = limits.max_depth;
+  for (std::size_t x = 0; x < count; ++x) {
+    const float depth = depths[x] > 0.0F ? depths[x] : 0.0F;
+    const float clipped = depth < most ? depth : most;
+    const float z = depth * (slope + roll[x]);
+    farthest[x] = clipped > farthest[x] ? clipped : farthest[x];
+    float near = depth > 0.0F ? clipped : kNone;
+    near = z >= min_z ? near : kNone;
+    near = z <= max_z ? near : kNone;
+    nearest[x] = near < nearest[x] ? near : nearest[x];
   }
-  return tables;
+}
+
+/// Limits of i along a row of cells within which `a + b i >= 0` may hold.
+void cut_by(double a, double b, double& first, double& last) {
+  if (b > 0.0) {
+    first = std::max(first, -a / b);
+  } else if (b < 0.0) {
+    last = std::min(last, -a / b);
+  } else if (a < 0.0) {
+    last = first - 1.0;
+  }
 }
 
 }  // namespace
@@ -100,7 +111,6 @@ std::vector<float> column_limits_m(const core::Observation& observation,
     }
     return farthest;
   }
-  constexpr float kNone = std::numeric_limits<float>::max();
   std::vector<float> nearest(columns, kNone);
   const glm::dmat3 R = glm::mat3_cast(observation.T_odom_camera().rotation());
   const core::CameraIntrinsics& camera = observation.intrinsics;
@@ -108,18 +118,17 @@ std::vector<float> column_limits_m(const core::Observation& observation,
                        observation.T_odom_robot.translation_m().z;
   const auto min_z = static_cast<float>(options.band_min_m - eye_z);
   const auto max_z = static_cast<float>(options.band_max_m - eye_z);
-  const auto per_column = static_cast<float>(R[0].z / camera.fx_px);  // 0 without roll.
+  std::vector<float> roll(columns);  // What a column adds to the slope; 0 without roll.
+  for (std::size_t x = 0; x < columns; ++x) {
+    roll[x] = static_cast<float>(R[0].z / camera.fx_px * static_cast<double>(x));
+  }
   for (int y = 0; y < depth_m.height_px(); ++y) {
     const float* row = depth_m.row(y);
-    float slope = static_cast<float>(R[1].z * ((y + 0.5 - camera.cy_px) / camera.fy_px) +
-                                     R[2].z + R[0].z * ((0.5 - camera.cx_px) / camera.fx_px));
-    for (std::size_t x = 0; x < columns; ++x, slope += per_column) {
-      const float depth = row[x];
-      if (!(depth > 0.0F)) continue;  // NaN too.
-      const float clipped = std::min(depth, high), z = depth * slope;
-      farthest[x] = std::max(farthest[x], clipped);
-      if (z >= min_z && z <= max_z) nearest[x] = std::min(nearest[x], clipped);
-    }
+    const auto slope =
+        static_cast<float>(R[1].z * ((y + 0.5 - camera.cy_px) / camera.fy_px) + R[2].z +
+                           R[0].z * ((0.5 - camera.cx_px) / camera.fx_px));
+    take_row(row, roll.data(), slope, {min_z, max_z, high}, columns, nearest.data(),
+             farthest.data());
   }
   for (std::size_t x = 0; x < columns; ++x) {
     if (nearest[x] != kNone) farthest[x] = nearest[x];
@@ -157,11 +166,37 @@ void ValueMap::update(const core::Observation& observation, double value) {
   fuse_cone(observation, limits_m, static_cast<float>(value));
 }
 
+void ValueMap::make_tables(const core::CameraIntrinsics& camera, std::size_t columns) {
+  ConeTables& tables = tables_;
+  if (same_view(tables.camera, camera) && !tables.column.empty()) return;
+  tables = {};
+  tables.camera = camera;
+  tables.left_tan = camera.cx_px / camera.fx_px;
+  tables.right_tan = (camera.width_px - camera.cx_px) / camera.fx_px;
+  const double fov = camera.horizontal_fov_rad();
+  const auto last = static_cast<double>(columns) - 1.0;
+  const bool even_angles = rules_.published(Quirk::kFarthestDepth);
+  for (int k = 0; k <= kBearings; ++k) {
+    const double right =
+        -tables.left_tan + (tables.left_tan + tables.right_tan) * k / kBearings;
+    const double bearing = std::atan(right);
+    tables.confidence.push_back(
+        static_cast<float>(view_confidence(bearing, fov, options_.min_confidence)));
+    // Published: columns spread evenly in angle; they are even in tangent.
+    const double column =
+        even_angles ? (bearing / fov + 0.5) * last : right * camera.fx_px + camera.cx_px - 0.5;
+    tables.column.push_back(static_cast<std::uint32_t>(
+        std::clamp(std::lround(column), 0L, static_cast<long>(last))));
+  }
+}
+
 /// Every cell of the cone. This loop is the hot one.
 void ValueMap::fuse_cone(const core::Observation& observation, std::span<const float> limits_m,
                          float value) {
-  const ConeTables tables = make_tables(observation.intrinsics, limits_m, options_,
-                                        rules_.published(Quirk::kFarthestDepth));
+  make_tables(observation.intrinsics, limits_m.size());
+  tables_.limit_m.resize(tables_.column.size());
+  std::transform(tables_.column.begin(), tables_.column.end(), tables_.limit_m.begin(),
+                 [&](std::uint32_t column) { return limits_m[column]; });
   const auto T = observation.T_odom_camera();
   const glm::dvec3 axis3 = T.rotation() * glm::dvec3(0.0, 0.0, 1.0);
   const glm::dvec2 axis_m = glm::dvec2(axis3);
@@ -169,17 +204,36 @@ void ValueMap::fuse_cone(const core::Observation& observation, std::span<const f
   const glm::vec2 axis(glm::normalize(axis_m));
   const glm::dvec2 eye_m(T.translation_m());
   const double r = frame_.resolution_m;
-  const Cell low = frame_.cell_at(eye_m - options_.max_depth_m);
-  const Cell high = frame_.cell_at(eye_m + options_.max_depth_m);
+  const double range_m =
+      std::min(options_.max_depth_m,
+               static_cast<double>(*std::max_element(limits_m.begin(), limits_m.end())) *
+                       std::hypot(1.0, std::max(tables_.left_tan, tables_.right_tan)) +
+                   r);
+  const Cell low = frame_.cell_at(eye_m - range_m);
+  const Cell high = frame_.cell_at(eye_m + range_m);
   const auto range2 = static_cast<float>(options_.max_depth_m * options_.max_depth_m);
-  const auto left_tan = static_cast<float>(tables.left_tan);
-  const auto right_tan = static_cast<float>(tables.right_tan);
+  const auto left_tan = static_cast<float>(tables_.left_tan);
+  const auto right_tan = static_cast<float>(tables_.right_tan);
   const float per_tan = static_cast<float>(kBearings) / (left_tan + right_tan);
   const bool wrap = options_.growth.wrap;
   for (int j = low.y; j <= high.y; ++j) {
     if (!wrap && (j < 0 || j >= frame_.height_cells)) continue;
     const auto dy = static_cast<float>(frame_.origin_m.y + (j + 0.5) * r - eye_m.y);
-    for (int i = low.x; i <= high.x; ++i) {
+    // The part of the row between the sides of the cone, one cell wider: the exact test is
+    // below. With right = dx axis.y - dy axis.x and forward = dx axis.x + dy axis.y.
+    const double dx0 = frame_.origin_m.x + (low.x + 0.5) * r - eye_m.x;
+    const glm::dvec2 a(axis);
+    double first = 0.0, last = high.x - low.x;
+    const double forward0 = dx0 * a.x + dy * a.y, right0 = dx0 * a.y - dy * a.x;
+    cut_by(forward0, r * a.x, first, last);
+    cut_by(right0 + tables_.left_tan * forward0, r * (a.y + tables_.left_tan * a.x), first,
+           last);
+    cut_by(tables_.right_tan * forward0 - right0, r * (tables_.right_tan * a.x - a.y), first,
+           last);
+    const double most = high.x - low.x;
+    const int i0 = low.x + static_cast<int>(std::clamp(std::floor(first) - 1.0, 0.0, most));
+    const int i1 = low.x + static_cast<int>(std::clamp(std::ceil(last) + 1.0, -1.0, most));
+    for (int i = i0; i <= i1; ++i) {
       const auto dx = static_cast<float>(frame_.origin_m.x + (i + 0.5) * r - eye_m.x);
       const float forward = dx * axis.x + dy * axis.y;
       const float right = dx * axis.y - dy * axis.x;
@@ -190,10 +244,10 @@ void ValueMap::fuse_cone(const core::Observation& observation, std::span<const f
       const float at = (right / forward + left_tan) * per_tan;
       const int k = std::min(static_cast<int>(at), kBearings - 1);
       const auto index = static_cast<std::size_t>(k);
-      if (forward > tables.limit_m[index]) continue;
+      if (forward > tables_.limit_m[index]) continue;
       const float part = at - static_cast<float>(k);
       const float confidence =
-          (1.0F - part) * tables.confidence[index] + part * tables.confidence[index + 1];
+          (1.0F - part) * tables_.confidence[index] + part * tables_.confidence[index + 1];
       Cell cell(i, j);
       if (!frame_.contains(cell)) {
         const auto other = wrap ? wrapped(frame_, cell) : std::nullopt;

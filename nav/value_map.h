@@ -75,6 +75,15 @@ class ValueMap {
                                                     double radius_m = 0.5) const;
 
  private:
+  /// Tables over tan(bearing), even from the left edge of the view to the right one.
+  struct ConeTables {
+    core::CameraIntrinsics camera;           ///< They hold for this one.
+    double left_tan = 0.0, right_tan = 0.0;  ///< Positive tangents of the two half openings.
+    std::vector<float> confidence;
+    std::vector<std::uint32_t> column;  ///< Of the image, by bearing.
+    std::vector<float> limit_m;         ///< Forward distance seen; of one view.
+  };
+  void make_tables(const core::CameraIntrinsics& camera, std::size_t columns);
   void fuse_cone(const core::Observation& observation, std::span<const float> limits_m,
                  float value);
 
@@ -82,6 +91,7 @@ class ValueMap {
   VlfmRules rules_;
   GridFrame frame_;
   core::Image<ValueCell> cells_;
+  ConeTables tables_;
 };
 
 }  // namespace segsim::nav

@@ -19,6 +19,10 @@ constexpr double kLookTolerance_rad = 0.17;
 constexpr double kBoxMargin = 0.1;      // Of the image's width, around a box seen again.
 constexpr double kWrongObject_m = 0.6;  // What is deleted around an object not seen again.
 constexpr double kDetour_m = 15.0;      // Way that open floor to the object is worth.
+// Of frontiers that are worth the same the nearest is taken; the second one is part of the
+// state that must not come back.
+constexpr std::ptrdiff_t kTiesThatMatter = 2;
+constexpr double kBeyondWeight = 1000.0;
 constexpr double kInside_m =
     0.15;  // A place this much nearer than the stop radius ends there.
 
@@ -26,6 +30,18 @@ bool finite_pose(const core::Observation& observation) {
   const glm::dvec3& p = observation.T_odom_robot.translation_m();
   const glm::dquat& q = observation.T_odom_robot.rotation();
   return std::isfinite(p.x + p.y + p.z + q.w + q.x + q.y + q.z);
+}
+
+/// Searches until so many of the cells are settled, or all.
+void settle_nearest(const GeodesicField& field, const std::vector<Cell>& cells,
+                    std::ptrdiff_t count) {
+  const auto enough = [&] {
+    const auto settled = std::count_if(cells.begin(), cells.end(),
+                                       [&](const Cell& cell) { return field.settled(cell); });
+    return settled >= std::min(count, std::ssize(cells));
+  };
+  while (!enough() && field.settle_more()) {
+  }
 }
 
 VlfmOptions completed(VlfmOptions options) {
@@ -135,23 +151,40 @@ bool VlfmSearch::vetoed(const glm::dvec2& place_m) const {
 std::optional<glm::dvec2> VlfmSearch::choose_frontier(const Now& now) {
   refresh_cost_map();
   frontiers_ = obstacles_.frontiers();
-  const auto field = geodesic_field(cost_, cost_.frame().cell_at(now.position_m));
-  const auto away_m = [&](const glm::dvec2& place_m) {
+  const bool known = field_.begin(cost_, cost_.frame().cell_at(now.position_m));
+  const auto reached_at = [&](const glm::dvec2& place_m) -> std::optional<Cell> {
     const auto cell = nearest_traversable(cost_, cost_.frame().cell_at(place_m), 0.3);
-    return cell && field && field->reachable(*cell)
-               ? static_cast<double>(field->cost_m(cell->x, cell->y))
-               : std::numeric_limits<double>::infinity();
+    return cell && known && field_.reachable(*cell) ? cell : std::nullopt;
   };
   const bool as_published = options_.rules.published(Quirk::kNoRecovery);
   std::vector<ValuedFrontier> candidates;
+  double best_value = -std::numeric_limits<double>::infinity();
   for (const ContourFrontier& frontier : frontiers_) {
-    if (!as_published &&
-        (vetoed(frontier.waypoint_m) || std::isinf(away_m(frontier.waypoint_m)))) {
+    if (!as_published && (vetoed(frontier.waypoint_m) || !reached_at(frontier.waypoint_m))) {
       continue;
     }
     const auto value = values_.median_around(frontier.waypoint_m, options_.value_radius_m);
     candidates.push_back({frontier.waypoint_m, value.value_or(options_.choice.unseen_value)});
+    best_value = std::max(best_value, candidates.back().value);
   }
+  const double tie_margin = options_.choice.tie_margin;
+  if (tie_margin > 0.0) {
+    std::vector<Cell> tied;
+    for (const ValuedFrontier& candidate : candidates) {
+      const auto cell = reached_at(candidate.place_m);
+      if (cell && candidate.value >= best_value - tie_margin) tied.push_back(*cell);
+    }
+    settle_nearest(field_, tied, kTiesThatMatter);
+  }
+  const auto away_m = [&](const glm::dvec2& place_m) {
+    const auto cell = reached_at(place_m);
+    if (!cell) return std::numeric_limits<double>::infinity();
+    // Ties farther away than those come after them, in the order of straight lines.
+    if (tie_margin > 0.0 && !field_.settled(*cell)) {
+      return field_.settled_below_m() + glm::distance(place_m, now.position_m);
+    }
+    return static_cast<double>(field_.cost_m(cell->x, cell->y));
+  };
   const auto chosen = chooser_.choose(now.position_m, candidates, away_m);
   if (!chosen) return std::nullopt;
   return candidates[*chosen].place_m;
@@ -179,34 +212,41 @@ core::VelocityCommand VlfmSearch::explore(const Now& now) {
 /// The cheapest reachable cell within the stop radius of the object, or the reachable one that
 /// is nearest to it.
 std::optional<glm::dvec2> VlfmSearch::place_beside(const Now& now,
-                                                   const glm::dvec2& object_m) const {
+                                                   const glm::dvec2& object_m) {
   const GridFrame& frame = cost_.frame();
-  const auto field = geodesic_field(cost_, frame.cell_at(now.position_m));
-  if (!field) return std::nullopt;
+  if (!field_.begin(cost_, frame.cell_at(now.position_m))) return std::nullopt;
   const double enough_m = options_.stop_radius_m - kInside_m;
-  std::optional<Cell> best;
-  double best_cost = std::numeric_limits<double>::infinity();
-  for (int j = 0; j < frame.height_cells; ++j) {
-    for (int i = 0; i < frame.width_cells; ++i) {
-      const auto way_m = static_cast<double>(field->cost_m(i, j));
-      if (!std::isfinite(way_m)) continue;
-      const glm::dvec2 place_m = frame.center_m({i, j});
-      const double away_m = glm::distance(place_m, object_m);
-      // Every metre beyond the radius outweighs any way inside of a building.
-      double cost = way_m + 1000.0 * std::max(0.0, away_m - enough_m);
-      if (cost >= best_cost) continue;
-      // Across a counter or behind a wall the object is near, yet not at hand.
-      if (away_m <= options_.stop_limit_m && !open_floor(cost_, place_m, object_m)) {
-        cost += kDetour_m;
-      }
-      if (cost < best_cost) {
-        best_cost = cost;
-        best = Cell(i, j);
+  // Every metre beyond the radius outweighs any way inside of a building: look nearby first.
+  for (double within_m = options_.stop_limit_m + 0.5;; within_m *= 2.0) {
+    const CellBox window =
+        CellBox{frame.cell_at(object_m - within_m), frame.cell_at(object_m + within_m)}
+            .clipped_to(field_.reachable_box());
+    std::optional<Cell> best;
+    double best_cost = std::numeric_limits<double>::infinity();
+    for (int j = window.low.y; j <= window.high.y; ++j) {
+      for (int i = window.low.x; i <= window.high.x; ++i) {
+        if (!field_.reachable({i, j})) continue;
+        const glm::dvec2 place_m = frame.center_m({i, j});
+        const double away_m = glm::distance(place_m, object_m);
+        const double beyond = kBeyondWeight * std::max(0.0, away_m - enough_m);
+        if (beyond >= best_cost) continue;
+        double cost = static_cast<double>(field_.cost_m(i, j)) + beyond;
+        if (cost >= best_cost) continue;
+        // Across a counter or behind a wall the object is near, yet not at hand.
+        if (away_m <= options_.stop_limit_m && !open_floor(cost_, place_m, object_m)) {
+          cost += kDetour_m;
+        }
+        if (cost < best_cost) {
+          best_cost = cost;
+          best = Cell(i, j);
+        }
       }
     }
+    const bool all = window == field_.reachable_box();
+    if (!all && best_cost >= kBeyondWeight * (within_m - enough_m)) continue;
+    if (!best) return std::nullopt;
+    return frame.center_m(*best);
   }
-  if (!best) return std::nullopt;
-  return frame.center_m(*best);
 }
 
 core::VelocityCommand VlfmSearch::navigate(const Now& now, const glm::dvec3& object_m) {

@@ -45,50 +45,15 @@ bool VlfmSearch::replan_due(const Now& now) const {
 /// Occupied, explored or unknown; the unknown may be crossed at a price, as VLFM's network
 /// would.
 void VlfmSearch::refresh_cost_map() {
-  const GridFrame& frame = obstacles_.frame();
-  // Only the part that holds something, and the robot's reach around it.
-  Cell low(frame.width_cells, frame.height_cells), high(-1, -1);
-  for (int j = 0; j < frame.height_cells; ++j) {
-    const std::uint8_t* explored = obstacles_.explored().row(j);
-    const std::uint8_t* occupied = obstacles_.occupied().row(j);
-    int first = 0, last = frame.width_cells - 1;
-    while (first <= last && (explored[first] | occupied[first]) == 0) ++first;
-    if (first > last) continue;
-    while ((explored[last] | occupied[last]) == 0) --last;
-    low = {std::min(low.x, first), std::min(low.y, j)};
-    high = {std::max(high.x, last), j};
-  }
-  constexpr int kBorder_cells = 12;
-  if (high.x < 0) {  // Nothing yet.
-    low = {frame.width_cells / 2, frame.height_cells / 2};
-    high = low;
-  }
-  low = {std::max(low.x - kBorder_cells, 0), std::max(low.y - kBorder_cells, 0)};
-  high = {std::min(high.x + kBorder_cells, frame.width_cells - 1),
-          std::min(high.y + kBorder_cells, frame.height_cells - 1)};
-  GridFrame part = frame;
-  part.origin_m += glm::dvec2(low) * frame.resolution_m;
-  part.width_cells = high.x - low.x + 1;
-  part.height_cells = high.y - low.y + 1;
-  core::Image<CellState> states(part.width_cells, part.height_cells, CellState::kUnknown);
-  core::Image<std::uint8_t> mast(part.width_cells, part.height_cells, 0);
-  for (int j = 0; j < part.height_cells; ++j) {
-    const std::uint8_t* occupied = obstacles_.occupied().row(j + low.y) + low.x;
-    const std::uint8_t* explored = obstacles_.explored().row(j + low.y) + low.x;
-    for (int i = 0; i < part.width_cells; ++i) {
-      if (occupied[i] != 0) {
-        states(i, j) = CellState::kOccupied;
-      } else if (explored[i] != 0) {
-        states(i, j) = CellState::kFree;
-      }
-    }
-    if (!obstacles_.mast().empty()) {
-      std::copy_n(obstacles_.mast().row(j + low.y) + low.x, part.width_cells, mast.row(j));
-    }
-  }
   CostMapOptions cost = options_.cost;
   cost.cross_unknown = true;
-  cost_.build(part, states, mast, cost);
+  const GridFrame& frame = obstacles_.frame();
+  CellBox active = obstacles_.observed();
+  if (active.empty()) {  // Nothing yet.
+    active.add(Cell(frame.width_cells / 2, frame.height_cells / 2));
+  }
+  cost_.update(frame, obstacles_.occupied(), obstacles_.explored(), obstacles_.mast(), active,
+               obstacles_.take_changed(), cost);
 }
 
 core::VelocityCommand VlfmSearch::drive(const Now& now, const glm::dvec2& place_m,
@@ -106,7 +71,7 @@ core::VelocityCommand VlfmSearch::drive(const Now& now, const glm::dvec2& place_
     return {};
   }
   if (planned_ns_ < 0 || glm::distance(planned_for_m_, place_m) > kSamePlace_m) {
-    const auto path = plan_path(cost_, now.position_m, place_m);
+    const auto path = plan_path(cost_, now.position_m, place_m, &planner_);
     planned_ns_ = now.time_ns;
     planned_for_m_ = place_m;
     if (!path) {

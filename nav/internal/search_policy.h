@@ -73,6 +73,9 @@ class SearchPolicy final : public core::Policy {
   void stop(const std::string& reason);
   bool replan_due(const Now& now) const;
   void refresh_cost_map();
+  /// Remembers for either cost map what the map changed since it was computed.
+  void note_map_changes();
+  [[nodiscard]] CellBox on_map(const CellBox& on_lattice) const;
   /// The map in which everything unknown counts as free, narrow inflation.
   void build_bold_map();
   void track_target(const Now& now, const glm::dvec2& target_m, const glm::dvec2& outward);
@@ -96,7 +99,7 @@ class SearchPolicy final : public core::Policy {
   };
   ApproachRange approach_range(const Now& now, const MappedObject& object) const;
   bool still_good(const Now& now, const MappedObject& object, const ApproachRange& range,
-                  const ApproachPlace& better, ApproachRank rank) const;
+                  const ApproachPlace& better, ApproachRank rank);
   void resume_search();
   /// Whether the stop rule holds.
   bool at_goal(const Now& now, const MappedObject& object) const;
@@ -113,6 +116,9 @@ class SearchPolicy final : public core::Policy {
   CostMap cost_;
   CostMap bold_;
   bool cost_fresh_ = false;
+  CellBox cost_changed_, bold_changed_;  ///< On the lattice of GridFrame.
+  GeodesicField field_;                  ///< Of the last decision that needed one.
+  PlannerMemory planner_;
   ObjectMap objects_;
   FrontierSelector selector_;
   PathFollower follower_;

@@ -39,7 +39,7 @@ class VlfmSearch final : public core::Policy {
   core::VelocityCommand navigate(const Now& now, const glm::dvec3& object_m);
   core::VelocityCommand look_again(const Now& now, const glm::dvec3& object_m);
   std::optional<glm::dvec2> choose_frontier(const Now& now);
-  std::optional<glm::dvec2> place_beside(const Now& now, const glm::dvec2& object_m) const;
+  std::optional<glm::dvec2> place_beside(const Now& now, const glm::dvec2& object_m);
   [[nodiscard]] bool seen_now(const Now& now, const glm::dvec3& object_m) const;
   [[nodiscard]] bool vetoed(const glm::dvec2& place_m) const;
   void stop(const std::string& reason);
@@ -63,6 +63,8 @@ class VlfmSearch final : public core::Policy {
   ClassCloud cloud_;
   FrontierChooser chooser_;
   CostMap cost_;
+  GeodesicField field_;  ///< Of the last decision that needed one.
+  PlannerMemory planner_;
   PathFollower follower_;
   DiscreteExecutor executor_;
   StuckDetector stuck_;

@@ -1,0 +1,153 @@
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+#include "nav/grid_planner.h"
+
+namespace segsim::nav {
+namespace {
+
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+constexpr float kSqrt2 = 1.41421356F;
+
+/// A stretch of traversable cells of one row.
+struct Run {
+  int y, x0, x1;
+};
+
+}  // namespace
+
+bool GeodesicField::begin(const CostMap& map, const Cell& from) {
+  const int width = map.frame().width_cells, height = map.frame().height_cells;
+  // What the last search wrote lies in its box.
+  if (cost_m_.width_px() != width || cost_m_.height_px() != height) {
+    cost_m_ = core::Image<float>(width, height, kInfinity);
+    reachable_ = core::Image<std::uint8_t>(width, height, 0);
+  } else if (!box_.empty()) {
+    const auto count = static_cast<std::size_t>(box_.width());
+    for (int j = box_.low.y; j <= box_.high.y; ++j) {
+      std::fill_n(cost_m_.row(j) + box_.low.x, count, kInfinity);
+      std::fill_n(reachable_.row(j) + box_.low.x, count, std::uint8_t{0});
+    }
+  }
+  for (auto& bucket : buckets_) bucket.clear();
+  next_bucket_ = waiting_ = 0;
+  map_ = &map;
+  box_ = {};
+  per_bucket_ = static_cast<float>(1.0 / map.frame().resolution_m);
+  const std::optional<Cell> start = nearest_traversable(map, from);
+  if (!start) return false;
+  start_ = *start;
+  spread_rows();
+  cost_m_(start_.x, start_.y) = 0.0F;
+  if (buckets_.empty()) buckets_.resize(64);
+  buckets_[0].push_back(static_cast<std::uint32_t>(start_.y * width + start_.x));
+  waiting_ = 1;
+  return true;
+}
+
+/// Marks everything that is joined to the start, a row's stretch at a time.
+void GeodesicField::spread_rows() {
+  const core::Image<std::uint8_t>& open = map_->traversable_cells();
+  const int width = open.width_px(), height = open.height_px();
+  std::vector<Run> runs;
+  const auto take_run_at = [&](int x, int y) {
+    const std::uint8_t* row = open.row(y);
+    int x0 = x, x1 = x;
+    while (x0 > 0 && row[x0 - 1] != 0) --x0;
+    while (x1 + 1 < width && row[x1 + 1] != 0) ++x1;
+    std::memset(reachable_.row(y) + x0, 1, static_cast<std::size_t>(x1 - x0 + 1));
+    box_.add(Cell(x0, y));
+    box_.add(Cell(x1, y));
+    runs.push_back({y, x0, x1});
+  };
+  take_run_at(start_.x, start_.y);
+  while (!runs.empty()) {
+    const Run run = runs.back();
+    runs.pop_back();
+    for (const int y : {run.y - 1, run.y + 1}) {
+      if (y < 0 || y >= height) continue;
+      const std::uint8_t* row = open.row(y);
+      const std::uint8_t* marked = reachable_.row(y);
+      // Diagonal neighbours are joined, too.
+      const int last = std::min(run.x1 + 1, width - 1);
+      for (int x = std::max(run.x0 - 1, 0); x <= last; ++x) {
+        if (row[x] == 0 || marked[x] != 0) continue;
+        take_run_at(x, y);
+        x = runs.back().x1;
+      }
+    }
+  }
+}
+
+bool GeodesicField::reachable(const Cell& cell) const {
+  return reachable_.contains(cell.x, cell.y) && reachable_(cell.x, cell.y) != 0;
+}
+
+double GeodesicField::settled_below_m() const {
+  return static_cast<double>(next_bucket_) / static_cast<double>(per_bucket_);
+}
+
+bool GeodesicField::settled(const Cell& cell) const {
+  if (!reachable(cell)) return true;
+  const float known = cost_m_(cell.x, cell.y);
+  return std::isfinite(known) && bucket_of(known) < next_bucket_;
+}
+
+float GeodesicField::cost_m(int x, int y) const {
+  if (!reachable({x, y})) return kInfinity;
+  while (!settled({x, y}) && settle_more()) {
+  }
+  return cost_m_(x, y);
+}
+
+void GeodesicField::relax_around(std::uint32_t from) const {
+  const int width = reachable_.width_px(), height = reachable_.height_px();
+  const int x = static_cast<int>(from) % width, y = static_cast<int>(from) / width;
+  const auto resolution = static_cast<float>(map_->frame().resolution_m);
+  const std::uint8_t* traversable = map_->traversable_cells().data();
+  const float* costs = map_->length_costs().data();
+  float* known = cost_m_.data();
+  const float here = known[from];
+  for (int dy = -1; dy <= 1; ++dy) {
+    for (int dx = -1; dx <= 1; ++dx) {
+      const int nx = x + dx, ny = y + dy;
+      if ((dx == 0 && dy == 0) || nx < 0 || ny < 0 || nx >= width || ny >= height) continue;
+      const auto next = static_cast<std::uint32_t>(ny * width + nx);
+      if (traversable[next] == 0) continue;
+      const float length = dx != 0 && dy != 0 ? kSqrt2 : 1.0F;
+      const float there = here + resolution * length * 0.5F * (costs[from] + costs[next]);
+      if (there >= known[next]) continue;
+      known[next] = there;
+      const std::size_t bucket = bucket_of(there);
+      if (bucket >= buckets_.size()) buckets_.resize(bucket + 64);
+      buckets_[bucket].push_back(next);
+      ++waiting_;
+    }
+  }
+}
+
+bool GeodesicField::settle_more() const {
+  if (waiting_ == 0) return false;
+  while (buckets_[next_bucket_].empty()) ++next_bucket_;
+  // Rounding may put a neighbour into the bucket that is being emptied: it is visited, too.
+  for (std::size_t k = 0; k < buckets_[next_bucket_].size(); ++k) {
+    const std::uint32_t cell = buckets_[next_bucket_][k];
+    --waiting_;
+    // A better way was found since.
+    if (bucket_of(cost_m_.data()[cell]) != next_bucket_) continue;
+    relax_around(cell);
+  }
+  buckets_[next_bucket_].clear();
+  ++next_bucket_;
+  return true;
+}
+
+std::optional<GeodesicField> geodesic_field(const CostMap& map, const Cell& from) {
+  GeodesicField field;
+  if (!field.begin(map, from)) return std::nullopt;
+  return field;
+}
+
+}  // namespace segsim::nav
