@@ -40,6 +40,7 @@ struct Settings {
   std::string fault;                      // nan | quaternion | entity | stamp | garbage
   int fault_every = 0;                    // Every n-th pose is like that.
   std::string dump;                       // Folder for the last complete frame.
+  std::string advertise;                  // Topic of images that it claims to publish as well.
   double patience_s = 20.0;               // For the first image.
 };
 
@@ -59,6 +60,7 @@ Settings read_settings(int argc, char** argv) {
     if (key == "fault") settings.fault = value;
     if (key == "fault_every") settings.fault_every = std::stoi(value);
     if (key == "dump") settings.dump = value;
+    if (key == "advertise") settings.advertise = value;
     if (key == "patience") settings.patience_s = std::stod(value);
   }
   return settings;
@@ -244,6 +246,9 @@ class Peer {
           },
           settings_.prefix + "Image");
     }
+    if (!settings_.advertise.empty()) {
+      rival_ = node_.Advertise(settings_.advertise, settings_.prefix + "Image");
+    }
     if (!settings_.info.empty()) {
       node_.SubscribeRaw(
           settings_.info,
@@ -321,7 +326,7 @@ class Peer {
   std::vector<Place> places_;
   Receiver receiver_;
   ignition::transport::Node node_;
-  ignition::transport::Node::Publisher poses_;
+  ignition::transport::Node::Publisher poses_, rival_;
 };
 
 }  // namespace
