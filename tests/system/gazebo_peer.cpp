@@ -80,7 +80,8 @@ std::vector<Place> read_drive(const std::string& file) {
 /// What came back for each simulated time.
 class Receiver {
  public:
-  explicit Receiver(std::size_t streams) : streams_(streams), last_(streams) {}
+  explicit Receiver(std::size_t streams)
+      : streams_(streams), newest_(streams, -1), last_(streams) {}
 
   void sent(std::int64_t stamp_ns) {
     const std::lock_guard lock(mutex_);
@@ -176,7 +177,7 @@ class Receiver {
   std::size_t streams_;
   std::map<std::int64_t, Clock::time_point> sent_;
   std::map<std::int64_t, unsigned> arrived_;
-  std::map<std::size_t, std::int64_t> newest_;
+  std::vector<std::int64_t> newest_;
   std::vector<msgs::Image> last_;
   std::vector<double> latencies_ms_;
   msgs::CameraInfo info_;
