@@ -108,6 +108,7 @@ class StatusLine {
     const Clock::time_point now = Clock::now();
     const double passed_s = std::chrono::duration<double>(now - last_).count();
     if (passed_s < (terminal_ ? 1.0 : 10.0)) return;
+    if (!warned_) warn_of_rivals(bridge);
     const sim::GazeboStatus status = bridge.status();
     const double images_hz = static_cast<double>(status.traffic.frames - frames_) / passed_s;
     const double poses_hz = static_cast<double>(status.traffic.poses - poses_) / passed_s;
@@ -139,9 +140,19 @@ class StatusLine {
   }
 
  private:
+  void warn_of_rivals(const sim::GazeboBridge& bridge) {
+    for (const std::string& topic : bridge.contested_topics()) {
+      std::fprintf(stderr,
+                   "%swarning: somebody else publishes %s too; is Gazebo's Sensors system "
+                   "loaded?\n",
+                   terminal_ && printed_ ? "\n" : "", topic.c_str());
+      warned_ = true;
+    }
+  }
+
   static constexpr double kSilence_s = 3.0;
   std::string pose_topic_;
-  bool terminal_, printed_ = false;
+  bool terminal_, printed_ = false, warned_ = false;
   Clock::time_point start_ = Clock::now(), last_ = start_;
   std::uint64_t frames_ = 0, poses_ = 0;
 };

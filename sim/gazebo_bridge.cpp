@@ -19,6 +19,7 @@
 #include "core/error.h"
 #include "sim/gazebo_images.h"
 #include "sim/internal/gazebo_inbox.h"
+#include "sim/internal/recent_times.h"
 
 namespace segsim::sim {
 namespace {
@@ -215,31 +216,6 @@ struct CameraStreams {
   GazeboLabels coding;
 };
 
-/// The last times, for their median.
-class Times {
- public:
-  void add(double time_ms) {
-    if (times_ms_.size() < kKept) {
-      times_ms_.push_back(time_ms);
-    } else {
-      times_ms_[next_++ % kKept] = time_ms;
-    }
-  }
-  [[nodiscard]] double quantile_ms(double share) const {
-    if (times_ms_.empty()) return 0.0;
-    std::vector<double> sorted = times_ms_;
-    const auto at =
-        static_cast<std::ptrdiff_t>(share * static_cast<double>(sorted.size() - 1));
-    std::nth_element(sorted.begin(), sorted.begin() + at, sorted.end());
-    return sorted[static_cast<std::size_t>(at)];
-  }
-
- private:
-  static constexpr std::size_t kKept = 4096;
-  std::vector<double> times_ms_;
-  std::size_t next_ = 0;
-};
-
 /// Reads messages into the inbox. Callbacks hold it by shared pointer: one may still be under
 /// way when the bridge goes.
 class Receiver {
@@ -359,7 +335,7 @@ struct GazeboBridge::Parts {
   core::Frame frame;
   std::mutex mutex;  ///< Of what follows.
   GazeboTraffic totals;
-  Times render_times, answer_times;
+  internal::RecentTimes render_times, answer_times;
 };
 
 bool has_gazebo_bridge() { return true; }
@@ -389,6 +365,21 @@ GazeboStatus GazeboBridge::status() const {
   status.answer_median_ms = parts_->answer_times.quantile_ms(0.5);
   status.answer_p95_ms = parts_->answer_times.quantile_ms(0.95);
   return status;
+}
+
+std::vector<std::string> GazeboBridge::contested_topics() const {
+  std::vector<std::string> contested;
+  for (const GazeboCamera& camera : parts_->options.cameras) {
+    for (const std::string& topic : {camera.rgb_topic, camera.depth_topic, camera.labels_topic,
+                                     camera.colored_topic, camera.info_topic}) {
+      if (topic.empty()) continue;
+      std::vector<ignition::transport::MessagePublisher> publishers;
+      parts_->dialects.front()->node.TopicInfo(topic, publishers);
+      // Ours are among them, one for each dialect.
+      if (publishers.size() > parts_->dialects.size()) contested.push_back(topic);
+    }
+  }
+  return contested;
 }
 
 const std::string& GazeboBridge::pose_topic() const { return parts_->options.pose_topic; }

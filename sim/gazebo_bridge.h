@@ -100,6 +100,9 @@ class GazeboBridge {
   /// From any thread.
   [[nodiscard]] GazeboStatus status() const;
   [[nodiscard]] const std::string& pose_topic() const;
+  /// Topics of ours that somebody else publishes as well, as far as is known by now: most
+  /// likely Gazebo's own sensors, whose images would mingle with these.
+  [[nodiscard]] std::vector<std::string> contested_topics() const;
 
  private:
   struct Parts;

@@ -26,4 +26,6 @@ const std::string& GazeboBridge::pose_topic() const {
   return none;
 }
 
+std::vector<std::string> GazeboBridge::contested_topics() const { return {}; }
+
 }  // namespace segsim::sim

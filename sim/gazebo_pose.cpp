@@ -14,6 +14,7 @@ namespace segsim::sim {
 namespace {
 
 constexpr double kLengthTolerance = 1e-3;
+constexpr double kFarthest_m = 1e7;  // Renderers reckon in single precision.
 
 /// Stamps are whole nanoseconds and periods are not: a pose this much too early is on time.
 /// A fraction of the period, far below the 1 ms steps of Gazebo's physics at usual rates.
@@ -44,8 +45,10 @@ std::optional<std::size_t> find_child(std::span<const GazeboEntity> entities,
 
 PoseFault fault_of(const GazeboEntity& entity) {
   const glm::dquat& q = entity.rotation;
-  for (const double value :
-       {entity.position_m.x, entity.position_m.y, entity.position_m.z, q.w, q.x, q.y, q.z}) {
+  for (const double value : {entity.position_m.x, entity.position_m.y, entity.position_m.z}) {
+    if (!(std::abs(value) <= kFarthest_m)) return PoseFault::kNotFinite;
+  }
+  for (const double value : {q.w, q.x, q.y, q.z}) {
     if (!std::isfinite(value)) return PoseFault::kNotFinite;
   }
   const double length = std::sqrt(q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z);

@@ -34,7 +34,7 @@ enum class PoseFault : std::uint8_t {
   kUnreadable,     ///< Not a Pose_V message.
   kNoTime,         ///< No stamp, or one that is no time.
   kUnknownEntity,  ///< A model or link of the camera's mounting is missing.
-  kNotFinite,      ///< NaN or infinity in its pose.
+  kNotFinite,      ///< NaN, infinity or a place beyond 10 000 km in its pose.
   kNotRotation,    ///< Quaternion not of length 1 to within 1e-3.
 };
 inline constexpr int kPoseFaults = 6;

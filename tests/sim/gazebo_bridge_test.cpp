@@ -126,6 +126,23 @@ TEST_F(Bridge, WhatTheRendererThrowsEndsIt) {
   EXPECT_EQ(bridge.status().traffic.frames, 5U);
 }
 
+TEST_F(Bridge, TellsWhoseTopicsAreNotItsAlone) {
+  GazeboCamera front = camera(10.0);
+  front.rgb_topic = "/camera/image";
+  front.depth_topic = "/camera/depth_image";
+  BlankRenderer renderer;
+  GazeboBridge bridge(options_of({front}), renderer, scene_);
+  EXPECT_THAT(bridge.contested_topics(), ::testing::IsEmpty());
+  const auto driver =
+      peer({"frames=40", "image=/camera/image", "advertise=/camera/depth_image"});
+  std::vector<std::string> contested;
+  bridge.run([&] {
+    if (contested.empty()) contested = bridge.contested_topics();
+    return driver->running();
+  });
+  EXPECT_THAT(contested, ::testing::ElementsAre("/camera/depth_image"));
+}
+
 TEST_F(Bridge, StopsWhenToldThoughNothingComes) {
   GazeboCamera front = camera(30.0);
   front.rgb_topic = "/camera/image";

@@ -89,6 +89,8 @@ TEST(CameraPose, NamesWhatIsWrong) {
   constexpr double kInf = std::numeric_limits<double>::infinity();
   EXPECT_EQ(fault(0, [](GazeboEntity& e) { e.position_m.y = kNan; }), PoseFault::kNotFinite);
   EXPECT_EQ(fault(2, [](GazeboEntity& e) { e.position_m.z = kInf; }), PoseFault::kNotFinite);
+  EXPECT_EQ(fault(0, [](GazeboEntity& e) { e.position_m.x = -1e300; }), PoseFault::kNotFinite);
+  EXPECT_EQ(fault(0, [](GazeboEntity& e) { e.position_m.x = -1e6; }), PoseFault::kNone);
   EXPECT_EQ(fault(2, [](GazeboEntity& e) { e.rotation.x = kNan; }), PoseFault::kNotFinite);
   EXPECT_EQ(fault(0,
                   [](GazeboEntity& e) {

@@ -40,6 +40,7 @@ struct Settings {
   std::string fault;                      // nan | quaternion | entity | stamp | garbage
   int fault_every = 0;                    // Every n-th pose is like that.
   std::string dump;                       // Folder for the last complete frame.
+  std::string advertise;                  // Topic of images that it claims to publish as well.
   double patience_s = 20.0;               // For the first image.
 };
 
@@ -59,6 +60,7 @@ Settings read_settings(int argc, char** argv) {
     if (key == "fault") settings.fault = value;
     if (key == "fault_every") settings.fault_every = std::stoi(value);
     if (key == "dump") settings.dump = value;
+    if (key == "advertise") settings.advertise = value;
     if (key == "patience") settings.patience_s = std::stod(value);
   }
   return settings;
@@ -78,7 +80,8 @@ std::vector<Place> read_drive(const std::string& file) {
 /// What came back for each simulated time.
 class Receiver {
  public:
-  explicit Receiver(std::size_t streams) : streams_(streams), last_(streams) {}
+  explicit Receiver(std::size_t streams)
+      : streams_(streams), newest_(streams, -1), last_(streams) {}
 
   void sent(std::int64_t stamp_ns) {
     const std::lock_guard lock(mutex_);
@@ -174,7 +177,7 @@ class Receiver {
   std::size_t streams_;
   std::map<std::int64_t, Clock::time_point> sent_;
   std::map<std::int64_t, unsigned> arrived_;
-  std::map<std::size_t, std::int64_t> newest_;
+  std::vector<std::int64_t> newest_;
   std::vector<msgs::Image> last_;
   std::vector<double> latencies_ms_;
   msgs::CameraInfo info_;
@@ -243,6 +246,9 @@ class Peer {
             receiver_.received(i, bytes, size);
           },
           settings_.prefix + "Image");
+    }
+    if (!settings_.advertise.empty()) {
+      rival_ = node_.Advertise(settings_.advertise, settings_.prefix + "Image");
     }
     if (!settings_.info.empty()) {
       node_.SubscribeRaw(
@@ -321,7 +327,7 @@ class Peer {
   std::vector<Place> places_;
   Receiver receiver_;
   ignition::transport::Node node_;
-  ignition::transport::Node::Publisher poses_;
+  ignition::transport::Node::Publisher poses_, rival_;
 };
 
 }  // namespace
