@@ -16,6 +16,8 @@ namespace {
 constexpr double kMargin_m = 0.1;
 /// A base that touches probes its way along in steps of this size.
 constexpr double kProbe_m = 0.00025;
+/// Of the disc around a cell; the small term covers rounding.
+const double kCellRadius_m = std::sqrt(0.5) * CollisionWorld::kCell_m + 1e-9;
 /// What conservative advancement leaves of a gap.
 constexpr double kLeave_m = 0.0002;
 
@@ -185,14 +187,23 @@ void CollisionWorld::nearest_to_base(const core::Pose2& pose, Clearance& best) c
 
   const Axes axes(pose);
   const glm::dvec2 half(0.5 * robot_.length_m, 0.5 * robot_.width_m);
-  const int span = static_cast<int>(std::ceil((radius_m + kReach_m) / kCell_m)) + 1;
-  for (int j = cell.y - span; j <= cell.y + span; ++j) {
-    for (int i = cell.x - span; i <= cell.x + span; ++i) {
-      const bool outside = !frame_.contains({i, j});
-      if (!outside && body_.occupied(i, j) == 0) continue;
+  // Cells that the upright box around the base, and its reach, touches.
+  const glm::dvec2 extent(half.x * std::abs(axes.x.x) + half.y * std::abs(axes.y.x),
+                          half.x * std::abs(axes.x.y) + half.y * std::abs(axes.y.y));
+  const glm::ivec2 low = frame_.cell_of(center - extent - kReach_m - kCell_m);
+  const glm::ivec2 high = frame_.cell_of(center + extent + kReach_m + kCell_m);
+  for (int j = low.y; j <= high.y; ++j) {
+    for (int i = low.x; i <= high.x; ++i) {
+      if (frame_.contains({i, j}) && body_.occupied(i, j) == 0) {
+        // No obstacle is nearer than the distance says, so that many cells are free.
+        i += std::max(0, static_cast<int>(body_.distance_m(i, j) / kCell_m) - 1);
+        continue;
+      }
       const glm::dvec2 c = frame_.center_m(i, j);
-      // Cheap refusal by discs before the exact test.
-      if (glm::distance(c, center) - radius_m - kCell_m > best.distance_m) continue;
+      // Cheap refusal before the exact test: the cell as the disc around it.
+      const glm::dvec2 gap = glm::max(glm::abs(axes.to_base(c)) - half, 0.0);
+      const double refused_m = best.distance_m + kCellRadius_m;
+      if (glm::dot(gap, gap) > refused_m * refused_m) continue;
       const Clearance found = rectangle_to_square(axes, half, c, 0.5 * kCell_m);
       if (found.distance_m < best.distance_m) best = found;
     }

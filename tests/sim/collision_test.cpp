@@ -1,7 +1,9 @@
 #include "sim/collision.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include <gtest/gtest.h>
@@ -41,6 +43,62 @@ TEST_F(CollisionInRoom, ClearanceOfTurnedBaseMatchesItsCorners) {
     const Clearance c = world_.clearance({4.0 - reach_m - 0.03, 2.0, yaw});
     EXPECT_NEAR(c.distance_m, 0.03, 1e-6) << yaw;
   }
+}
+
+/// From a point to the segment a-b.
+double to_segment_m(const glm::dvec2& p, const glm::dvec2& a, const glm::dvec2& b) {
+  const double t = glm::clamp(glm::dot(p - a, b - a) / glm::dot(b - a, b - a), 0.0, 1.0);
+  return glm::distance(p, a + t * (b - a));
+}
+
+/// Two disjoint convex polygons are nearest where one of them has a corner.
+double polygon_gap_m(const std::array<glm::dvec2, 4>& p, const std::array<glm::dvec2, 4>& q) {
+  double best_m = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < 4; ++i) {
+    for (std::size_t k = 0; k < 4; ++k) {
+      best_m = std::min({best_m, to_segment_m(p[i], q[k], q[(k + 1) % 4]),
+                         to_segment_m(q[i], p[k], p[(k + 1) % 4])});
+    }
+  }
+  return best_m;
+}
+
+std::array<glm::dvec2, 4> rectangle(const core::Pose2& pose, double length_m, double width_m) {
+  const glm::dvec2 x(std::cos(pose.yaw_rad), std::sin(pose.yaw_rad)), y(-x.y, x.x);
+  const glm::dvec2 c(pose.x_m, pose.y_m);
+  const glm::dvec2 a = 0.5 * length_m * x, b = 0.5 * width_m * y;
+  return {c + a + b, c - a + b, c - a - b, c + a - b};
+}
+
+TEST_F(CollisionInRoom, ClearanceIsThatToTheNearestOfAllCells) {
+  TriangleMesh mesh = make_two_rooms();
+  append_box(mesh, {1.0F, 0.8F, 0.0F}, {1.3F, 1.2F, 0.5F});
+  const RobotModel robot = RobotModel::jackal();
+  const CollisionWorld world(mesh, robot);
+  const GridFrame& frame = world.frame();
+  core::RandomStream random(4, "clearance");
+  int compared = 0;
+  for (int k = 0; k < 400; ++k) {
+    const core::Pose2 pose{random.uniform(0.0, 6.0), random.uniform(0.0, 4.0),
+                           random.uniform(-3.0, 3.0)};
+    const double found_m = world.clearance(pose).distance_m;
+    if (found_m <= 0.0 || found_m >= CollisionWorld::kReach_m) continue;
+    const auto base = rectangle(pose, robot.length_m, robot.width_m);
+    double nearest_m = std::numeric_limits<double>::infinity();
+    for (int j = 0; j < frame.height; ++j) {
+      for (int i = 0; i < frame.width; ++i) {
+        if (world.body_layer().occupied(i, j) == 0) continue;
+        const glm::dvec2 c = frame.center_m(i, j);
+        if (glm::distance(c, {pose.x_m, pose.y_m}) > 1.0) continue;
+        nearest_m = std::min(
+            nearest_m, polygon_gap_m(base, rectangle({c.x, c.y, 0.0}, CollisionWorld::kCell_m,
+                                                     CollisionWorld::kCell_m)));
+      }
+    }
+    ASSERT_NEAR(found_m, nearest_m, 1e-9) << "pose " << k;
+    ++compared;
+  }
+  EXPECT_GT(compared, 30);
 }
 
 TEST_F(CollisionInRoom, StraightDriveStopsWithinAMillimetreOfTheWall) {

@@ -1,6 +1,5 @@
 // What the simulator itself costs: one substep of 5 ms, and a scripted drive without camera.
 // SEGSIM_BENCH_MESH names a collision mesh (collision.ply of a bundle); default: flat 3.
-#include <cmath>
 #include <cstdlib>
 
 #include <benchmark/benchmark.h>
@@ -39,7 +38,7 @@ core::Pose2 free_start() {
     const glm::dvec2 p =
         frame.origin_m + frame.cell_m * glm::dvec2(random.uniform(0, frame.width),
                                                    random.uniform(0, frame.height));
-    if (bench_world().collision().body_distance_m(p) > 0.5) return {p.x, p.y, 0.0};
+    if (bench_world().collision().body_distance_m(p) > 1.0) return {p.x, p.y, 0.0};
   }
 }
 
@@ -84,13 +83,15 @@ class NoDetector final : public core::Detector {
   std::vector<std::string> names_{"couch"};
 };
 
-class Weave final : public core::Policy {
+class Eight final : public core::Policy {
  public:
   void reset(const core::ObjectGoal&, std::uint64_t) override {}
   core::Decision decide(const core::Observation& seen,
                         std::span<const core::Detection>) override {
-    const double t = core::seconds(seen.capture_time_ns);
-    return {{0.3, 1.2 * std::sin(0.7 * t)}, core::PolicyMode::kExplore, false, {}};
+    // Circles of 0.31 m, to the left and to the right in turns.
+    const double turns = core::seconds(seen.capture_time_ns) * 0.8 / 6.2831853;
+    const double side = static_cast<int>(turns) % 2 == 0 ? 1.0 : -1.0;
+    return {{0.25, 0.8 * side}, core::PolicyMode::kExplore, false, {}};
   }
   core::PolicyView view() const override { return {}; }
 };
@@ -118,12 +119,13 @@ void BM_ScriptedDrive(benchmark::State& state) {
   }
   NoRenderer renderer;
   NoDetector detector;
-  Weave policy;
+  Eight policy;
   double simulated_s = 0.0;
   for (auto _ : state) {
     const TrialResult result =
         run_trial(episode, options, world, world.robot(), renderer, detector, policy, nullptr);
     if (result.path_m < 1.0) state.SkipWithError("ERROR OCCURRED: the robot did not drive");
+    if (result.contacts > 0) state.SkipWithError("ERROR OCCURRED: the robot met something");
     simulated_s += result.sim_s;
   }
   state.counters["real_time_factor"] =
