@@ -224,4 +224,14 @@ std::string nearest_word(const std::string& word, const std::vector<std::string>
   return best;
 }
 
+std::size_t one_of(const ConfigNode& node, const std::string& found,
+                   const std::vector<std::string>& words) {
+  const auto at = std::find(words.begin(), words.end(), found);
+  if (at != words.end()) return static_cast<std::size_t>(at - words.begin());
+  std::string list;
+  for (const std::string& word : words) list += (list.empty() ? "" : " | ") + word;
+  const std::string near = nearest_word(found, words);
+  node.fail(list, "\"" + found + "\"" + (near.empty() ? "" : " (near: " + near + ")"));
+}
+
 }  // namespace segsim::core

@@ -67,4 +67,9 @@ class ConfigNode {
 [[nodiscard]] std::string nearest_word(const std::string& word,
                                        const std::vector<std::string>& candidates);
 
+/// The index of `found`, a text of the node, in `words`.
+/// @throws InputError that lists the words and names the nearest one.
+[[nodiscard]] std::size_t one_of(const ConfigNode& node, const std::string& found,
+                                 const std::vector<std::string>& words);
+
 }  // namespace segsim::core

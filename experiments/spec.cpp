@@ -89,17 +89,10 @@ std::uint64_t read_seed(const ConfigNode& node, std::uint64_t fallback) {
   return static_cast<std::uint64_t>(value);
 }
 
-/// The index of the text under `key` in `words`; names the nearest word otherwise.
+/// The index of the text under `key` in `words`.
 std::size_t one_of(const ConfigNode& node, const std::string& key,
                    const std::vector<std::string>& words) {
-  const std::string found = node.text(key);
-  const auto at = std::find(words.begin(), words.end(), found);
-  if (at != words.end()) return static_cast<std::size_t>(at - words.begin());
-  std::string list;
-  for (const std::string& word : words) list += (list.empty() ? "" : " | ") + word;
-  const std::string near = core::nearest_word(found, words);
-  node.child(key).fail(list,
-                       "\"" + found + "\"" + (near.empty() ? "" : " (near: " + near + ")"));
+  return core::one_of(node.child(key), node.text(key), words);
 }
 
 /// A name that can be part of a file name.

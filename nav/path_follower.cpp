@@ -28,7 +28,20 @@ core::Pose2 advance(const core::Pose2& pose, const core::VelocityCommand& comman
           core::wrap_angle_rad(pose.yaw_rad + turn)};
 }
 
-PathFollower::PathFollower(const FollowerOptions& options) : options_(options) {
+namespace {
+
+DwaOptions with_limits_of(const FollowerOptions& options) {
+  DwaOptions window = options.window;
+  window.max_forward_mps = options.max_forward_mps;
+  window.max_turn_radps = options.max_turn_radps;
+  window.goal_tolerance_m = options.goal_tolerance_m;
+  return window;
+}
+
+}  // namespace
+
+PathFollower::PathFollower(const FollowerOptions& options)
+    : options_(options), window_(with_limits_of(options)) {
   SEGSIM_CHECK(options.max_forward_mps > 0.0 && options.max_turn_radps > 0.0, "speed limits");
   SEGSIM_CHECK(options.lookahead_m > 0.0, "lookahead_m");
 }
@@ -38,9 +51,13 @@ void PathFollower::set_path(const Path& path) {
   segment_ = 0;
   segment_t_ = 0.0;
   blocked_ = false;
+  window_.set_path(path);
 }
 
-void PathFollower::clear() { set_path({}); }
+void PathFollower::clear() {
+  set_path({});
+  window_.clear();
+}
 
 bool PathFollower::arrived(const core::Pose2& pose) const {
   return has_path() && glm::distance(path_.points_m.back(), glm::dvec2(pose.x_m, pose.y_m)) <=
@@ -115,6 +132,11 @@ core::VelocityCommand PathFollower::turn_to(const core::Pose2& pose, double yaw_
 core::VelocityCommand PathFollower::follow(const core::Pose2& pose, const CostMap& map) {
   blocked_ = false;
   if (!has_path() || arrived(pose)) return {};
+  if (options_.motion == LocalMotion::kDynamicWindow) {
+    const core::VelocityCommand command = window_.follow(pose, map);
+    blocked_ = window_.blocked();
+    return command;
+  }
   const glm::dvec2 position(pose.x_m, pose.y_m);
   const glm::dvec2 offset = lookahead_point(position) - position;
   const double distance_m = std::max(glm::length(offset), 1e-3);

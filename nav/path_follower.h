@@ -1,18 +1,24 @@
 #pragma once
 
 /// @file
-/// Pure pursuit (Coulter 1992) for a differential drive: turn in place when the path lies far
-/// off the heading, slow down near obstacles and at the end, and never command a motion whose
-/// forward simulation enters a cell known as occupied.
+/// Pure pursuit (Coulter 1992), or a dynamic window (nav/dwa_follower.h), for a differential
+/// drive: turn in place when the path lies far off the heading, slow down near obstacles and
+/// at the end, and never command a motion whose forward simulation enters a cell known as
+/// occupied.
 
 #include "core/frames.h"
 #include "core/stages.h"
 #include "nav/cost_map.h"
+#include "nav/dwa_follower.h"
 #include "nav/grid_planner.h"
 
 namespace segsim::nav {
 
+enum class LocalMotion : std::uint8_t { kPurePursuit, kDynamicWindow };
+
 struct FollowerOptions {
+  LocalMotion motion = LocalMotion::kPurePursuit;
+  DwaOptions window;  ///< Of the dynamic window; its speed limits are those below.
   double max_forward_mps = 0.8;
   double max_turn_radps = 1.2;
   double max_accel_mps2 = 1.5;  ///< Assumed deceleration when slowing towards the goal.
@@ -59,6 +65,7 @@ class PathFollower {
   glm::dvec2 lookahead_point(const glm::dvec2& position_m);
 
   FollowerOptions options_;
+  DwaFollower window_;
   Path path_;
   std::size_t segment_ = 0;  ///< Where the nearest point was found last.
   double segment_t_ = 0.0;

@@ -11,19 +11,9 @@ namespace segsim::nav {
 namespace {
 
 using core::ConfigNode;
+using core::one_of;
 
 constexpr int kMostRepeats = 10'000;
-
-/// Index of the text under `key`; names the nearest word otherwise.
-std::size_t one_of(const ConfigNode& node, const std::string& found,
-                   const std::vector<std::string>& words) {
-  const auto at = std::find(words.begin(), words.end(), found);
-  if (at != words.end()) return static_cast<std::size_t>(at - words.begin());
-  std::string list;
-  for (const std::string& word : words) list += (list.empty() ? "" : " | ") + word;
-  const std::string near = core::nearest_word(found, words);
-  node.fail(list, "\"" + found + "\"" + (near.empty() ? "" : " (near: " + near + ")"));
-}
 
 Rule read_rule(const ConfigNode& node) {
   return one_of(node, node.as_text(), {"vlfm", "fixed"}) == 0 ? Rule::kVlfm : Rule::kFixed;
@@ -51,7 +41,7 @@ void read_vlfm(const ConfigNode& node, PolicySettings& settings) {
   if (node.has("parity")) {
     const Rule rule = read_rule(node.child("parity"));
     settings.rules = VlfmRules(rule);
-    settings.second_look = rule == Rule::kFixed;
+    settings.second_look = settings.approach = settings.sweep = rule == Rule::kFixed;
   }
   if (const auto quirks = node.optional_child("quirks")) {
     for (std::size_t k = 0; k < kQuirks; ++k) {
@@ -66,11 +56,20 @@ void read_vlfm(const ConfigNode& node, PolicySettings& settings) {
         one_of(node.child("motion"), node.text("motion"), {"discrete", "pursuit"});
     settings.motion = motion == 0 ? Motion::kDiscrete : Motion::kPursuit;
   }
+  if (node.has("follower")) {
+    if (node.has("motion")) node.child("motion").fail("no motion beside follower", "both");
+    const std::size_t follower = one_of(node.child("follower"), node.text("follower"),
+                                        {"discrete", "pure-pursuit", "dwa"});
+    settings.motion = follower == 0 ? Motion::kDiscrete : Motion::kPursuit;
+    settings.dynamic_window = follower == 2;
+  }
   if (node.has("planner")) {
     settings.planner = static_cast<GridPlanner>(
         one_of(node.child("planner"), node.text("planner"), {"astar", "fast-marching"}));
   }
   settings.second_look = node.boolean_or("second_look", settings.second_look);
+  settings.approach = node.boolean_or("approach", settings.approach);
+  settings.sweep = node.boolean_or("sweep", settings.sweep);
   settings.min_score = node.number_or("min_score", settings.min_score);
   if (!(settings.min_score >= 0.0 && settings.min_score <= 1.0)) {
     node.child("min_score").fail("a number in [0, 1]", node.text("min_score"));
@@ -97,8 +96,11 @@ std::unique_ptr<core::Policy> make_vlfm(const PolicySettings& settings,
   VlfmOptions options = vlfm_for_jackal(settings.rules, context.camera_height_m);
   options.motion = settings.motion.value_or(Motion::kPursuit);
   options.second_look = settings.second_look;
+  options.approach = settings.approach;
+  if (!settings.sweep) options.sweep_places = 0;
   options.min_score = settings.min_score;
   options.values.fusion = settings.fusion;
+  if (settings.dynamic_window) options.follower.motion = LocalMotion::kDynamicWindow;
   options.scorer = make_scorer(settings, context);
   GridLocalOptions local;
   local.planner = settings.planner;
@@ -135,6 +137,10 @@ PolicySettings read_policy_settings(
     return settings;
   }
   if (type == "vlfm") read_vlfm(node, settings);
+  if (type.starts_with("frontier") && node.has("follower")) {
+    settings.dynamic_window =
+        one_of(node.child("follower"), node.text("follower"), {"pure-pursuit", "dwa"}) == 1;
+  }
   if (type == "vlfm" || type == "frontier-value") {
     settings.scorer = node.text_or("scorer", settings.scorer);
     if (node.has("scorer")) {
@@ -164,8 +170,11 @@ PolicySettings read_policy_settings(
 std::unique_ptr<core::Policy> make_policy(const PolicySettings& settings,
                                           const PolicyContext& context) {
   if (settings.type == "vlfm") return make_vlfm(settings, context);
+  FrontierPolicyOptions frontier;
+  if (settings.dynamic_window) frontier.follower.motion = LocalMotion::kDynamicWindow;
   if (settings.type == "frontier-value") {
     ValueSearchOptions options;
+    options.frontier = frontier;
     options.values.min_depth_m = 0.1;
     options.values.band_max_m = context.camera_height_m + 0.1;
     options.scorer = make_scorer(settings, context);
@@ -178,7 +187,7 @@ std::unique_ptr<core::Policy> make_policy(const PolicySettings& settings,
     return make_random_policy(options);
   }
   if (settings.type == "script") return make_script_policy(settings.actions);
-  return make_frontier_policy();
+  return make_frontier_policy(frontier);
 }
 
 }  // namespace segsim::nav

@@ -5,6 +5,7 @@
 ///
 ///     policy: frontier
 ///     policy: {type: vlfm, parity: fixed, quirks: {Q4: vlfm}, motion: discrete}
+///     policy: {type: frontier, follower: dwa}
 ///     policy: {type: script, actions: [left*12, forward*4, stop]}
 
 #include <filesystem>
@@ -25,10 +26,12 @@ namespace segsim::nav {
 struct PolicySettings {
   std::string type = "frontier";  ///< One of policy_names().
   // vlfm
-  VlfmRules rules;                            ///< `parity`, then `quirks`.
-  std::optional<Motion> motion;               ///< Default: pursuit.
+  VlfmRules rules;               ///< `parity`, then `quirks`.
+  std::optional<Motion> motion;  ///< Default: pursuit.
+  bool dynamic_window = false;   ///< Of pursuit: `follower: dwa`; any frontier policy.
   GridPlanner planner = GridPlanner::kAstar;  ///< Of discrete motion.
   bool second_look = true;                    ///< Default: false with `parity: vlfm`.
+  bool approach = true, sweep = true;         ///< The same.
   double min_score = 0.0;
   FusionRule fusion = FusionRule::kWeighted;
   // vlfm, frontier-value

@@ -161,9 +161,9 @@ void ValueMap::update(const core::Observation& observation, double value) {
   const double reach_m = options_.max_depth_m + 1.0;
   const auto margins = grow(frame_, options_.growth, robot - reach_m, robot + reach_m);
   if (margins && margins->any()) cells_ = grown(cells_, *margins);
-  const std::vector<float> limits_m = column_limits_m(observation, options_, rules_);
-  if (limits_m.empty()) return;
-  fuse_cone(observation, limits_m, static_cast<float>(value));
+  limits_m_ = column_limits_m(observation, options_, rules_);
+  if (limits_m_.empty()) return;
+  fuse_cone(observation, limits_m_, static_cast<float>(value));
 }
 
 void ValueMap::make_tables(const core::CameraIntrinsics& camera, std::size_t columns) {

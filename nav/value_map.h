@@ -65,6 +65,8 @@ class ValueMap {
   /// Fuses a view that promises `value`.
   void update(const core::Observation& observation, double value);
 
+  /// column_limits_m() of the last view.
+  [[nodiscard]] std::span<const float> last_limits_m() const { return limits_m_; }
   [[nodiscard]] const GridFrame& frame() const { return frame_; }
   /// (0, 0) outside of the map.
   [[nodiscard]] ValueCell at(const glm::dvec2& p_odom_m) const;
@@ -92,6 +94,7 @@ class ValueMap {
   GridFrame frame_;
   core::Image<ValueCell> cells_;
   ConeTables tables_;
+  std::vector<float> limits_m_;
 };
 
 }  // namespace segsim::nav

@@ -12,6 +12,8 @@ VlfmOptions published_vlfm() {
   options.rules = VlfmRules(Rule::kVlfm);
   options.motion = Motion::kDiscrete;
   options.second_look = false;
+  options.approach = false;
+  options.sweep_places = 0;
   options.min_score = 0.8;
   return options;  // The defaults of the maps are the published ones.
 }
@@ -30,6 +32,11 @@ VlfmOptions vlfm_for_jackal(const VlfmRules& rules, double camera_height_m) {
   options.values.band_max_m = camera_height_m + 0.1;
   // Equal values are the rule as long as the prior has nothing to go by.
   if (!rules.published(Quirk::kVetoFallback)) options.choice.tie_margin = 0.02;
+  // Both belong to the repaired handling of places that cannot be reached.
+  if (rules.published(Quirk::kNoRecovery)) {
+    options.approach = false;
+    options.sweep_places = 0;
+  }
   return options;
 }
 

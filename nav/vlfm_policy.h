@@ -60,6 +60,15 @@ struct VlfmOptions {
   /// reachable.
   double stop_limit_m = 1.5;
 
+  /// Not in VLFM: drive to a place that nav/approach.h chooses (these distances from the
+  /// object's surface, open floor between) and look there, instead of stopping where the
+  /// radius is crossed; an object that is not seen again gets one more look from farther away.
+  bool approach = true;
+  double approach_min_m = 0.5, approach_max_m = 0.75;
+  /// Not in VLFM: so many places that were seen only from afar are visited, with a turn
+  /// around, when no frontier is left.
+  int sweep_places = 4;
+
   CostMapOptions cost;
   DiscreteMotionOptions actions;
   FollowerOptions follower;

@@ -15,16 +15,9 @@ namespace {
 
 constexpr double kAtFrontier_m = 0.35;
 constexpr double kVeto_m = 0.5;
-constexpr double kLookTolerance_rad = 0.17;
-constexpr double kBoxMargin = 0.1;      // Of the image's width, around a box seen again.
-constexpr double kWrongObject_m = 0.6;  // What is deleted around an object not seen again.
-constexpr double kDetour_m = 15.0;      // Way that open floor to the object is worth.
 // Of frontiers that are worth the same the nearest is taken; the second one is part of the
 // state that must not come back.
 constexpr std::ptrdiff_t kTiesThatMatter = 2;
-constexpr double kBeyondWeight = 1000.0;
-constexpr double kInside_m =
-    0.15;  // A place this much nearer than the stop radius ends there.
 
 bool finite_pose(const core::Observation& observation) {
   const glm::dvec3& p = observation.T_odom_robot.translation_m();
@@ -104,6 +97,7 @@ void VlfmSearch::update_maps(const Now& now) {
   obstacles_.update(*now.observation);
   values_.update(*now.observation,
                  options_.scorer->score(*now.observation, now.detections, goal_.class_name));
+  if (options_.sweep_places > 0) note_near_cells(now);
   for (const core::Detection& detection : now.detections) {
     if (goal_.class_index < 0 || detection.class_index != goal_.class_index) continue;
     if (static_cast<double>(detection.score) < options_.min_score) continue;
@@ -195,10 +189,13 @@ core::VelocityCommand VlfmSearch::explore(const Now& now) {
     target_m_ = choose_frontier(now);
     planned_ns_ = -1;
   }
+  if (sweep_spinning_) return spin_for_sweep(now);
   if (!target_m_) {
+    if (const auto place_m = next_sweep_place(now)) return sweep_to(now, *place_m);
     stop("no_frontier_left");
     return {};
   }
+  sweep_m_.reset();
   // A frontier that is still there when the robot stands on it will not go away.
   if (!options_.rules.published(Quirk::kNoRecovery) &&
       glm::distance(*target_m_, now.position_m) < kAtFrontier_m) {
@@ -207,120 +204,6 @@ core::VelocityCommand VlfmSearch::explore(const Now& now) {
     return {};
   }
   return drive(now, *target_m_, true);
-}
-
-/// The cheapest reachable cell within the stop radius of the object, or the reachable one that
-/// is nearest to it.
-std::optional<glm::dvec2> VlfmSearch::place_beside(const Now& now,
-                                                   const glm::dvec2& object_m) {
-  const GridFrame& frame = cost_.frame();
-  if (!field_.begin(cost_, frame.cell_at(now.position_m))) return std::nullopt;
-  const double enough_m = options_.stop_radius_m - kInside_m;
-  // Every metre beyond the radius outweighs any way inside of a building: look nearby first.
-  for (double within_m = options_.stop_limit_m + 0.5;; within_m *= 2.0) {
-    const CellBox window =
-        CellBox{frame.cell_at(object_m - within_m), frame.cell_at(object_m + within_m)}
-            .clipped_to(field_.reachable_box());
-    std::optional<Cell> best;
-    double best_cost = std::numeric_limits<double>::infinity();
-    for (int j = window.low.y; j <= window.high.y; ++j) {
-      for (int i = window.low.x; i <= window.high.x; ++i) {
-        if (!field_.reachable({i, j})) continue;
-        const glm::dvec2 place_m = frame.center_m({i, j});
-        const double away_m = glm::distance(place_m, object_m);
-        const double beyond = kBeyondWeight * std::max(0.0, away_m - enough_m);
-        if (beyond >= best_cost) continue;
-        double cost = static_cast<double>(field_.cost_m(i, j)) + beyond;
-        if (cost >= best_cost) continue;
-        // Across a counter or behind a wall the object is near, yet not at hand.
-        if (away_m <= options_.stop_limit_m && !open_floor(cost_, place_m, object_m)) {
-          cost += kDetour_m;
-        }
-        if (cost < best_cost) {
-          best_cost = cost;
-          best = Cell(i, j);
-        }
-      }
-    }
-    const bool all = window == field_.reachable_box();
-    if (!all && best_cost >= kBeyondWeight * (within_m - enough_m)) continue;
-    if (!best) return std::nullopt;
-    return frame.center_m(*best);
-  }
-}
-
-core::VelocityCommand VlfmSearch::navigate(const Now& now, const glm::dvec3& object_m) {
-  const double rho_m = glm::distance(glm::dvec2(object_m), now.position_m);
-  // Another target than the one that was looked at.
-  if (rho_m >= options_.stop_limit_m) looking_since_ns_.reset();
-  if (looking_since_ns_ || rho_m < options_.stop_radius_m) {
-    if (options_.second_look) return look_again(now, object_m);
-    stop("goal_reached");
-    return {};
-  }
-  if (options_.motion == Motion::kDiscrete || replan_due(now) || !target_m_) {
-    refresh_cost_map();
-    target_m_ = place_beside(now, glm::dvec2(object_m));
-    planned_ns_ = -1;
-  }
-  const bool as_published = options_.rules.published(Quirk::kNoRecovery);
-  const bool arrived =
-      target_m_ && glm::distance(*target_m_, now.position_m) <
-                       options_.follower.goal_tolerance_m + 0.5 * options_.actions.forward_m;
-  if (!as_published && (!target_m_ || arrived)) {
-    // As near as it gets: good enough, or nothing that can be reached.
-    if (arrived && rho_m < options_.stop_limit_m) return look_again(now, object_m);
-    cloud_.erase_around(glm::dvec2(object_m), kWrongObject_m);
-    return {};
-  }
-  if (!target_m_) return {};
-  return drive(now, *target_m_, false);
-}
-
-bool VlfmSearch::seen_now(const Now& now, const glm::dvec3& object_m) const {
-  const glm::dvec3 p =
-      (now.observation->T_odom_camera().inverse() * core::Point<core::frame::Odom>{object_m})
-          .xyz_m;
-  if (!(p.z > 0.05)) return false;
-  const double u = now.observation->intrinsics.project(p).x;
-  const double margin = kBoxMargin * now.observation->intrinsics.width_px;
-  return std::any_of(now.detections.begin(), now.detections.end(),
-                     [&](const core::Detection& d) {
-                       return d.class_index == goal_.class_index &&
-                              static_cast<double>(d.score) >= options_.min_score &&
-                              u > static_cast<double>(d.box.x0) - margin &&
-                              u < static_cast<double>(d.box.x1) + margin;
-                     });
-}
-
-core::VelocityCommand VlfmSearch::look_again(const Now& now, const glm::dvec3& object_m) {
-  if (!options_.second_look) {
-    stop("goal_reached");
-    return {};
-  }
-  if (!looking_since_ns_) looking_since_ns_ = now.time_ns;
-  const double bearing =
-      std::atan2(object_m.y - now.position_m.y, object_m.x - now.position_m.x);
-  const double error = core::wrap_angle_rad(bearing - now.pose.yaw_rad);
-  const bool facing = std::abs(error) <=
-                      std::max(kLookTolerance_rad, options_.motion == Motion::kDiscrete
-                                                       ? options_.actions.turn_above_rad + 0.05
-                                                       : 0.0);
-  if (facing && seen_now(now, object_m)) {
-    stop("goal_reached");
-    return {};
-  }
-  const double turning_s = 5.0;  // A half turn, at the followers' rates.
-  const double looked_s = core::seconds(now.time_ns - *looking_since_ns_);
-  if (looked_s > (facing ? options_.second_look_s : options_.second_look_s + turning_s)) {
-    cloud_.erase_around(glm::dvec2(object_m), kWrongObject_m);
-    looking_since_ns_.reset();
-    target_m_.reset();
-    follower_.clear();
-    return {};
-  }
-  if (facing && std::abs(error) < 0.05) return {};
-  return face(now, bearing);
 }
 
 void VlfmSearch::stop(const std::string& reason) {

@@ -4,11 +4,13 @@
 /// The state machine behind make_vlfm_policy().
 
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "nav/grid_planner.h"
+#include "nav/object_map.h"
 #include "nav/vlfm_policy.h"
 
 namespace segsim::nav::internal {
@@ -32,7 +34,7 @@ class VlfmSearch final : public core::Policy {
     double period_s;  ///< Since the last decision.
   };
 
-  // vlfm_search.cpp: maps and modes.
+  // vlfm_search.cpp: maps and modes; vlfm_search_object.cpp: going to the object.
   void update_maps(const Now& now);
   core::VelocityCommand act(const Now& now);
   core::VelocityCommand explore(const Now& now);
@@ -40,9 +42,19 @@ class VlfmSearch final : public core::Policy {
   core::VelocityCommand look_again(const Now& now, const glm::dvec3& object_m);
   std::optional<glm::dvec2> choose_frontier(const Now& now);
   std::optional<glm::dvec2> place_beside(const Now& now, const glm::dvec2& object_m);
+  [[nodiscard]] MappedObject object_at(const glm::dvec2& object_m) const;
+  std::optional<glm::dvec2> approach_place(const Now& now, const glm::dvec2& object_m);
+  core::VelocityCommand approach(const Now& now, const glm::dvec3& object_m);
   [[nodiscard]] bool seen_now(const Now& now, const glm::dvec3& object_m) const;
   [[nodiscard]] bool vetoed(const glm::dvec2& place_m) const;
   void stop(const std::string& reason);
+
+  // vlfm_sweep.cpp: what is left when no frontier is.
+  void note_near_cells(const Now& now);
+  std::optional<glm::dvec2> next_sweep_place(const Now& now);
+  [[nodiscard]] bool swept(const glm::dvec2& place_m) const;
+  core::VelocityCommand sweep_to(const Now& now, const glm::dvec2& place_m);
+  core::VelocityCommand spin_for_sweep(const Now& now);
 
   // vlfm_search_motion.cpp: carrying it out.
   core::VelocityCommand spin(const Now& now);
@@ -80,6 +92,14 @@ class VlfmSearch final : public core::Policy {
   glm::dvec2 planned_for_m_{0.0};
   std::vector<glm::dvec2> vetoed_m_;
   std::optional<core::TimeNs> looking_since_ns_;
+  bool looked_from_afar_ = false;  ///< The present object gets its look from farther away.
+
+  std::set<std::pair<int, int>> seen_near_;  ///< Coarse cells that a near view showed.
+  std::optional<glm::dvec2> sweep_m_;
+  std::vector<glm::dvec2> swept_m_;
+  core::TimeNs sweep_since_ns_ = 0;
+  int sweeps_ = 0;
+  bool sweep_spinning_ = false;
 
   bool recovering_ = false, recovery_turning_ = false;
   core::Pose2 recovery_start_;

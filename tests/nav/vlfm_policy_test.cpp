@@ -261,12 +261,49 @@ TEST(VlfmPolicy, DegenerateInputHasADefinedOutcome) {
 }
 
 TEST(VlfmPolicy, StartInsideAnObstacle) {
+  const core::Pose2 on_the_bed{1.2, 1.0, 0.0};
+  SimulationOptions camera = small_camera(1);
+  camera.time_limit_s = 60.0;
   for (const Rule rule : {Rule::kVlfm, Rule::kFixed}) {
-    const SimulationResult result =
-        search(vlfm_for_jackal(VlfmRules(rule), kMast_m), {1.2, 1.0, 0.0},  // On the bed.
-               std::nullopt);
-    EXPECT_GT(result.ticks, 10);
+    auto policy = make_vlfm_policy(vlfm_for_jackal(VlfmRules(rule), kMast_m));
+    const SimulationResult result = run_episode(four_rooms(), on_the_bed, camera, *policy);
+    // It cannot get off. Fixed, it notices and says so; published, it has no way to.
+    EXPECT_LT(result.path_m, 1.0);
+    if (rule == Rule::kFixed) {
+      EXPECT_TRUE(result.recovered);
+      EXPECT_THAT(result.stop_reason, testing::AnyOf("stuck", "no_frontier_left"));
+    } else {
+      EXPECT_FALSE(result.recovered);
+      EXPECT_THAT(result.stop_reason, testing::AnyOf("", "no_frontier_left"));
+    }
   }
+}
+
+/// A goal behind glass, seen and never reached.
+TEST(VlfmPolicy, UnreachableGoalIsGivenUp) {
+  BoxWorld world = four_rooms();
+  world.object = Box{{9.3, 7.3, 0.0}, {9.8, 7.8, 0.9}};
+  world.invisible.push_back({{8.0, 6.0, 0.0}, {10.0, 6.1, 0.5}});
+  world.invisible.push_back({{8.0, 6.0, 0.0}, {8.1, 8.0, 0.5}});
+  SimulationOptions camera = small_camera(2);
+  camera.time_limit_s = 240.0;
+  auto policy = make_vlfm_policy(vlfm_for_jackal(VlfmRules(), kMast_m));
+  const SimulationResult result = run_episode(world, {7.0, 5.4, 0.5}, camera, *policy);
+  EXPECT_FALSE(result.success());
+  EXPECT_THAT(result.stop_reason, testing::AnyOf("stuck", "no_frontier_left"));
+}
+
+/// Corners that only far views covered are looked at before the search ends.
+TEST(VlfmPolicy, SweepsWhatWasSeenOnlyFromAfar) {
+  double path_m[2] = {0.0, 0.0};
+  for (const int places : {0, 4}) {
+    VlfmOptions options = vlfm_for_jackal(VlfmRules(), kMast_m);
+    options.sweep_places = places;
+    const SimulationResult result = search(options, {1.0, 2.6, 0.0}, std::nullopt);
+    EXPECT_EQ(result.stop_reason, "no_frontier_left");
+    path_m[places == 0 ? 0 : 1] = result.path_m;
+  }
+  EXPECT_GT(path_m[1], path_m[0] + 0.5);
 }
 
 TEST(VlfmPolicy, TenThousandStepsStayBounded) {
