@@ -67,7 +67,7 @@ struct FrontierPolicyOptions {
   FrontierScorer scorer;
 };
 
-/// Stop reasons: "goal_reached", "no_frontier_left", "stuck".
+/// Stop reasons: "goal_reached", "no_frontier_left", "stuck", "map_exhausted".
 /// @throws ContractViolation for options out of range.
 [[nodiscard]] std::unique_ptr<core::Policy> make_frontier_policy(
     const FrontierPolicyOptions& options = {});

@@ -158,10 +158,10 @@ void OccupancyMap::reset() {
   observed_ = changed_ = {};
   touched_.clear();
   stamp_ = 0;
-  started_ = false;
+  started_ = exhausted_ = false;
 }
 
-void OccupancyMap::ensure_covers(const glm::dvec2& low_m, const glm::dvec2& high_m) {
+bool OccupancyMap::ensure_covers(const glm::dvec2& low_m, const glm::dvec2& high_m) {
   const double r = frame_.resolution_m;
   const int step = static_cast<int>(std::ceil(kGrowStep_m / r));
   if (frame_.width_cells == 0) {
@@ -173,7 +173,16 @@ void OccupancyMap::ensure_covers(const glm::dvec2& low_m, const glm::dvec2& high
     body_ = mast_ = core::Image<float>(frame_.width_cells, frame_.height_cells, 0.0F);
     heights_ = core::Image<Heights>(frame_.width_cells, frame_.height_cells);
     hole_views_ = core::Image<std::uint8_t>(frame_.width_cells, frame_.height_cells);
-    return;
+    return true;
+  }
+  // In cells, and before they are counted in whole numbers.
+  const double limit = options_.max_extent_m / r;
+  const glm::dvec2 from = glm::min((low_m - frame_.origin_m) / r, glm::dvec2(0.0));
+  const glm::dvec2 to = glm::max((high_m - frame_.origin_m) / r,
+                                 glm::dvec2(frame_.width_cells, frame_.height_cells));
+  if (to.x - from.x > limit || to.y - from.y > limit) {
+    exhausted_ = true;
+    return false;
   }
   const Cell low = frame_.cell_at(low_m), high = frame_.cell_at(high_m);
   const auto steps = [&](int missing) {
@@ -182,7 +191,7 @@ void OccupancyMap::ensure_covers(const glm::dvec2& low_m, const glm::dvec2& high
   const int left = steps(-low.x), bottom = steps(-low.y);
   const int right = steps(high.x - frame_.width_cells + 1);
   const int top = steps(high.y - frame_.height_cells + 1);
-  if (left + bottom + right + top == 0) return;
+  if (left + bottom + right + top == 0) return true;
   const int width = frame_.width_cells + left + right;
   const int height = frame_.height_cells + bottom + top;
   body_ = grown(body_, left, bottom, width, height);
@@ -192,6 +201,7 @@ void OccupancyMap::ensure_covers(const glm::dvec2& low_m, const glm::dvec2& high
   frame_.origin_m -= glm::dvec2(left, bottom) * r;
   frame_.width_cells = width;
   frame_.height_cells = height;
+  return true;
 }
 
 /// Places the scratch window around the eye: two cells more than the range on each side.
@@ -481,7 +491,7 @@ void OccupancyMap::fuse_view(const View& view) {
 }
 
 void OccupancyMap::mark_free_disc(const glm::dvec2& center_odom_m, double radius_m) {
-  ensure_covers(center_odom_m - radius_m, center_odom_m + radius_m);
+  if (!ensure_covers(center_odom_m - radius_m, center_odom_m + radius_m)) return;
   for_each_cell_in_disc(frame_, center_odom_m, radius_m, [&](int i, int j) {
     body_(i, j) = mast_(i, j) = options_.log_odds_min;
     heights_(i, j) = {};
@@ -491,7 +501,7 @@ void OccupancyMap::mark_free_disc(const glm::dvec2& center_odom_m, double radius
 }
 
 void OccupancyMap::mark_blocked_disc(const glm::dvec2& center_odom_m, double radius_m) {
-  ensure_covers(center_odom_m - radius_m, center_odom_m + radius_m);
+  if (!ensure_covers(center_odom_m - radius_m, center_odom_m + radius_m)) return;
   for_each_cell_in_disc(frame_, center_odom_m, radius_m, [&](int i, int j) {
     body_(i, j) = kBlocked;
     note_changed({i, j});
@@ -540,7 +550,7 @@ void OccupancyMap::fuse_image(const core::Image<float>& depth_m, const View& vie
   const glm::dvec2 robot(view.robot_m), eye(view.eye_m);
 
   const double reach_m = options_.max_range_m + 4.0 * frame_.resolution_m;
-  ensure_covers(glm::min(robot, eye) - reach_m, glm::max(robot, eye) + reach_m);
+  if (!ensure_covers(glm::min(robot, eye) - reach_m, glm::max(robot, eye) + reach_m)) return;
   if (!started_) {
     const double blind_m = view.range_where_lowest_ray_is_at(options_.pass_height_m);
     assume_free_disc(robot, options_.start_free_radius_m > 0.0

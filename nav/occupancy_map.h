@@ -48,6 +48,7 @@ struct OccupancyOptions {
   int hole_views = 3;  ///< seen so often, its unknown cells are presumed free. 0: never.
   /// Every n-th pixel is traced for clearing; of large images, more: about 128 x 64 rays.
   int ray_step_x_px = 2, ray_step_y_px = 3;
+  double max_extent_m = 200.0;  ///< No side of the map gets longer; see exhausted().
   float log_odds_hit = 0.7F, log_odds_miss = 0.35F;
   float log_odds_min = -1.5F, log_odds_max = 2.5F;
   float occupied_above = 0.5F;  ///< Log-odds; one hit makes an unknown cell occupied.
@@ -74,6 +75,8 @@ class OccupancyMap {
   void mark_blocked_disc(const glm::dvec2& center_odom_m, double radius_m);
 
   [[nodiscard]] const GridFrame& frame() const { return frame_; }
+  /// Something lay farther away than the map may grow; it was left out.
+  [[nodiscard]] bool exhausted() const { return exhausted_; }
   /// Holds every cell that ever said something about the body layer, in the frame of now.
   [[nodiscard]] CellBox observed() const;
   /// Holds every cell that may have changed since the last call, in the frame of now.
@@ -105,7 +108,8 @@ class OccupancyMap {
     Heights heights;                                  ///< Of this image's hits.
   };
 
-  void ensure_covers(const glm::dvec2& low_m, const glm::dvec2& high_m);
+  /// Grows the map to hold the box; false, and nothing done, if it may not grow so far.
+  [[nodiscard]] bool ensure_covers(const glm::dvec2& low_m, const glm::dvec2& high_m);
   /// Index into the scratch window of a cell of the map.
   [[nodiscard]] std::size_t seen_index(const Cell& cell) const;
   void open_window(const glm::dvec2& eye_m);
@@ -135,7 +139,7 @@ class OccupancyMap {
   core::Image<float> body_, mast_;  ///< Log-odds.
   core::Image<Heights> heights_;
   core::Image<std::uint8_t> hole_views_;
-  bool started_ = false;
+  bool started_ = false, exhausted_ = false;
   CellBox observed_,
       changed_;  ///< On the lattice of GridFrame, so that growth shifts nothing.
   core::Image<float> thinned_m_;  ///< Scratch.

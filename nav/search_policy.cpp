@@ -40,8 +40,12 @@ core::Decision SearchPolicy::decide(const core::Observation& observation,
   const core::Pose2 pose = pose_of(observation.T_odom_robot);
   const Now now{&observation, pose, {pose.x_m, pose.y_m}, observation.capture_time_ns};
   core::Decision decision;
+  if (!finite_pose(observation)) return decision;  // Wait for the next one.
   if (state_ != State::kStopped) {
     map_.integrate(observation);
+    if (map_.exhausted()) stop("map_exhausted");
+  }
+  if (state_ != State::kStopped) {
     note_map_changes();
     cost_fresh_ = false;
     objects_.update(observation, detections, goal_.class_index);

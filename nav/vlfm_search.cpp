@@ -19,12 +19,6 @@ constexpr double kVeto_m = 0.5;
 // state that must not come back.
 constexpr std::ptrdiff_t kTiesThatMatter = 2;
 
-bool finite_pose(const core::Observation& observation) {
-  const glm::dvec3& p = observation.T_odom_robot.translation_m();
-  const glm::dquat& q = observation.T_odom_robot.rotation();
-  return std::isfinite(p.x + p.y + p.z + q.w + q.x + q.y + q.z);
-}
-
 /// Searches until so many of the cells are settled, or all.
 void settle_nearest(const GeodesicField& field, const std::vector<Cell>& cells,
                     std::ptrdiff_t count) {

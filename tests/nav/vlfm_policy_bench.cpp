@@ -1,11 +1,14 @@
-/// One tick of VLFM: maps, frontiers, decision; depth images of 640 x 480, a map that may
-/// reach 50 m x 50 m. The simulator's time is not counted.
+/// One tick of VLFM and of the frontier policy: maps, frontiers, decision; depth images of 640
+/// x 480, a map that may reach 50 m x 50 m. The simulator's time is not counted.
 
 #include <algorithm>
 #include <ctime>
+#include <memory>
+#include <vector>
 
 #include <benchmark/benchmark.h>
 
+#include "nav/frontier_policy.h"
 #include "nav/vlfm_policy.h"
 #include "tests/nav/box_world.h"
 
@@ -63,8 +66,7 @@ BoxWorld building() {
 }
 
 void run(benchmark::State& state, const BoxWorld& world, const core::Pose2& start,
-         const VlfmOptions& options) {
-  auto policy = make_vlfm_policy(options);
+         std::unique_ptr<core::Policy> policy) {
   Simulation simulation(world, start, camera_options());
   policy->reset({"thing", 0}, 1);
   std::vector<double> ms;
@@ -90,22 +92,82 @@ void run(benchmark::State& state, const BoxWorld& world, const core::Pose2& star
 
 void BM_VlfmFlat(benchmark::State& state) {
   const auto rule = static_cast<Rule>(state.range(0));
-  run(state, four_rooms(), {1.0, 2.6, 0.0}, vlfm_for_jackal(VlfmRules(rule), 1.2));
+  run(state, four_rooms(), {1.0, 2.6, 0.0},
+      make_vlfm_policy(vlfm_for_jackal(VlfmRules(rule), 1.2)));
 }
 BENCHMARK(BM_VlfmFlat)
     ->Arg(0)
     ->Arg(1)
     ->UseManualTime()
-    ->Iterations(200)
+    ->Iterations(400)
     ->Unit(benchmark::kMillisecond);
 
 void BM_VlfmBuilding(benchmark::State& state) {
   VlfmOptions options = vlfm_for_jackal(VlfmRules(), 1.2);
   options.obstacles.growth.start_extent_m = 50.0;
   options.values.growth.start_extent_m = 50.0;
-  run(state, building(), {15.0, 12.0, 0.0}, options);
+  run(state, building(), {15.0, 12.0, 0.0}, make_vlfm_policy(options));
 }
-BENCHMARK(BM_VlfmBuilding)->UseManualTime()->Iterations(200)->Unit(benchmark::kMillisecond);
+BENCHMARK(BM_VlfmBuilding)->UseManualTime()->Iterations(400)->Unit(benchmark::kMillisecond);
+
+void BM_Frontier(benchmark::State& state) {
+  if (state.range(0) == 0) {
+    run(state, four_rooms(), {1.0, 2.6, 0.0}, make_frontier_policy());
+  } else {
+    run(state, building(), {15.0, 12.0, 0.0}, make_frontier_policy());
+  }
+}
+BENCHMARK(BM_Frontier)
+    ->Arg(0)
+    ->Arg(1)
+    ->UseManualTime()
+    ->Iterations(400)
+    ->Unit(benchmark::kMillisecond);
+
+/// All decisions of an episode of 500 steps on recorded images of 256 x 192, in one go.
+void BM_ReplayedEpisode(benchmark::State& state) {
+  constexpr int kSteps = 500, kWiden = 2;
+  const auto make = [&] {
+    return state.range(0) == 0 ? make_frontier_policy()
+                               : make_vlfm_policy(vlfm_for_jackal(VlfmRules(), 1.2));
+  };
+  SimulationOptions options = camera_options();
+  options.camera = core::CameraIntrinsics::from_fov(256 / kWiden, 192 / kWiden, 1.378810109);
+  Simulation simulation(four_rooms(), {1.0, 2.6, 0.0}, options);
+  std::vector<core::Observation> observations;
+  std::vector<core::Image<float>> images(kSteps, core::Image<float>(256, 192));
+  auto recorder = make();
+  recorder->reset({"thing", 0}, 1);
+  for (core::Image<float>& image : images) {
+    core::Observation observation = simulation.observe();
+    for (int y = 0; y < 192; ++y) {
+      for (int x = 0; x < 256; ++x) {
+        image(x, y) = (*observation.depth_m)(x / kWiden, y / kWiden);
+      }
+    }
+    observation.intrinsics = observation.intrinsics.resized(256, 192);
+    observation.depth_m = &image;
+    observations.push_back(observation);
+    const core::Decision decision = recorder->decide(observation, {});
+    if (decision.stop) recorder->reset({"thing", 0}, 1);
+    simulation.step(decision.command);
+  }
+  for (auto _ : state) {
+    auto policy = make();
+    policy->reset({"thing", 0}, 1);
+    const double start_s = thread_cpu_s();
+    for (const core::Observation& observation : observations) {
+      if (policy->decide(observation, {}).stop) policy->reset({"thing", 0}, 1);
+    }
+    state.SetIterationTime(thread_cpu_s() - start_s);
+  }
+}
+BENCHMARK(BM_ReplayedEpisode)
+    ->Arg(0)
+    ->Arg(1)
+    ->UseManualTime()
+    ->Iterations(1)
+    ->Unit(benchmark::kMillisecond);
 
 /// The parts by themselves, on one view of the flat.
 template <class Map>
