@@ -40,6 +40,8 @@ int main(int argc, char** argv) {
   experiments::add_detector_command(app);
   experiments::add_masks_command(app);
   experiments::add_bench_command(app);
+  experiments::add_episodes_command(app);
+  experiments::add_explain_command(app);
 
   try {
     app.parse(argc, argv);
