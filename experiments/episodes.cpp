@@ -3,10 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <numbers>
 
 #include "core/error.h"
 #include "core/file_io.h"
+#include "core/progress.h"
 #include "core/random.h"
+#include "core/version.h"
 
 namespace segsim::experiments {
 namespace {
@@ -30,6 +33,21 @@ class RobotEye {
     return static_cast<int>(
         std::count(frame_.instance.pixels().begin(), frame_.instance.pixels().end(), id));
   }
+  /// Intersection over union of an instance's pixels with a box in the middle of the image,
+  /// half as wide and half as high.
+  [[nodiscard]] float centred_iou(std::uint16_t id) const {
+    const int width = frame_.instance.width_px(), height = frame_.instance.height_px();
+    int both = 0, either = (width / 2) * (height / 2);
+    for (int j = 0; j < height; ++j) {
+      const bool row = j >= height / 4 && j < height / 4 + height / 2;
+      for (int i = 0; i < width; ++i) {
+        if (frame_.instance(i, j) != id) continue;
+        const bool inside = row && i >= width / 4 && i < width / 4 + width / 2;
+        ++(inside ? both : either);
+      }
+    }
+    return either > 0 ? static_cast<float>(both) / static_cast<float>(either) : 0.0F;
+  }
   [[nodiscard]] int pixels_of_class(std::uint16_t id) const {
     return static_cast<int>(
         std::count(frame_.semantic.pixels().begin(), frame_.semantic.pixels().end(), id));
@@ -42,36 +60,48 @@ class RobotEye {
   core::Frame frame_;
 };
 
-/// Places from which the robot, turned to the object, sees enough of it.
-std::vector<glm::dvec2> visible_view_points(const sim::World& world,
-                                            const core::SceneInstance& instance,
-                                            const EpisodeRules& rules, RobotEye& eye,
-                                            EpisodeRejections& rejections) {
+/// Where the objects of a class are seen from; columns of equal length.
+struct ViewPoints {
+  std::vector<glm::dvec2> place_m;
+  std::vector<std::uint16_t> instance;
+  std::vector<float> iou;
+};
+
+/// Adds the places from which the robot, turned to the object, sees enough of it.
+/// @return  How many.
+int add_view_points(const sim::World& world, const core::SceneInstance& instance,
+                    const EpisodeRules& rules, RobotEye& eye, EpisodeRejections& rejections,
+                    ViewPoints& points) {
   const double image_px = static_cast<double>(rules.camera.width_px) * rules.camera.height_px;
   const int enough = std::max(rules.min_visible_pixels,
                               static_cast<int>(std::ceil(rules.min_visible_share * image_px)));
-  std::vector<glm::dvec2> kept, tested;
+  std::vector<glm::dvec2> tested;
+  int kept = 0;
   for (double radius_m = rules.view_radius_m; radius_m <= rules.max_view_radius_m + 1e-9;
        radius_m += rules.view_radius_step_m) {
-    for (const glm::dvec2& place :
-         sim::view_point_candidates(world, instance.box_min_m, instance.box_max_m, radius_m)) {
+    for (const glm::dvec2& place : sim::view_point_candidates(
+             world, instance.box_min_m, instance.box_max_m, radius_m, rules.view_lattice_m)) {
       // A wider ring contains the narrower one.
       if (std::find(tested.begin(), tested.end(), place) != tested.end()) continue;
       tested.push_back(place);
       ++rejections.view_points_tested;
       eye.look(sim::facing(place, instance.box_min_m, instance.box_max_m));
-      if (eye.pixels_of_instance(instance.id) >= enough) kept.push_back(place);
+      if (eye.pixels_of_instance(instance.id) < enough) continue;
+      ++kept;
+      points.place_m.push_back(place);
+      points.instance.push_back(instance.id);
+      points.iou.push_back(eye.centred_iou(instance.id));
     }
-    if (!kept.empty()) break;
+    if (kept > 0) break;
   }
-  rejections.view_points_kept += static_cast<int>(kept.size());
+  rejections.view_points_kept += kept;
   return kept;
 }
 
 /// One goal class that can be searched: where it is seen from, and starts in random order.
 struct Search {
   std::string class_name;
-  std::vector<glm::dvec2> view_points_m;
+  ViewPoints seen_from;
   std::vector<sim::SampledStart> starts;
 };
 
@@ -92,14 +122,14 @@ std::vector<sim::SampledStart> draw_starts(const sim::World& world, const Search
   sim::StartRules start_rules;
   start_rules.min_geodesic_m = rules.min_start_m;
   start_rules.max_geodesic_m = rules.max_start_m;
-  start_rules.min_ratio = 1.0;  // Rooms are small; a straight way is a fair way.
+  start_rules.min_ratio = rules.min_ratio;
   std::vector<sim::SampledStart> starts;
   for (int round = 0; round < kRounds && static_cast<int>(starts.size()) < count; ++round) {
     const std::uint64_t seed =
         core::hash64(search.class_name + "/" + std::to_string(round), rules.seed);
     sim::StartRejections refused;
     const std::vector<sim::SampledStart> drawn = sim::sample_starts(
-        world, search.view_points_m, 2 * count, seed, start_rules, &refused);
+        world, search.seen_from.place_m, 2 * count, seed, start_rules, &refused);
     add(refused, rejections.starts);
     for (const sim::SampledStart& start : drawn) {
       if (static_cast<int>(starts.size()) == count) break;
@@ -115,6 +145,12 @@ std::vector<sim::SampledStart> draw_starts(const sim::World& world, const Search
     if (drawn.empty()) break;
   }
   return starts;
+}
+
+std::string number_text(double number) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.17g", number);
+  return text;
 }
 
 std::string episode_id(const std::string& scene, const std::string& class_name,
@@ -139,7 +175,9 @@ std::vector<sim::Episode> deal(const std::string& scene_name,
       episode.id = episode_id(scene_name, search.class_name, turn);
       episode.class_name = search.class_name;
       episode.start = search.starts[turn].pose;
-      episode.view_points_m = search.view_points_m;
+      episode.view_points_m = search.seen_from.place_m;
+      episode.view_point_instance = search.seen_from.instance;
+      episode.view_point_iou = search.seen_from.iou;
       episode.shortest_path_m = search.starts[turn].geodesic_m;
       episode.seed = core::hash64(episode.id, rules.seed);
       episodes.push_back(std::move(episode));
@@ -148,7 +186,63 @@ std::vector<sim::Episode> deal(const std::string& scene_name,
   }
 }
 
+void check_island(const core::SceneBundle& bundle, const sim::World& world,
+                  const EpisodeRules& rules) {
+  const double needed_m2 =
+      std::numbers::pi * rules.min_island_radius_m * rules.min_island_radius_m;
+  const double found_m2 = world.free_space().area_m2(1);
+  if (found_m2 >= needed_m2) return;
+  char expected[96], found[64];
+  std::snprintf(expected, sizeof expected,
+                "room to drive of at least %.1f m2 (a disc of %g m)", needed_m2,
+                rules.min_island_radius_m);
+  std::snprintf(found, sizeof found, "%.1f m2 for %s", found_m2, world.robot().name.c_str());
+  throw core::InputError::expected(bundle.folder.string(), expected, found);
+}
+
+/// What the searched classes of a scene have to offer, class by class.
+std::vector<Search> find_searches(const core::SceneBundle& bundle, const sim::World& world,
+                                  const EpisodeRules& rules, RobotEye& eye,
+                                  EpisodeRejections& rejections) {
+  std::vector<Search> searches;
+  core::Progress progress("episodes", static_cast<std::int64_t>(rules.goals.size()));
+  std::int64_t done = 0;
+  for (const std::string& goal : rules.goals) {
+    progress.update(done++, goal);
+    const core::SceneClass* scene_class = bundle.manifest.find_class(goal);
+    Search search{goal, {}, {}};
+    bool any_instance = false;
+    for (const core::SceneInstance& instance : bundle.manifest.instances) {
+      if (scene_class == nullptr || instance.class_id != scene_class->id) continue;
+      any_instance = true;
+      if (add_view_points(world, instance, rules, eye, rejections, search.seen_from) == 0) {
+        ++rejections.instances_not_visible;
+      }
+    }
+    if (!any_instance) ++rejections.goals_without_instance;
+    if (search.seen_from.place_m.empty()) continue;
+    search.starts =
+        draw_starts(world, search, scene_class->id, rules.count, rules, eye, rejections);
+    searches.push_back(std::move(search));
+  }
+  progress.update(done);
+  progress.finish();
+  return searches;
+}
+
 }  // namespace
+
+std::string navmesh_settings_hash(const sim::RobotModel& robot) {
+  const sim::NavmeshSettings n = sim::navmesh_settings_for(robot);
+  std::string text = "free space " + number_text(sim::FreeSpace::kCell_m);
+  for (const double number :
+       {n.cell_m, n.cell_height_m, n.agent_height_m, n.agent_radius_m, n.max_climb_m,
+        n.max_slope_deg, n.region_min_cells, n.region_merge_cells, n.edge_max_m,
+        n.edge_max_error_cells, n.detail_sample_cells, n.detail_max_error_cells}) {
+    text += "|" + number_text(number);
+  }
+  return core::sha256_hex(text);
+}
 
 std::string rules_hash(const EpisodeRules& r, const std::string& robot) {
   std::string text = robot;
@@ -170,12 +264,11 @@ std::string rules_hash(const EpisodeRules& r, const std::string& robot) {
                             r.min_start_m,
                             r.max_start_m,
                             r.allow_visible_start ? 1.0 : 0.0,
-                            static_cast<double>(r.visible_start_pixels)};
-  for (const double number : numbers) {
-    char field[40];
-    std::snprintf(field, sizeof field, "|%.17g", number);
-    text += field;
-  }
+                            static_cast<double>(r.visible_start_pixels),
+                            r.view_lattice_m,
+                            r.min_ratio,
+                            r.min_island_radius_m};
+  for (const double number : numbers) text += "|" + number_text(number);
   return core::sha256_hex(text + "|" + std::to_string(r.seed));
 }
 
@@ -188,26 +281,15 @@ EpisodeSet generate_episodes(const std::string& scene_name, const core::SceneBun
   set.robot = world.robot().name;
   set.rules_sha256 = rules_hash(rules, set.robot);
 
+  set.generator = std::string("segsim ") + core::version();
+  set.seed = rules.seed;
+  set.navmesh_sha256 = navmesh_settings_hash(world.robot());
+  set.viewer = EpisodeViewer{rules.camera, rules.camera_height_m, rules.camera_pitch_down_rad};
+
+  check_island(bundle, world, rules);
   RobotEye eye(renderer, rules);
-  std::vector<Search> searches;
-  for (const std::string& goal : rules.goals) {
-    const core::SceneClass* scene_class = bundle.manifest.find_class(goal);
-    Search search{goal, {}, {}};
-    bool any_instance = false;
-    for (const core::SceneInstance& instance : bundle.manifest.instances) {
-      if (scene_class == nullptr || instance.class_id != scene_class->id) continue;
-      any_instance = true;
-      const std::vector<glm::dvec2> places =
-          visible_view_points(world, instance, rules, eye, set.rejections);
-      if (places.empty()) ++set.rejections.instances_not_visible;
-      search.view_points_m.insert(search.view_points_m.end(), places.begin(), places.end());
-    }
-    if (!any_instance) ++set.rejections.goals_without_instance;
-    if (search.view_points_m.empty()) continue;
-    search.starts =
-        draw_starts(world, search, scene_class->id, rules.count, rules, eye, set.rejections);
-    searches.push_back(std::move(search));
-  }
+  const std::vector<Search> searches =
+      find_searches(bundle, world, rules, eye, set.rejections);
   set.episodes = deal(scene_name, searches, rules);
   if (set.episodes.empty()) {
     std::string classes;

@@ -6,6 +6,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -37,6 +38,12 @@ struct EpisodeRules {
   double min_start_m = 2.0, max_start_m = 15.0;  ///< Geodesic, start to nearest view point.
   bool allow_visible_start = false;
   int visible_start_pixels = 40;  ///< From so many goal pixels on, the goal counts as in view.
+  double view_lattice_m = 0.25;   ///< Of the places that are tested as view points.
+  /// Starts whose geodesic is below this times the straight distance are accepted only with
+  /// probability 20 (ratio - 0.98)^2 (Habitat's PointNav sampling, there with 1.1); 1 = all.
+  double min_ratio = 1.0;
+  /// The largest island must have at least the area of this disc; 0 = any.
+  double min_island_radius_m = 0.0;
 };
 
 /// How many candidates were refused, by reason.
@@ -48,12 +55,36 @@ struct EpisodeRejections {
   sim::StartRejections starts;
 };
 
+/// The camera that decided what is visible; validation looks through it again.
+struct EpisodeViewer {
+  core::CameraIntrinsics camera;
+  double camera_height_m = 1.2, camera_pitch_down_rad = 0.0;
+};
+
+/// What the oracle-path arm made of a set (docs/episodes.md).
+struct OracleRecord {
+  static constexpr double kExpected = 0.95;  ///< Sets below are flagged.
+
+  int successes = 0, episodes = 0;
+  double spl = 0.0;
+  std::string profile;  ///< Success rule.
+  [[nodiscard]] double rate() const {
+    return episodes > 0 ? static_cast<double>(successes) / episodes : 0.0;
+  }
+};
+
 struct EpisodeSet {
-  static constexpr const char* kSchema = "segsim.episodes/1";
+  static constexpr const char* kSchema = "segsim.episodes/2";
+  static constexpr const char* kFirstSchema = "segsim.episodes/1";  ///< Read as well.
 
   std::string scene;         ///< Name; it begins every episode's id.
-  std::string scene_sha256;  ///< Of the bundle they belong to.
+  std::string scene_sha256;  ///< Of the bundle they belong to; empty if imported without one.
   std::string robot;
+  std::string generator;       ///< Program and version, or what it was imported from.
+  std::uint64_t seed = 0;      ///< Of the generator.
+  std::string navmesh_sha256;  ///< Of the settings behind every length.
+  std::optional<EpisodeViewer> viewer;
+  std::optional<OracleRecord> oracle;  ///< None: not validated.
   std::string rules_sha256;  ///< Of the rules they were made by; changes when a rule changes.
   EpisodeRejections rejections;
   std::vector<sim::Episode> episodes;
@@ -66,6 +97,9 @@ struct EpisodeSet {
                                            const core::SceneBundle& bundle,
                                            const sim::World& world, core::Renderer& renderer,
                                            const EpisodeRules& rules);
+
+/// Hash over the navmesh settings of a robot and the cell of the free space.
+[[nodiscard]] std::string navmesh_settings_hash(const sim::RobotModel& robot);
 
 /// Hash over every rule, for EpisodeSet::rules_sha256.
 [[nodiscard]] std::string rules_hash(const EpisodeRules& rules, const std::string& robot);

@@ -43,6 +43,8 @@ int main(int argc, char** argv) {
   experiments::add_bench_command(app);
   experiments::add_budget_command(app);
   experiments::add_replay_command(app);
+  experiments::add_episodes_command(app);
+  experiments::add_explain_command(app);
 
   try {
     app.parse(argc, argv);

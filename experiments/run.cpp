@@ -68,6 +68,10 @@ std::vector<SceneRow> scene_rows(const std::vector<LoadedScene>& scenes) {
     rows.push_back({scene.spec->name, scene.spec->title, scene.bundle.scene_sha256,
                     scene.episodes_sha256,
                     static_cast<std::int64_t>(scene.episodes.episodes.size())});
+    if (scene.episodes.oracle) {
+      rows.back().oracle_successes = scene.episodes.oracle->successes;
+      rows.back().oracle_episodes = scene.episodes.oracle->episodes;
+    }
   }
   return rows;
 }
@@ -204,6 +208,7 @@ class Tally {
       ++failed_;
       return;
     }
+    if (!trial.counts()) return;
     auto& [successes, trials] = counts_[trial.arm];
     ++trials;
     successes += trial.success ? 1 : 0;
@@ -276,12 +281,7 @@ void write_text(const fs::path& file, const std::string& text) {
 }  // namespace
 
 std::string success_in_words(const ExperimentSpec& spec) {
-  std::string text = spec.success.profile + ": STOP within " +
-                     number_text(spec.success.distance_m) + " m (geodesic) of a view point";
-  if (spec.success.require_visible) {
-    text += " and at least " + std::to_string(spec.success.visible_pixels) +
-            " px of one goal object in the final view";
-  }
+  const std::string text = spec.success.profile + ": " + sim::in_words(spec.success.rule());
   return text + ", within " + number_text(spec.time_limit_s) + " s";
 }
 
@@ -309,7 +309,8 @@ RunReport run_experiment(const ExperimentSpec& spec, const RunOptions& options) 
     std::fprintf(stderr, "segsim: loading %s\n", spec.scenes[i].title.c_str());
     scenes.push_back(load_scene(spec, spec.scenes[i], bundles[i], work));
     const EpisodeSet& set = scenes.back().episodes;
-    if (static_cast<int>(set.episodes.size()) < spec.scenes[i].episodes) {
+    if (spec.scenes[i].episode_file.empty() &&
+        static_cast<int>(set.episodes.size()) < spec.scenes[i].episodes) {
       std::fprintf(stderr, "segsim: note: %s has room for %zu of %d episodes (see %s)\n",
                    spec.scenes[i].title.c_str(), set.episodes.size(), spec.scenes[i].episodes,
                    (work / "episodes" / (spec.scenes[i].name + ".jsonl")).c_str());

@@ -29,14 +29,14 @@ struct RunReport {
 };
 
 /// Results lie in the work folder: results.sqlite, table.{txt,md,csv,json}, trials.csv,
-/// pictures/, tracks/, videos/, frames/, episodes/. Rows do not depend on the number of
+/// pictures/, tracks/, logs/, videos/, frames/, episodes/. Rows do not depend on the number of
 /// workers (wall times excepted).
 /// @throws core::InputError if the spec or a prepared input changed since the run began
 /// (unless
 ///         `new_run`), or if another process works in the folder.
 RunReport run_experiment(const ExperimentSpec& spec, const RunOptions& options);
 
-/// "segsim-object: STOP within 1 m of a view point and at least 40 px of the goal in view".
+/// "segsim-object: STOP within 1 m (geodesic) of a view point ..., within 180 s".
 [[nodiscard]] std::string success_in_words(const ExperimentSpec& spec);
 
 /// Writes table.* and trials.csv to the work folder.

@@ -7,6 +7,7 @@
 #include <numbers>
 #include <set>
 
+#include "core/check.h"
 #include "core/config.h"
 #include "core/error.h"
 #include "core/file_io.h"
@@ -181,8 +182,16 @@ SceneSpec read_scene(const ConfigNode& node, const Variables& variables,
   if (const auto source = node.optional_child("source")) {
     scene.source = read_source(*source, variables);
   }
-  scene.goals = node.texts("goals");
-  if (scene.goals.empty()) node.child("goals").fail("at least one class name", "none");
+  if (node.has("episode_file")) {
+    scene.episode_file = variables.expand(node.child("episode_file"));
+    for (const char* key : {"goals", "episodes", "start_distance_m", "allow_visible_start"}) {
+      if (node.has(key)) node.child(key).fail("no rule beside episode_file", key);
+    }
+  } else {
+    scene.goals = node.texts("goals");
+    if (scene.goals.empty()) node.child("goals").fail("at least one class name", "none");
+  }
+  scene.allow_trivial = node.boolean_or("allow_trivial", false);
   scene.episodes = count_within(node, "episodes", scene.episodes, 1, 100000);
   scene.camera_height_m =
       number_within(node, "camera_height_m", scene.camera_height_m, 0.05, 3.0);
@@ -312,9 +321,26 @@ SuccessSpec read_success(const ConfigNode& root) {
   SuccessSpec success;
   const std::optional<ConfigNode> node = root.optional_child("success");
   if (!node) return success;
-  (void)one_of(*node, "profile", {"segsim-object"});
-  success.distance_m = number_within(*node, "distance_m", success.distance_m, 0.01, 100.0);
-  success.require_visible = node->boolean_or("require_visible", true);
+  std::vector<std::string> names;
+  for (const sim::SuccessProfile& p : sim::success_profiles()) names.push_back(p.name);
+  const sim::SuccessProfile& profile =
+      sim::success_profiles()[one_of(*node, "profile", names)];
+  success.profile = profile.name;
+  success.distance_m = profile.distance_m;
+  success.require_visible = profile.require_visible;
+  if (success.profile == SuccessSpec{}.profile) {
+    success.distance_m = number_within(*node, "distance_m", success.distance_m, 0.01, 100.0);
+    success.require_visible = node->boolean_or("require_visible", true);
+  } else {
+    // With another number it would not be the rule of that name.
+    for (const char* key : {"distance_m", "require_visible"}) {
+      if (node->has(key)) {
+        node->child(key).fail("none with profile " + profile.name + ", which says \"" +
+                                  sim::in_words(profile) + "\"",
+                              node->text(key));
+      }
+    }
+  }
   success.visible_pixels =
       count_within(*node, "visible_pixels", success.visible_pixels, 1, 100000000);
   node->finish();
@@ -413,6 +439,16 @@ bool ExperimentSpec::leaks(const ArmSpec& arm, const SceneSpec& scene) const {
   if (arm.detector != ArmDetector::kAfter || !detectors.finetune) return false;
   const std::vector<std::string>& tuned = detectors.finetune->scenes;
   return std::find(tuned.begin(), tuned.end(), scene.name) != tuned.end();
+}
+
+sim::SuccessProfile SuccessSpec::rule() const {
+  const sim::SuccessProfile* named = sim::find_success_profile(profile);
+  SEGSIM_CHECK(named != nullptr, "a spec names a known profile");
+  sim::SuccessProfile rule = *named;
+  rule.distance_m = distance_m;
+  rule.require_visible = require_visible;
+  rule.visible_px = visible_pixels;
+  return rule;
 }
 
 SourceSpec read_source_spec(const ConfigNode& node, const SpecFolders& folders,

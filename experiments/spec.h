@@ -19,6 +19,7 @@
 #include "experiments/clock_spec.h"
 #include "nav/policy_factory.h"
 #include "renderer/renderer_backend.h"
+#include "sim/success_profile.h"
 
 namespace segsim::experiments {
 
@@ -67,7 +68,10 @@ struct SceneSpec {
   std::optional<SourceSpec> source;  ///< None: the bundle must exist.
   std::vector<std::string> goals;    ///< Class names to search for.
   int episodes = 20;                 ///< Over all goals.
-  double camera_height_m = 1.2;      ///< Of the robot's camera in this scene.
+  /// A set to run instead of generated episodes (docs/episodes.md); empty: generate.
+  std::filesystem::path episode_file;
+  bool allow_trivial = false;    ///< Run episodes that begin on a view point, too.
+  double camera_height_m = 1.2;  ///< Of the robot's camera in this scene.
   double min_start_distance_m = 2.0, max_start_distance_m = 15.0;  ///< Geodesic, to the goal.
   bool allow_visible_start = false;  ///< The goal may be in view at the start.
 };
@@ -116,6 +120,8 @@ struct SuccessSpec {
   double distance_m = 1.0;  ///< STOP must be this near to a view point (geodesic).
   bool require_visible = true;
   int visible_pixels = 40;  ///< Of a goal instance, in the final view.
+  /// The named rule with these numbers.
+  [[nodiscard]] sim::SuccessProfile rule() const;
 };
 
 struct CameraSpec {

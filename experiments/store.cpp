@@ -9,6 +9,8 @@
 #include <sqlite3.h>
 
 #include "core/error.h"
+#include "experiments/internal/sqlite_statement.h"
+#include "experiments/internal/store_attribution.h"
 
 namespace segsim::experiments {
 namespace {
@@ -24,7 +26,8 @@ CREATE TABLE run (
 CREATE TABLE scene (
   run_id INTEGER NOT NULL REFERENCES run, position INTEGER NOT NULL, name TEXT NOT NULL,
   title TEXT NOT NULL, scene_sha256 TEXT NOT NULL, episodes_sha256 TEXT NOT NULL,
-  episodes INTEGER NOT NULL, UNIQUE (run_id, name));
+  episodes INTEGER NOT NULL, oracle_successes INTEGER NOT NULL DEFAULT -1,
+  oracle_episodes INTEGER NOT NULL DEFAULT -1, UNIQUE (run_id, name));
 CREATE TABLE arm (
   run_id INTEGER NOT NULL REFERENCES run, position INTEGER NOT NULL, name TEXT NOT NULL,
   detector TEXT NOT NULL, weights_sha256 TEXT NOT NULL, tuned_on TEXT NOT NULL,
@@ -50,73 +53,6 @@ std::string hex(std::uint64_t value) {
   std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(value));
   return text;
 }
-
-/// A prepared statement; values are bound and read in order.
-class Statement {
- public:
-  Statement(sqlite3* db, const std::filesystem::path& file, const char* sql)
-      : db_(db), file_(file) {
-    check(sqlite3_prepare_v2(db, sql, -1, &statement_, nullptr));
-  }
-  ~Statement() { sqlite3_finalize(statement_); }
-  Statement(const Statement&) = delete;
-  Statement& operator=(const Statement&) = delete;
-
-  Statement& bind(const std::string& text) {
-    // SQLITE_TRANSIENT is a C cast; the text outlives the step, so no copy is needed.
-    check(sqlite3_bind_text(statement_, ++bound_, text.c_str(), -1, nullptr));
-    return *this;
-  }
-  Statement& bind(double value) {
-    check(sqlite3_bind_double(statement_, ++bound_, value));
-    return *this;
-  }
-  Statement& bind(std::int64_t value) {
-    check(sqlite3_bind_int64(statement_, ++bound_, value));
-    return *this;
-  }
-  Statement& bind(int value) { return bind(std::int64_t{value}); }
-  Statement& bind_null() {
-    check(sqlite3_bind_null(statement_, ++bound_));
-    return *this;
-  }
-
-  /// @return  Whether there is a row to read.
-  bool step() {
-    read_ = 0;
-    const int code = sqlite3_step(statement_);
-    if (code != SQLITE_ROW && code != SQLITE_DONE) check(code);
-    return code == SQLITE_ROW;
-  }
-
-  std::string text() {
-    const unsigned char* value = sqlite3_column_text(statement_, read_++);
-    return value == nullptr ? std::string()
-                            : std::string(reinterpret_cast<const char*>(value));
-  }
-  double number() { return sqlite3_column_double(statement_, read_++); }
-  std::int64_t integer() { return sqlite3_column_int64(statement_, read_++); }
-  int small_integer() { return static_cast<int>(integer()); }
-  std::optional<double> optional_number() {
-    if (sqlite3_column_type(statement_, read_) == SQLITE_NULL) {
-      ++read_;
-      return std::nullopt;
-    }
-    return number();
-  }
-
- private:
-  void check(int code) const {
-    if (code == SQLITE_OK) return;
-    throw core::InputError::expected(file_.string(), "a working SQLite database",
-                                     sqlite3_errmsg(db_));
-  }
-
-  sqlite3* db_;
-  const std::filesystem::path& file_;
-  sqlite3_stmt* statement_ = nullptr;
-  int bound_ = 0, read_ = 0;
-};
 
 }  // namespace
 
@@ -167,11 +103,17 @@ struct Store::Impl {
                                          "another SQLite database");
       }
       execute(kSchema);
+      execute(kAttributionSchema);
       Statement insert(db, file, "INSERT INTO meta VALUES (?, ?)");
       const std::string now = utc_now();
       insert.bind(kSchemaVersion).bind(now).step();
     } else {
-      const std::int64_t found = query_integer("SELECT schema_version FROM meta", -1);
+      std::int64_t found = query_integer("SELECT schema_version FROM meta", -1);
+      if (found == kBeforeAttribution) {
+        execute(kAttributionSchema);
+        execute(kAttributionMigration);
+        found = query_integer("SELECT schema_version FROM meta", -1);
+      }
       if (found != kSchemaVersion) {
         throw core::InputError::expected(file.string(),
                                          "schema version " + std::to_string(kSchemaVersion),
@@ -222,9 +164,11 @@ std::int64_t Store::begin_run(const RunRow& run, const std::vector<SceneRow>& sc
 
   int position = 0;
   for (const SceneRow& scene : scene_rows) {
-    Statement row(impl_->db, impl_->file, "INSERT INTO scene VALUES (?, ?, ?, ?, ?, ?, ?)");
+    Statement row(impl_->db, impl_->file,
+                  "INSERT INTO scene VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)");
     row.bind(run_id).bind(position++).bind(scene.name).bind(scene.title);
-    row.bind(scene.scene_sha256).bind(scene.episodes_sha256).bind(scene.episodes).step();
+    row.bind(scene.scene_sha256).bind(scene.episodes_sha256).bind(scene.episodes);
+    row.bind(scene.oracle_successes).bind(scene.oracle_episodes).step();
   }
   position = 0;
   for (const ArmRow& arm : arm_rows) {
@@ -274,7 +218,8 @@ std::vector<RunRow> Store::runs() const {
 
 std::vector<SceneRow> Store::scenes(std::int64_t run_id) const {
   Statement select(impl_->db, impl_->file,
-                   "SELECT name, title, scene_sha256, episodes_sha256, episodes FROM scene "
+                   "SELECT name, title, scene_sha256, episodes_sha256, episodes, "
+                   "oracle_successes, oracle_episodes FROM scene "
                    "WHERE run_id = ? ORDER BY position");
   select.bind(run_id);
   std::vector<SceneRow> rows;
@@ -285,6 +230,8 @@ std::vector<SceneRow> Store::scenes(std::int64_t run_id) const {
       *column = select.text();
     }
     scene.episodes = select.integer();
+    scene.oracle_successes = select.small_integer();
+    scene.oracle_episodes = select.small_integer();
     rows.push_back(std::move(scene));
   }
   return rows;
@@ -318,6 +265,7 @@ std::vector<ArmRow> Store::arms(std::int64_t run_id) const {
 
 void Store::add_trial(std::int64_t run_id, const TrialRow& t) {
   Impl::Transaction transaction(*impl_);
+  remove_attribution_of_failed(impl_->db, impl_->file, run_id, t);
   Statement remove_failed(impl_->db, impl_->file,
                           "DELETE FROM trial WHERE run_id = ? AND arm = ? AND episode = ? AND "
                           "repetition = ? AND outcome = 'error'");
@@ -347,13 +295,15 @@ void Store::add_trial(std::int64_t run_id, const TrialRow& t) {
   insert.bind(hash).bind(t.render_ms).bind(t.detect_ms).bind(t.policy_ms).bind(t.error);
   insert.bind(t.picture).bind(t.video).bind(t.track).bind(now);
   insert.step();
+  insert_attribution(impl_->db, impl_->file, sqlite3_last_insert_rowid(impl_->db), t);
   transaction.commit();
 }
 
 std::vector<TrialRow> Store::trials(std::int64_t run_id) const {
   Statement select(
       impl_->db, impl_->file,
-      "SELECT trial.arm, trial.scene, episode, goal_class, repetition, outcome, success, "
+      "SELECT trial_id, trial.arm, trial.scene, episode, goal_class, repetition, outcome, "
+      "success, "
       "stop_reason, spl, soft_spl, path_m, shortest_path_m, distance_to_goal_m, sim_s, "
       "wall_s, "
       "ticks, contacts, contact_s, first_visible_tick, first_detected_tick, "
@@ -366,6 +316,7 @@ std::vector<TrialRow> Store::trials(std::int64_t run_id) const {
   std::vector<TrialRow> rows;
   while (select.step()) {
     TrialRow t;
+    t.trial_id = select.integer();
     for (std::string* column : {&t.arm, &t.scene, &t.episode, &t.goal_class}) {
       *column = select.text();
     }
@@ -393,6 +344,7 @@ std::vector<TrialRow> Store::trials(std::int64_t run_id) const {
     }
     rows.push_back(std::move(t));
   }
+  read_attributions(impl_->db, impl_->file, run_id, rows);
   return rows;
 }
 

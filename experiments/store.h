@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "experiments/arm_weights.h"
+#include "experiments/trial_witness.h"
 
 namespace segsim::experiments {
 
@@ -35,6 +36,8 @@ struct SceneRow {
   std::string scene_sha256;     ///< Of the bundle's manifest.
   std::string episodes_sha256;  ///< Of the episode file.
   std::int64_t episodes = 0;
+  /// Of the set's validation by the oracle-path arm; -1: not validated.
+  int oracle_successes = -1, oracle_episodes = -1;
 };
 
 struct ArmRow {
@@ -49,9 +52,11 @@ struct ArmRow {
 
 /// One finished trial. Columns as in sim::TrialResult; -1 ticks and unset values are "never".
 struct TrialRow {
+  std::int64_t trial_id = 0;  ///< Given by the store.
   std::string arm, scene, episode, goal_class;
   int repetition = 0;
-  std::string outcome;  ///< sim::to_string(Outcome), or "error".
+  /// sim::to_string(Outcome); "error"; or "infeasible", "trivial": there was no trial.
+  std::string outcome;
   bool success = false;
   std::string stop_reason;
   double spl = 0, soft_spl = 0;
@@ -67,13 +72,20 @@ struct TrialRow {
   std::string error;  ///< Message of a failed harness; such trials run again on resume.
   std::string picture, video, track;  ///< Files, relative to the work folder; empty if none.
 
+  std::string log;  ///< File, relative to the work folder (trial_log.h); empty if none.
+  Attribution why;
+
   [[nodiscard]] bool failed() const { return outcome == "error"; }
+  /// Whether it enters rates.
+  [[nodiscard]] bool counts() const {
+    return !failed() && outcome != "infeasible" && outcome != "trivial";
+  }
 };
 
 /// One writer at a time. Not thread-safe: the caller serialises.
 class Store {
  public:
-  static constexpr int kSchemaVersion = 2;
+  static constexpr int kSchemaVersion = 3;  ///< Files of version 2 are brought up to it.
 
   /// Opens the file, or makes it.
   /// @throws core::InputError if it is no such database or has another schema version.

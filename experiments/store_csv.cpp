@@ -28,6 +28,26 @@ std::string csv_number(double value) {
   return text;
 }
 
+void write_attribution(std::ostream& out, const Attribution& why) {
+  if (!why.known()) {
+    out << ",,,,,,,,,,,,,,,,,,";
+    return;
+  }
+  out << ',' << why.cause;
+  for (const int value :
+       {why.inevitable_tick, why.decisive_tick, why.visible_frames, why.detected_frames,
+        why.true_detections, why.false_detections, why.first_true_tick, why.true_clouds,
+        why.false_clouds, why.stopped ? 1 : 0, why.final_visible_px}) {
+    out << ',' << value;
+  }
+  for (const std::optional<double>& value :
+       {why.object_m, why.planar_m, why.shortest_object_m}) {
+    out << ',' << csv_number(value.value_or(std::nan("")));
+  }
+  out << ',' << why.collision_ticks << ',' << why.off_navmesh_ticks << ','
+      << why.reached_instance;
+}
+
 }  // namespace
 
 void write_trials_csv(std::ostream& out, const std::vector<TrialRow>& trials) {
@@ -35,7 +55,10 @@ void write_trials_csv(std::ostream& out, const std::vector<TrialRow>& trials) {
          "path_m,"
          "shortest_path_m,distance_to_goal_m,sim_s,wall_s,ticks,contacts,contact_s,"
          "first_visible_tick,first_detected_tick,invalid_pixel_fraction,state_hash,render_ms,"
-         "detect_ms,policy_ms,error\n";
+         "detect_ms,policy_ms,error,cause,inevitable_tick,decisive_tick,visible_frames,"
+         "detected_frames,true_detections,false_detections,first_true_tick,true_clouds,"
+         "false_clouds,stopped,final_visible_px,object_m,planar_m,shortest_object_m,"
+         "collision_ticks,off_navmesh_ticks,reached_instance\n";
   for (const TrialRow& t : trials) {
     out << csv_field(t.scene) << ',' << csv_field(t.episode) << ',' << csv_field(t.goal_class)
         << ',' << t.repetition << ',' << csv_field(t.arm) << ',' << t.outcome << ','
@@ -51,7 +74,9 @@ void write_trials_csv(std::ostream& out, const std::vector<TrialRow>& trials) {
     for (const double value : {t.render_ms, t.detect_ms, t.policy_ms}) {
       out << ',' << csv_number(value);
     }
-    out << ',' << csv_field(t.error) << '\n';
+    out << ',' << csv_field(t.error);
+    write_attribution(out, t.why);
+    out << '\n';
   }
 }
 

@@ -28,7 +28,7 @@ std::optional<EpisodeResult> result_of(const EpisodeTrials& episode, const std::
   EpisodeResult result;
   int usable = 0, successes = 0;
   for (const TrialRow* trial : found->second) {
-    if (trial->failed()) continue;
+    if (!trial->counts()) continue;
     ++usable;
     successes += trial->success ? 1 : 0;
     result.spl += trial->spl;
@@ -46,6 +46,7 @@ ArmSummary summarise_arm(const std::string& arm,
   ArmSummary summary;
   summary.arm = arm;
   std::map<std::string, int> outcomes;
+  std::vector<const TrialRow*> all;
   int usable = 0;
   for (const auto& [id, episode] : episodes) {
     if (const auto result = result_of(episode, arm)) {
@@ -59,8 +60,9 @@ ArmSummary summarise_arm(const std::string& arm,
     for (const TrialRow* trial : found->second) {
       ++summary.trials;
       ++outcomes[trial->outcome];
-      if (trial->failed()) {
-        ++summary.failed_trials;
+      all.push_back(trial);
+      if (!trial->counts()) {
+        ++(trial->failed() ? summary.failed_trials : summary.excluded_trials);
         continue;
       }
       ++usable;
@@ -70,6 +72,7 @@ ArmSummary summarise_arm(const std::string& arm,
       summary.invalid_pixels += trial->invalid_pixel_fraction;
     }
   }
+  summary.insights = gain_insights(all);
   const double n = std::max(1, summary.success.trials), m = std::max(1, usable);
   summary.spl /= n;
   summary.soft_spl /= n;
@@ -200,6 +203,43 @@ void note_state_of_run(ResultTable& table) {
   }
 }
 
+/// Episodes that cannot be done are in no rate, but not silently.
+void note_excluded(ResultTable& table, const std::vector<TrialRow>& trials) {
+  constexpr std::size_t kListed = 8;
+  for (const char* outcome : {"infeasible", "trivial"}) {
+    std::vector<std::string> ids;
+    for (const TrialRow& trial : trials) {
+      if (trial.outcome != outcome) continue;
+      if (std::find(ids.begin(), ids.end(), trial.episode) == ids.end()) {
+        ids.push_back(trial.episode);
+      }
+    }
+    if (ids.empty()) continue;
+    std::string list;
+    for (std::size_t i = 0; i < ids.size() && i < kListed; ++i) {
+      list += (list.empty() ? "" : ", ") + ids[i];
+    }
+    if (ids.size() > kListed) list += ", ...";
+    table.notes.push_back(count_of(static_cast<int>(ids.size()), "episode") + " " + outcome +
+                          ", in no rate: " + list + ".");
+  }
+}
+
+/// Whether the sets themselves can be solved (segsim episodes validate).
+void note_validation(ResultTable& table) {
+  for (const SceneRow& scene : table.scene_rows) {
+    if (scene.oracle_episodes <= 0) continue;
+    const double rate = static_cast<double>(scene.oracle_successes) / scene.oracle_episodes;
+    const std::string count =
+        std::to_string(scene.oracle_successes) + "/" + std::to_string(scene.oracle_episodes);
+    table.notes.push_back(
+        rate < kOracleExpected
+            ? "FLAGGED episodes: " + scene.title + ": the oracle-path arm solved " + count +
+                  ", below 0.95; these episodes are part of the failures."
+            : scene.title + ": the oracle-path arm solved " + count + " of the episode set.");
+  }
+}
+
 void note_comparison(ResultTable& table) {
   if (table.before.empty() || table.after.empty()) {
     table.notes.push_back("Rates: Wilson 95 % interval.");
@@ -317,6 +357,8 @@ ResultTable summarise(const RunRow& run, const std::vector<SceneRow>& scenes,
   for (std::size_t i = 0; i < corrected.size(); ++i) table.classes[i].p_holm = corrected[i];
 
   note_state_of_run(table);
+  note_excluded(table, trials);
+  note_validation(table);
   note_comparison(table);
   note_oracle(table);
   note_provenance(table);

@@ -10,6 +10,7 @@
 
 #include "experiments/statistics.h"
 #include "experiments/store.h"
+#include "experiments/trial_insights.h"
 
 namespace segsim::experiments {
 
@@ -24,6 +25,8 @@ struct ArmSummary {
   std::vector<std::pair<std::string, int>>
       outcomes;  ///< Trials by outcome, most frequent first.
   int trials = 0, failed_trials = 0;
+  int excluded_trials = 0;  ///< Infeasible or trivial episodes.
+  TrialInsights insights;
 };
 
 /// One row: a scene, a goal class, or all.

@@ -3,19 +3,15 @@
 #include <cmath>
 #include <cstdio>
 
-#include <nlohmann/json.hpp>
-
+#include "experiments/internal/insight_grids.h"
 #include "experiments/table.h"
 
 namespace segsim::experiments {
 namespace {
 
-/// A titled rectangle of cells.
-struct Grid {
-  std::string title;
-  std::vector<std::string> header;
-  std::vector<std::vector<std::string>> rows;
-};
+using internal::compares;
+using internal::Grid;
+using internal::share_text;
 
 std::string print(const char* format, double value) {
   char text[48];
@@ -46,10 +42,6 @@ std::string pairs_text(const GroupSummary& group) {
   return "+" + std::to_string(group.pairs.only_after) + " -" +
          std::to_string(group.pairs.only_before) + " of " +
          std::to_string(group.pairs.total());
-}
-
-bool compares(const ResultTable& table) {
-  return !table.before.empty() && !table.after.empty();
 }
 
 Grid comparison_grid(const ResultTable& table, const std::vector<GroupSummary>& groups,
@@ -92,10 +84,15 @@ Grid rates_grid(const ResultTable& table, const std::vector<GroupSummary>& group
   return grid;
 }
 
-Grid arms_grid(const std::vector<GroupSummary>& groups) {
-  Grid grid{"How the trials went",
-            {"Scene", "Arm", "SPL", "SoftSPL", "Time [s]", "Path [m]", "Contacts", "Holes [%]",
-             "Outcomes"},
+/// Name of the run's success rule, without its explanation.
+std::string profile_name(const ResultTable& table) {
+  return table.run.success_profile.substr(0, table.run.success_profile.find(':'));
+}
+
+Grid arms_grid(const ResultTable& table, const std::vector<GroupSummary>& groups) {
+  Grid grid{"How the trials went (success: " + profile_name(table) + ")",
+            {"Scene", "Arm", "SR", "SPL", "SoftSPL", "Time [s]", "Path [m]", "Contacts",
+             "Holes [%]", "Outcomes"},
             {}};
   for (const GroupSummary& group : groups) {
     for (const ArmSummary& arm : group.arms) {
@@ -103,10 +100,11 @@ Grid arms_grid(const std::vector<GroupSummary>& groups) {
       for (const auto& [outcome, count] : arm.outcomes) {
         outcomes += (outcomes.empty() ? "" : ", ") + outcome + " " + std::to_string(count);
       }
-      grid.rows.push_back({group.title, arm.arm, print("%.3f", arm.spl),
-                           print("%.3f", arm.soft_spl), print("%.1f", arm.sim_s),
-                           print("%.1f", arm.path_m), print("%.2f", arm.contacts),
-                           print("%.1f", 100.0 * arm.invalid_pixels), outcomes});
+      grid.rows.push_back(
+          {group.title, arm.arm, share_text(arm.success.successes, arm.success.trials),
+           print("%.3f", arm.spl), print("%.3f", arm.soft_spl), print("%.1f", arm.sim_s),
+           print("%.1f", arm.path_m), print("%.2f", arm.contacts),
+           print("%.1f", 100.0 * arm.invalid_pixels), outcomes});
     }
   }
   return grid;
@@ -139,9 +137,12 @@ std::vector<Grid> grids_of(const ResultTable& table) {
     grids.push_back(rates_grid(table, table.classes, "Goal"));
     grids.back().title = "By goal class";
   }
-  grids.push_back(arms_grid(table.scenes));
-  Grid detectors = detectors_grid(table);
-  if (!detectors.rows.empty()) grids.push_back(std::move(detectors));
+  grids.push_back(arms_grid(table, table.scenes));
+  for (Grid& grid : std::vector<Grid>{
+           internal::causes_grid(table.scenes), internal::perception_grid(table.scenes),
+           internal::profiles_grid(table.scenes), detectors_grid(table)}) {
+    if (!grid.rows.empty()) grids.push_back(std::move(grid));
+  }
   return grids;
 }
 
@@ -275,101 +276,6 @@ std::string as_csv(const ResultTable& table) {
   return text;
 }
 
-nlohmann::ordered_json json_interval(const Interval& interval) {
-  return nlohmann::ordered_json::array({interval.low, interval.high});
-}
-
-nlohmann::ordered_json json_group(const ResultTable& table, const GroupSummary& group) {
-  nlohmann::ordered_json json;
-  json["name"] = group.name;
-  json["title"] = group.title;
-  json["leakage"] = group.leak ? "scene" : "none";
-  for (const ArmSummary& arm : group.arms) {
-    nlohmann::ordered_json& a = json["arms"][arm.arm];
-    a["successes"] = arm.success.successes;
-    a["episodes"] = arm.success.trials;
-    a["sr"] = arm.success.value();
-    a["wilson95"] = json_interval(wilson_interval(arm.success));
-    a["clopper_pearson95"] = json_interval(clopper_pearson_interval(arm.success));
-    a["spl"] = arm.spl;
-    a["soft_spl"] = arm.soft_spl;
-    a["sim_s"] = arm.sim_s;
-    a["path_m"] = arm.path_m;
-    a["contacts"] = arm.contacts;
-    a["invalid_pixels"] = arm.invalid_pixels;
-    a["failed_trials"] = arm.failed_trials;
-    for (const auto& [outcome, count] : arm.outcomes) a["outcomes"][outcome] = count;
-  }
-  if (compares(table)) {
-    nlohmann::ordered_json& c = json["comparison"];
-    c["both"] = group.pairs.both;
-    c["only_after"] = group.pairs.only_after;
-    c["only_before"] = group.pairs.only_before;
-    c["neither"] = group.pairs.neither;
-    c["dropped_pairs"] = group.dropped_pairs;
-    c["difference"] = group.difference.difference;
-    c["newcombe95"] = json_interval(group.difference.interval);
-    c["p_mcnemar_exact"] = group.p_exact;
-    c["p_mcnemar_mid"] = group.p_mid;
-    c["p_holm"] = group.p_holm;
-    c["p_spl_sign_flip"] = group.p_spl;
-    c["verdict"] = group.verdict;
-  }
-  return json;
-}
-
-std::string as_json(const ResultTable& table) {
-  nlohmann::ordered_json json;
-  json["schema"] = "segsim.table/1";
-  json["title"] = table.run.title;
-  json["before"] = table.before;
-  json["after"] = table.after;
-  json["oracle"] = table.oracle;
-  json["finished_trials"] = table.finished_trials;
-  json["planned_trials"] = table.run.planned_trials;
-  json["scenes"] = nlohmann::ordered_json::array();
-  for (const GroupSummary& group : table.scenes)
-    json["scenes"].push_back(json_group(table, group));
-  if (table.all) json["all"] = json_group(table, *table.all);
-  json["classes"] = nlohmann::ordered_json::array();
-  for (const GroupSummary& group : table.classes) {
-    json["classes"].push_back(json_group(table, group));
-  }
-  nlohmann::ordered_json& provenance = json["provenance"];
-  provenance["run"] = table.run.run_id;
-  provenance["name"] = table.run.name;
-  provenance["seed"] = table.run.seed;
-  provenance["planned_n"] = table.run.planned_n;
-  provenance["success_profile"] = table.run.success_profile;
-  provenance["code_version"] = table.run.code_version;
-  provenance["spec_sha256"] = table.run.spec_sha256;
-  provenance["host"] = table.run.host;
-  provenance["libraries"] = table.run.libraries;
-  provenance["started"] = table.run.started;
-  provenance["ended"] = table.run.ended;
-  for (const SceneRow& scene : table.scene_rows) {
-    provenance["scenes"][scene.name] = {{"scene_sha256", scene.scene_sha256},
-                                        {"episodes_sha256", scene.episodes_sha256},
-                                        {"episodes", scene.episodes}};
-  }
-  for (const ArmRow& arm : table.arm_rows) {
-    nlohmann::ordered_json& a = provenance["arms"][arm.name];
-    a = {{"detector", arm.detector},
-         {"weights_sha256", arm.weights_sha256},
-         {"tuned_on", arm.tuned_on}};
-    if (!arm.held_out) continue;
-    const HeldOutPrecision& p = *arm.held_out;
-    a["held_out"] = {{"views", p.views},
-                     {"ap50", p.ap50},
-                     {"ap", p.ap},
-                     {"score_threshold", p.score_threshold},
-                     {"precision", p.precision},
-                     {"recall", p.recall}};
-  }
-  json["notes"] = table.notes;
-  return json.dump(2) + "\n";
-}
-
 }  // namespace
 
 std::string format_table(const ResultTable& table, TableFormat format) {
@@ -381,7 +287,7 @@ std::string format_table(const ResultTable& table, TableFormat format) {
     case TableFormat::kCsv:
       return as_csv(table);
     case TableFormat::kJson:
-      return as_json(table);
+      return internal::as_json(table);
   }
   return {};
 }

@@ -82,8 +82,9 @@ void draw_header(cv::Mat& image, const TrialScene& scene, const sim::TrialResult
   draw_pill(image, arm, {image.cols - kMargin - arm_px, base_1}, text_px, ink::kText);
 
   const cv::Scalar color = result.success ? ink::kGoal : ink::kRecover;
+  const std::string why = scene.cause.empty() ? std::string() : ": " + scene.cause;
   const double end =
-      draw_pill(image, outcome_words(result), {1.0 * kMargin, base_2}, text_px, color);
+      draw_pill(image, outcome_words(result) + why, {1.0 * kMargin, base_2}, text_px, color);
   draw_text(image, figures(result), {end + 14.0 * kOversampling, base_2}, text_px, ink::kText);
 }
 
@@ -195,6 +196,7 @@ core::Image<core::Rgb8> draw_trial(const TrialScene& scene, const sim::TrialResu
   map.draw_objects(result.final_view, scene.goal_index);
   map.draw_start(scene.episode->start);
   if (!result.track.empty()) map.draw_robot(result.track.back().pose, 0.0);
+  for (const TrialMark& mark : scene.marks) map.draw_mark(mark.position_m, mark.text);
   map.draw_scale_bar();
 
   const int width = std::max(kMinWidth, map.image().cols + 2 * kMargin);

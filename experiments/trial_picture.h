@@ -14,6 +14,12 @@
 
 namespace segsim::experiments {
 
+/// A numbered place.
+struct TrialMark {
+  glm::dvec2 position_m{0.0};
+  std::string text;
+};
+
 /// What a picture shows; borrowed while it is drawn.
 struct TrialScene {
   const FloorPlan* plan = nullptr;
@@ -22,6 +28,8 @@ struct TrialScene {
   std::string scene_title, arm;
   int goal_index = -1;  ///< Of the goal class among the detector's classes; -1 if it has none.
   std::vector<glm::dvec2> shortest_path_m;  ///< Empty if not known.
+  std::vector<TrialMark> marks{};
+  std::string cause{};  ///< Why it failed (failure_cause.h); empty: not told.
 };
 
 /// @param long_side_px  Of the map within the picture.

@@ -11,16 +11,16 @@
 #include "core/version.h"
 #include "experiments/backend_warning.h"
 #include "experiments/frame_recorder.h"
-#include "experiments/scene_surfels.h"
+#include "experiments/trial_log.h"
 #include "experiments/trial_picture.h"
 #include "experiments/trial_video.h"
 #include "nav/policy_factory.h"
 #include "perception/detector.h"
 #include "perception/image_file.h"
 #include "perception/models/object_detector.h"
-#include "renderer/cpu_renderer.h"
 #include "renderer/renderer_backend.h"
 #include "sim/geodesy.h"
+#include "sim/oracle_way.h"
 
 namespace segsim::experiments {
 namespace {
@@ -31,9 +31,21 @@ constexpr double kVideoSpeed = 2.0;  // Twice as fast as simulated time.
 
 double radians(double degrees) { return degrees * std::numbers::pi / 180.0; }
 
+/// What is searched for in a scene, by the spec or by its episodes.
+std::vector<std::string> goal_names(const LoadedScene& scene) {
+  if (!scene.spec->goals.empty()) return scene.spec->goals;
+  std::vector<std::string> names;
+  for (const sim::Episode& episode : scene.episodes.episodes) {
+    names.push_back(episode.class_name);
+  }
+  std::sort(names.begin(), names.end());
+  names.erase(std::unique(names.begin(), names.end()), names.end());
+  return names;
+}
+
 /// Weights of this program, or a model of others (docs/models.md).
 std::unique_ptr<core::Detector> load_arm_detector(const fs::path& file, const ArmSpec& arm,
-                                                  const SceneSpec& scene) {
+                                                  const LoadedScene& scene) {
   std::optional<float> threshold;
   if (arm.score_threshold) threshold = static_cast<float>(*arm.score_threshold);
   if (!perception::is_foreign_detector(file)) {
@@ -43,16 +55,20 @@ std::unique_ptr<core::Detector> load_arm_detector(const fs::path& file, const Ar
   }
   perception::ObjectDetectorOptions options;
   options.score_threshold = threshold;
-  if (perception::needs_prompt(file)) options.prompts = scene.goals;
+  if (perception::needs_prompt(file)) options.prompts = goal_names(scene);
   return perception::load_object_detector(file, options);
 }
 
 sim::TrialOptions trial_options(const ExperimentSpec& spec, const SceneSpec& scene) {
+  const sim::SuccessProfile rule = spec.success.rule();
   sim::TrialOptions options;
   options.control_period_s = spec.control_period_s;
   options.time_limit_s = spec.time_limit_s;
-  options.success_distance_m = spec.success.distance_m;
-  options.require_visible = spec.success.require_visible;
+  // Rules of another kind are applied to the end of the trial, in judge_trial().
+  const bool by_view_point = rule.rule == sim::SuccessRule::kViewPoint;
+  options.success_distance_m =
+      by_view_point ? rule.distance_m : sim::SuccessProfile{}.distance_m;
+  options.require_visible = by_view_point && rule.require_visible;
   options.visible_pixels = spec.success.visible_pixels;
   options.camera = spec.camera.intrinsics();
   options.camera_height_m = scene.camera_height_m;
@@ -146,65 +162,45 @@ std::string write_track(const fs::path& work, const TrialTask& task,
   return stem + ".geojson";
 }
 
+TrialLog make_log(const TrialScene& scene, const sim::TrialOptions& options,
+                  const LoadedScene& loaded, const fs::path& work,
+                  const sim::TrialResult& result, const TrialWitness& witness,
+                  std::vector<double> distance_m) {
+  TrialLog log;
+  log.scene_title = scene.scene_title;
+  log.arm = scene.arm;
+  // A work folder may be moved with all that lies in it.
+  const fs::path below =
+      fs::absolute(loaded.bundle.folder).lexically_relative(fs::absolute(work));
+  const bool inside = !below.empty() && *below.begin() != "..";
+  log.bundle = inside ? below : fs::absolute(loaded.bundle.folder).lexically_normal();
+  log.camera = options.camera;
+  log.camera_height_m = options.camera_height_m;
+  log.camera_pitch_down_rad = options.camera_pitch_down_rad;
+  log.visible_px = options.visible_pixels;
+  log.control_period_s = options.control_period_s;
+  log.time_limit_s = options.time_limit_s;
+  log.stop_reason = result.stop_reason;
+  log.episode = *scene.episode;
+  log.shortest_path_m = scene.shortest_path_m;
+  log.track = result.track;
+  log.evidence = witness.evidence();
+  log.evidence.resize(log.track.size());  // The last ticks may have seen nothing new.
+  log.distance_m = std::move(distance_m);
+  log.detections = witness.detections();
+  for (const core::PolicyView::Object& object : result.final_view.objects) {
+    if (object.class_index == scene.goal_index) log.objects.push_back(object);
+  }
+  log.target_m = result.final_view.target_m;
+  return log;
+}
+
 int index_of(const std::vector<std::string>& names, const std::string& name) {
   const auto found = std::find(names.begin(), names.end(), name);
   return found == names.end() ? -1 : static_cast<int>(found - names.begin());
 }
 
 }  // namespace
-
-EpisodeRules episode_rules(const ExperimentSpec& spec, const SceneSpec& scene) {
-  EpisodeRules rules;
-  rules.goals = scene.goals;
-  rules.count = scene.episodes;
-  rules.seed = spec.seed;
-  rules.camera = spec.camera.intrinsics();
-  rules.camera_height_m = scene.camera_height_m;
-  rules.camera_pitch_down_rad = radians(spec.camera.pitch_down_deg);
-  rules.min_visible_pixels = spec.success.visible_pixels;
-  rules.visible_start_pixels = spec.success.visible_pixels;
-  rules.min_start_m = scene.min_start_distance_m;
-  rules.max_start_m = scene.max_start_distance_m;
-  rules.allow_visible_start = scene.allow_visible_start;
-  return rules;
-}
-
-LoadedScene load_scene(const ExperimentSpec& spec, const SceneSpec& scene,
-                       const fs::path& bundle_folder, const fs::path& work) {
-  const sim::RobotModel robot = sim::RobotModel::by_name(spec.robot);
-  core::SceneBundle bundle = core::load_bundle(bundle_folder);
-  sim::World world = sim::World::load(bundle, robot);
-  auto [surfels, labels] = load_scene_surfels(bundle);
-  if (!surfels->has_labels()) {
-    throw core::InputError::expected(bundle.surfels_file().string(), "labelled surfels",
-                                     "none");
-  }
-
-  const EpisodeRules rules = episode_rules(spec, scene);
-  const fs::path file = work / "episodes" / (scene.name + ".jsonl");
-  std::optional<EpisodeSet> episodes;
-  if (fs::exists(file)) {
-    EpisodeSet kept = read_episodes(file);
-    if (kept.scene == scene.name && kept.scene_sha256 == bundle.scene_sha256 &&
-        kept.rules_sha256 == rules_hash(rules, robot.name)) {
-      episodes = std::move(kept);
-    }
-  }
-  if (!episodes) {
-    const auto eye = renderer::make_cpu_renderer(surfels, {}, labels);
-    write_episodes(file, generate_episodes(scene.name, bundle, world, *eye, rules));
-    episodes = read_episodes(file);
-  }
-  FloorPlan plan = make_floor_plan(*surfels);
-  return {&scene,
-          std::move(bundle),
-          std::move(world),
-          std::move(surfels),
-          std::move(labels),
-          std::move(plan),
-          std::move(*episodes),
-          core::sha256_of_file(file)};
-}
 
 PreparedWeights weights_of(const ArmSpec& arm, const PreparedDetectors& detectors) {
   switch (arm.detector) {
@@ -223,6 +219,11 @@ PreparedWeights weights_of(const ArmSpec& arm, const PreparedDetectors& detector
 TrialRunner::TrialRunner(const ExperimentSpec& spec, PreparedDetectors detectors,
                          fs::path work)
     : spec_(spec), detectors_(std::move(detectors)), work_(std::move(work)) {}
+
+void TrialRunner::set_renderer(const std::string& scene,
+                               std::unique_ptr<core::Renderer> renderer) {
+  renderers_[scene] = std::move(renderer);
+}
 
 core::Renderer& TrialRunner::renderer_for(const LoadedScene& scene) {
   std::unique_ptr<core::Renderer>& renderer = renderers_[scene.spec->name];
@@ -256,7 +257,7 @@ TrialRunner::ArmDetectorSlot& TrialRunner::detector_for(const LoadedScene& scene
     slot.truth = detector.get();
     slot.detector = std::move(detector);
   } else {
-    slot.detector = load_arm_detector(weights_of(arm, detectors_).file, arm, *scene.spec);
+    slot.detector = load_arm_detector(weights_of(arm, detectors_).file, arm, scene);
   }
   return slot;
 }
@@ -270,9 +271,9 @@ std::unique_ptr<core::Policy> TrialRunner::policy_for(const TrialTask& task,
   context.camera_height_m = task.scene->spec->camera_height_m;
   if (settings.type == "oracle-path") {
     // Odom equals World with perfect localisation.
-    context.oracle = [field = std::make_shared<sim::DistanceField>(
-                          task.scene->world.distance_to(task.episode->view_points_m))](
-                         const glm::dvec2& from_m) { return field->path_from(from_m); };
+    context.oracle = [way = std::make_shared<sim::OracleWay>(task.scene->world,
+                                                             task.episode->view_points_m)](
+                         const glm::dvec2& from_m) { return way->from(from_m); };
   }
   return nav::make_policy(settings, context);
 }
@@ -285,11 +286,22 @@ TrialRow TrialRunner::run(const TrialTask& task) {
   row.goal_class = task.episode->class_name;
   row.repetition = task.repetition;
   row.shortest_path_m = task.episode->shortest_path_m;
+  if (!std::isfinite(row.shortest_path_m)) {
+    row.shortest_path_m = 0.0;
+    row.outcome = row.why.cause = to_string(Cause::kInfeasible);
+    return row;
+  }
+  if (row.shortest_path_m <= 0.0 && !task.scene->spec->allow_trivial) {
+    row.outcome = row.why.cause = to_string(Cause::kTrivial);
+    return row;
+  }
   try {
     run_checked(task, row);
   } catch (const std::exception& error) {
     row.outcome = "error";
     row.success = false;
+    row.why = {};
+    row.why.cause = to_string(Cause::kHarnessError);
     row.error = error.what();
   }
   return row;
@@ -324,6 +336,7 @@ void TrialRunner::run_checked(const TrialTask& task, TrialRow& row) {
   scene.shortest_path_m = task.scene->world.distance_to(episode.view_points_m)
                               .path_from({episode.start.x_m, episode.start.y_m});
 
+  TrialWitness witness(task.scene->bundle.manifest, episode, scene.goal_index);
   std::optional<TrialVideo> video;
   std::optional<FrameRecorder> frames;
   const std::string stem = file_stem(task);
@@ -340,6 +353,8 @@ void TrialRunner::run_checked(const TrialTask& task, TrialRow& row) {
   const sim::TickObserver observer = [&](const sim::TickRecord& tick, const core::Frame& frame,
                                          const std::vector<core::Detection>& detections,
                                          const core::Policy& of) {
+    const double tick_index = core::seconds(tick.time_ns) / spec_.control_period_s;
+    witness.add(static_cast<int>(std::lround(tick_index)), frame, detections);
     if (video) video->add(tick, frame, detections, of.view());
     if (frames) frames->add(tick, frame);
   };
@@ -350,18 +365,49 @@ void TrialRunner::run_checked(const TrialTask& task, TrialRow& row) {
   std::optional<RecordingRenderer> kept_images;
   if (log.images) kept_images.emplace(renderer, replay_images(log_file));
   core::Renderer* const eye = kept_images ? &*kept_images : &renderer;
-  const sim::TrialResult result =
+  sim::TrialResult result =
       sim::run_trial(episode, options, task.scene->world, task.scene->world.robot(), *eye,
                      detector, *policy, slot.truth, observer);
   if (task.replay_log) write_replay_log(log_file, with_result(std::move(log), result));
+  std::vector<double> distance_m;
+  row.why = judge_trial(task, episode, scene.goal_index, witness, result, distance_m);
   copy_result(result, row);
   if (video) video->finish(result);
   if (frames) frames->finish();
+  if (!task.record) return;
   if (spec_.pictures) {
     row.picture = "pictures/" + stem + ".png";
     perception::write_image(work_ / row.picture, draw_trial(scene, result));
   }
   row.track = write_track(work_, task, result);
+  row.log = "logs/" + stem + ".json.gz";
+  write_trial_log(work_ / row.log,
+                  make_log(scene, options, *task.scene, work_, result, witness, distance_m));
+}
+
+Attribution TrialRunner::judge_trial(const TrialTask& task, const sim::Episode& episode,
+                                     int goal_index, const TrialWitness& witness,
+                                     sim::TrialResult& result,
+                                     std::vector<double>& distance_m) const {
+  const sim::SuccessProfile rule = spec_.success.rule();
+  const AttributionContext context{&task.scene->world, &task.scene->bundle.manifest,
+                                   &episode,           &rule,
+                                   goal_index,         spec_.time_limit_s};
+  Attribution why = attribute(context, result, witness, &distance_m);
+  if (rule.rule == sim::SuccessRule::kViewPoint) return why;
+  const std::optional<double> end_m = std::isfinite(result.distance_to_goal_m)
+                                          ? std::optional(result.distance_to_goal_m)
+                                          : std::nullopt;
+  const sim::TrialEnd end = trial_end(why, end_m, result.contacts, result.sim_s, result.path_m,
+                                      result.shortest_path_m);
+  result.success = sim::succeeded(rule, end);
+  result.spl = sim::profile_spl(rule, end);
+  if (result.success) {
+    result.outcome = sim::Outcome::kSuccess;
+  } else if (result.outcome == sim::Outcome::kSuccess) {
+    result.outcome = sim::Outcome::kStoppedFar;
+  }
+  return attribute(context, result, witness, &distance_m);
 }
 
 }  // namespace segsim::experiments

@@ -18,6 +18,7 @@
 #include "experiments/replay_log.h"
 #include "experiments/spec.h"
 #include "experiments/store.h"
+#include "experiments/trial_witness.h"
 #include "renderer/panoptic_field.h"
 #include "renderer/surfels.h"
 #include "sim/oracle_detector.h"
@@ -41,8 +42,12 @@ struct LoadedScene {
 /// Rules of the spec for one scene's episodes.
 [[nodiscard]] EpisodeRules episode_rules(const ExperimentSpec& spec, const SceneSpec& scene);
 
-/// Loads a bundle and its episodes, from ${work}/episodes/<scene>.jsonl if that file was made
-/// by the same rules for the same bundle; else they are generated and written there.
+/// Loads a bundle and its episodes: those of `scene.episode_file`, or of
+/// ${work}/episodes/<scene>.jsonl if that file was made by the same rules for the same bundle;
+/// else they are generated and written there. Of a given file, lengths are those of the spec's
+/// robot; what cannot be done gets l = infinity.
+/// @throws core::InputError if the episode file belongs to another bundle or names a class
+/// that the bundle lacks.
 [[nodiscard]] LoadedScene load_scene(const ExperimentSpec& spec, const SceneSpec& scene,
                                      const std::filesystem::path& bundle_folder,
                                      const std::filesystem::path& work);
@@ -59,6 +64,7 @@ struct TrialTask {
   const ReplayLog* replay = nullptr;  ///< Play this trial again: measured times come from it.
   bool replay_perception = false;     ///< Detections (and images, if kept) too.
   std::filesystem::path replay_images{};  ///< Where they are; empty: the renderer draws.
+  bool record = true;  ///< Picture, track and log, where the spec wants them.
 };
 
 /// Weights of an arm; empty for the oracle.
@@ -71,6 +77,9 @@ class TrialRunner {
  public:
   TrialRunner(const ExperimentSpec& spec, PreparedDetectors detectors,
               std::filesystem::path work);
+
+  /// Draws a scene by something else than the spec's backend.
+  void set_renderer(const std::string& scene, std::unique_ptr<core::Renderer> renderer);
 
   /// The result depends on the task and the spec only. Writes picture, track, video and
   /// frames. What a trial throws becomes a row with outcome "error".
@@ -86,6 +95,10 @@ class TrialRunner {
   std::unique_ptr<core::Policy> policy_for(const TrialTask& task,
                                            const ArmDetectorSlot& slot) const;
   void run_checked(const TrialTask& task, TrialRow& row);
+  /// The result under the spec's success rule, and why it failed.
+  Attribution judge_trial(const TrialTask& task, const sim::Episode& episode, int goal_index,
+                          const TrialWitness& witness, sim::TrialResult& result,
+                          std::vector<double>& distance_m) const;
 
   const ExperimentSpec& spec_;
   PreparedDetectors detectors_;

@@ -31,6 +31,9 @@ class OraclePathPolicy final : public core::Policy {
     follower_.clear();
     planned_ns_.reset();
     turned_rad_.reset();
+    moved_ns_ = 0;
+    back_until_ns_ = 0;
+    moved_from_.reset();
   }
 
   core::Decision decide(const core::Observation& observation,
@@ -50,6 +53,9 @@ class OraclePathPolicy final : public core::Policy {
       last_yaw_rad_ = pose.yaw_rad;
       return look(observation, detections, pose);
     }
+    if (const auto back = back_out(pose, time_ns)) {
+      return {*back, core::PolicyMode::kRecover, false, {}};
+    }
     return {follower_.follow(pose, nothing_), core::PolicyMode::kNavigate, false, {}};
   }
 
@@ -61,6 +67,26 @@ class OraclePathPolicy final : public core::Policy {
   }
 
  private:
+  /// A command straight back while the robot is held by something; plans again afterwards.
+  std::optional<core::VelocityCommand> back_out(const core::Pose2& pose,
+                                                core::TimeNs time_ns) {
+    constexpr double kMoved_m = 0.02, kTurned_rad = 0.05;
+    const bool moved =
+        !moved_from_ ||
+        std::hypot(pose.x_m - moved_from_->x_m, pose.y_m - moved_from_->y_m) > kMoved_m ||
+        std::abs(core::wrap_angle_rad(pose.yaw_rad - moved_from_->yaw_rad)) > kTurned_rad;
+    if (moved) {
+      moved_from_ = pose;
+      moved_ns_ = time_ns;
+    } else if (core::seconds(time_ns - moved_ns_) >= options_.stuck_s) {
+      moved_ns_ = time_ns;
+      back_until_ns_ = time_ns + std::llround(options_.back_s * 1e9);
+    }
+    if (time_ns >= back_until_ns_) return std::nullopt;
+    planned_ns_ = time_ns - std::llround(options_.replan_period_s * 1e9);
+    return core::VelocityCommand{-options_.back_mps, 0.0};
+  }
+
   core::Decision look(const core::Observation& observation,
                       std::span<const core::Detection> detections, const core::Pose2& pose) {
     *turned_rad_ += core::wrap_angle_rad(pose.yaw_rad - last_yaw_rad_);
@@ -87,6 +113,8 @@ class OraclePathPolicy final : public core::Policy {
   std::optional<core::TimeNs> planned_ns_;
   std::optional<double> turned_rad_;
   double last_yaw_rad_ = 0.0;
+  std::optional<core::Pose2> moved_from_;  ///< The last pose that counted as moved.
+  core::TimeNs moved_ns_ = 0, back_until_ns_ = 0;
 };
 
 /// Actions that do not depend on what is seen.

@@ -19,10 +19,15 @@ namespace segsim::nav {
 using PathOracle = std::function<std::vector<glm::dvec2>(const glm::dvec2& from_odom_m)>;
 
 struct OraclePathOptions {
-  FollowerOptions follower;
+  /// Keeps to the way: nothing here knows of obstacles, so a corner that is cut may be one.
+  FollowerOptions follower = {
+      .max_forward_mps = 0.5, .lookahead_m = 0.25, .turn_in_place_above_rad = 0.35};
   double centered_share =
       0.25;  ///< It stops when a goal box lies this near to the image's middle.
   double replan_period_s = 1.0;
+  /// It backs out if it came less than 2 cm on in so long while it drove.
+  double stuck_s = 1.5;
+  double back_s = 1.0, back_mps = 0.15;
 };
 
 /// Drives the oracle's way, then turns until the goal is detected in the middle of the image,

@@ -128,10 +128,10 @@ double FreeSpace::area_m2(int of_island) const {
   return static_cast<double>(cells) * frame.cell_m * frame.cell_m;
 }
 
-FreeSpace make_free_space(const CollisionWorld& obstacles) {
+FreeSpace make_free_space(const CollisionWorld& obstacles, double margin_m) {
   FreeSpace space;
   const GridFrame& fine = obstacles.frame();
-  space.radius_m = obstacles.robot().circumscribed_radius_m();
+  space.radius_m = obstacles.robot().circumscribed_radius_m() + margin_m;
   const double ratio = fine.cell_m / FreeSpace::kCell_m;
   const glm::dvec2 first = glm::floor(fine.origin_m / FreeSpace::kCell_m);
   space.frame = {.origin_m = first * FreeSpace::kCell_m,
@@ -142,9 +142,10 @@ FreeSpace make_free_space(const CollisionWorld& obstacles) {
   for (int j = 0; j < space.frame.height; ++j) {
     for (int i = 0; i < space.frame.width; ++i) {
       const glm::dvec2 p = space.frame.center_m(i, j);
-      const bool fits = obstacles.body_distance_m(p) >= space.radius_m &&
-                        (obstacles.robot().mast_height_m <= obstacles.robot().body_top_m ||
-                         obstacles.mast_distance_m(p) >= obstacles.robot().mast_radius_m);
+      const bool fits =
+          obstacles.body_distance_m(p) >= space.radius_m &&
+          (obstacles.robot().mast_height_m <= obstacles.robot().body_top_m ||
+           obstacles.mast_distance_m(p) >= obstacles.robot().mast_radius_m + margin_m);
       space.free(i, j) = fits ? 1 : 0;
     }
   }

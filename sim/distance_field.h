@@ -39,7 +39,9 @@ struct FreeSpace {
 };
 
 /// Erodes by the circumscribed radius (base) and the mast's radius (mast).
-[[nodiscard]] FreeSpace make_free_space(const CollisionWorld& obstacles);
+/// @param margin_m  Added to both radii.
+[[nodiscard]] FreeSpace make_free_space(const CollisionWorld& obstacles,
+                                        double margin_m = 0.0);
 
 /// Geodesic distance to the nearest of several goals. Keeps a reference to the free space.
 class DistanceField {

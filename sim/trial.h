@@ -41,9 +41,14 @@ struct Episode {
   core::Pose2 start;                      ///< World frame.
   std::vector<glm::dvec2> view_points_m;  ///< Places from which a goal object is visible;
                                           ///< success is measured to the nearest one.
+  /// Of each view point, if known: the instance that is seen, and how well (IoU of its pixels
+  /// with a centred box of half the image's width and height). Same order, or empty.
+  std::vector<std::uint16_t> view_point_instance;
+  std::vector<float> view_point_iou;
   double shortest_path_m =
       0;  ///< l of SPL: from start to the nearest view point, for this robot.
   std::uint64_t seed = 0;
+  std::string source;  ///< Of an imported episode: data set, scene, index and hash.
 };
 
 struct TrialOptions {

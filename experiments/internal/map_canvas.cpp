@@ -200,6 +200,16 @@ void MapCanvas::draw_start(const core::Pose2& pose) {
   disc({pose.x_m, pose.y_m}, 2.8 * unit_, ink::kStart, ink::kStart);
 }
 
+void MapCanvas::draw_mark(const glm::dvec2& p_m, const std::string& text) {
+  const double letter_px = 6.0 * unit_;
+  const cv::Point2d foot = px(p_m), head(foot.x, foot.y - 16.0 * unit_);
+  cv::line(image_, foot, head, ink::kText, std::max(1, static_cast<int>(unit_)), cv::LINE_AA);
+  cv::circle(image_, head, static_cast<int>(7.5 * unit_), ink::kText, cv::FILLED, cv::LINE_AA);
+  draw_text(image_, text,
+            {head.x - 0.5 * text_width_px(text, letter_px, true), head.y + 0.5 * letter_px},
+            letter_px, ink::kPaper, true);
+}
+
 void MapCanvas::draw_robot(const core::Pose2& pose, double hfov_rad) {
   const auto at = [&](double forward_m, double left_m) {
     const double c = std::cos(pose.yaw_rad), s = std::sin(pose.yaw_rad);

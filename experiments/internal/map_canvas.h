@@ -57,6 +57,8 @@ class MapCanvas {
   void draw_robot(const core::Pose2& pose, double hfov_rad);
   /// Objects of the policy's own map: those of the goal class large.
   void draw_objects(const core::PolicyView& view, int goal_index);
+  /// A short text on a disc, above the place.
+  void draw_mark(const glm::dvec2& p_m, const std::string& text);
   void draw_target(const core::PolicyView& view);
   /// One metre, in the lower left corner.
   void draw_scale_bar();

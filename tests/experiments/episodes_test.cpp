@@ -1,5 +1,6 @@
 #include "experiments/episodes.h"
 
+#include <cmath>
 #include <fstream>
 #include <map>
 
@@ -8,6 +9,7 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
+#include "experiments/episode_check.h"
 #include "renderer/cpu_renderer.h"
 #include "tiny_scene.h"
 
@@ -150,6 +152,138 @@ TEST_F(EpisodesTest, AFileGivesBackWhatWasWritten) {
   }
 }
 
+TEST_F(EpisodesTest, TheHeaderSaysWhatItWasMadeFor) {
+  EpisodeSet set = generate(rules());
+  set.oracle = OracleRecord{7, 8, 0.625, "habitat-hm3d"};
+  const auto file = folder_->path() / "set.jsonl";
+  write_episodes(file, set);
+  const EpisodeSet read = read_episodes(file);
+  EXPECT_THAT(read.generator, HasSubstr("segsim "));
+  EXPECT_EQ(read.seed, 5U);
+  EXPECT_EQ(read.navmesh_sha256, navmesh_settings_hash(sim::RobotModel::jackal_gentle()));
+  EXPECT_NE(read.navmesh_sha256.size(), 0U);
+  ASSERT_TRUE(read.viewer && read.oracle);
+  EXPECT_EQ(read.viewer->camera.width_px, 96);
+  EXPECT_EQ(read.viewer->camera.fx_px, rules().camera.fx_px);
+  EXPECT_EQ(read.viewer->camera_height_m, 1.0);
+  EXPECT_EQ(read.viewer->camera_pitch_down_rad, 0.2);
+  EXPECT_EQ(read.oracle->successes, 7);
+  EXPECT_EQ(read.oracle->profile, "habitat-hm3d");
+  EXPECT_DOUBLE_EQ(read.oracle->rate(), 0.875);
+  EXPECT_THAT(core::read_file(file), HasSubstr("\"flagged\":true"));
+}
+
+TEST_F(EpisodesTest, ViewPointsKnowTheirInstanceAndHowWellTheySee) {
+  const EpisodeSet set = generate(rules());
+  const auto T_robot_camera = core::mast_camera(1.0, 0.2);
+  for (const sim::Episode& episode : set.episodes) {
+    const bool couch = episode.class_name == "couch";
+    const core::SceneInstance& goal = bundle_->manifest.instances[couch ? 0 : 1];
+    ASSERT_EQ(episode.view_point_instance.size(), episode.view_points_m.size());
+    ASSERT_EQ(episode.view_point_iou.size(), episode.view_points_m.size());
+    for (std::size_t k = 0; k < episode.view_points_m.size(); k += 7) {
+      EXPECT_EQ(episode.view_point_instance[k], goal.id);
+      const core::Pose2 pose =
+          sim::facing(episode.view_points_m[k], goal.box_min_m, goal.box_max_m);
+      const core::Frame seen = renderer_->render(
+          core::transform_from_pose2<core::frame::World>(pose) * T_robot_camera,
+          rules().camera, core::Channels::kLabels);
+      int both = 0, either = 0;
+      for (int j = 0; j < 72; ++j) {
+        for (int i = 0; i < 96; ++i) {
+          const bool of_goal = seen.instance(i, j) == goal.id;
+          const bool in_box = i >= 24 && i < 72 && j >= 18 && j < 54;
+          both += of_goal && in_box ? 1 : 0;
+          either += of_goal || in_box ? 1 : 0;
+        }
+      }
+      EXPECT_FLOAT_EQ(episode.view_point_iou[k],
+                      static_cast<float>(both) / static_cast<float>(either));
+    }
+    if (&episode - set.episodes.data() >= 1) break;  // One of each class is enough.
+  }
+}
+
+TEST_F(EpisodesTest, AFileOfTheFirstSchemaIsRead) {
+  std::string text = text_of(generate(rules()));
+  text.replace(text.find("segsim.episodes/2"), 17, "segsim.episodes/1");
+  // The first schema had neither of these.
+  for (const char* key : {",\"generator\":\"", ",\"navmesh_sha256\":\""}) {
+    const std::size_t at = text.find(key);
+    ASSERT_NE(at, std::string::npos);
+    text.erase(at, text.find('"', at + std::string(key).size()) + 1 - at);
+  }
+  const auto file = folder_->path() / "first.jsonl";
+  std::ofstream(file) << text;
+  const EpisodeSet set = read_episodes(file);
+  EXPECT_EQ(set.episodes.size(), 8U);
+  EXPECT_EQ(set.generator, "");
+}
+
+TEST_F(EpisodesTest, AnIslandThatIsTooSmallIsRefused) {
+  EpisodeRules wide = rules();
+  wide.min_island_radius_m = 1.5;
+  EXPECT_EQ(generate(wide).episodes.size(), 8U);
+  wide.min_island_radius_m = 4.0;  // 50 m2; the rooms have 40.
+  EXPECT_THROW((void)generate(wide), core::InputError);
+}
+
+TEST_F(EpisodesTest, StraightStartsAreThinnedOut) {
+  EpisodeRules strict = rules();
+  strict.min_ratio = 1.3;
+  const EpisodeSet set = generate(strict);
+  EXPECT_GT(set.rejections.starts.too_straight, 0);
+  EXPECT_EQ(generate(rules()).rejections.starts.too_straight, 0);
+}
+
+/// The states that binding finds, by episode.
+std::vector<EpisodeState> states_of(EpisodeSet& set, const core::SceneBundle& bundle,
+                                    const sim::World& world) {
+  std::vector<EpisodeState> states;
+  for (const EpisodeFinding& f : bind_episodes(set, "set.jsonl", bundle, world)) {
+    states.push_back(f.state);
+  }
+  return states;
+}
+
+TEST_F(EpisodesTest, BindingFindsWhatCannotBeDone) {
+  EpisodeSet set = generate(rules());
+  set.episodes.resize(6);
+  const double l_m = set.episodes[0].shortest_path_m;
+  set.episodes[1].start = {40.0, 0.0, 0.0};
+  set.episodes[2].view_points_m = {{40.0, 0.0}};
+  set.episodes[3].view_points_m = {{set.episodes[3].start.x_m, set.episodes[3].start.y_m}};
+  set.episodes[4].shortest_path_m += 1.0;
+  set.episodes[5].view_points_m.clear();
+  EXPECT_EQ(
+      states_of(set, *bundle_, *world_),
+      (std::vector<EpisodeState>{EpisodeState::kFine, EpisodeState::kOffNavmesh,
+                                 EpisodeState::kUnreachable, EpisodeState::kTrivial,
+                                 EpisodeState::kWrongLength, EpisodeState::kUnreachable}));
+  EXPECT_EQ(set.episodes[0].shortest_path_m, l_m);
+  EXPECT_FALSE(std::isfinite(set.episodes[1].shortest_path_m));
+  EXPECT_FALSE(std::isfinite(set.episodes[2].shortest_path_m));
+  EXPECT_EQ(set.episodes[3].shortest_path_m, 0.0);
+}
+
+TEST_F(EpisodesTest, BindingRefusesAnotherBundleAndUnknownClasses) {
+  EpisodeSet set = generate(rules());
+  set.episodes[2].class_name = "coach";
+  try {
+    (void)states_of(set, *bundle_, *world_);
+    ADD_FAILURE() << "an unknown class was accepted";
+  } catch (const core::InputError& error) {
+    EXPECT_THAT(error.what(), testing::AllOf(HasSubstr("set.jsonl"), HasSubstr("\"coach\""),
+                                             HasSubstr("near: couch")));
+  }
+  set = generate(rules());
+  set.scene_sha256 = std::string(64, '0');
+  EXPECT_THROW((void)states_of(set, *bundle_, *world_), core::InputError);
+  set.scene_sha256.clear();  // Imported without a bundle: nothing to compare.
+  EXPECT_EQ(states_of(set, *bundle_, *world_),
+            std::vector<EpisodeState>(8, EpisodeState::kFine));
+}
+
 TEST_F(EpisodesTest, EveryRuleIsInTheHash) {
   std::set<std::string> hashes{rules_hash(rules(), "a"), rules_hash(rules(), "b")};
   const auto vary = [&](auto change) {
@@ -166,7 +300,10 @@ TEST_F(EpisodesTest, EveryRuleIsInTheHash) {
   vary([](EpisodeRules& r) { r.min_visible_pixels = 41; });
   vary([](EpisodeRules& r) { r.max_start_m = 14; });
   vary([](EpisodeRules& r) { r.allow_visible_start = true; });
-  EXPECT_EQ(hashes.size(), 11U);
+  vary([](EpisodeRules& r) { r.view_lattice_m = 0.1; });
+  vary([](EpisodeRules& r) { r.min_ratio = 1.05; });
+  vary([](EpisodeRules& r) { r.min_island_radius_m = 1.5; });
+  EXPECT_EQ(hashes.size(), 14U);
 }
 
 /// The message with which a file of this text is refused.
@@ -191,6 +328,13 @@ TEST_F(EpisodesTest, BrokenFilesAreRefusedWithTheirLine) {
   std::string cut = good;
   cut.erase(third + 40, 20);
   EXPECT_THAT(refusal(file, cut), HasSubstr("broken.jsonl:3"));
+  std::string uneven = good;
+  const std::size_t list = uneven.find("\"view_point_instances\":[", second) + 24;
+  uneven.erase(list, uneven.find(',', list) + 1 - list);
+  EXPECT_THAT(refusal(file, uneven), HasSubstr("broken.jsonl:2"));
+  std::string newer = good;
+  newer.replace(newer.find("episodes/2"), 10, "episodes/3");
+  EXPECT_THAT(refusal(file, newer), HasSubstr("segsim.episodes/3"));
   std::string no_places = good;
   no_places.replace(no_places.find("\"start\"", second), 7, "\"stort\"");
   EXPECT_THAT(refusal(file, no_places), HasSubstr("broken.jsonl:2"));

@@ -1,6 +1,8 @@
 #include "experiments/run.h"
 
+#include <algorithm>
 #include <fstream>
+#include <map>
 
 #include <fcntl.h>
 #include <gmock/gmock.h>
@@ -9,7 +11,10 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
+#include "experiments/episode_validation.h"
+#include "experiments/episodes.h"
 #include "experiments/store.h"
+#include "experiments/trial_log.h"
 #include "renderer/exr_io.h"
 #include "renderer/frame_writer.h"
 #include "tiny_scene.h"
@@ -137,6 +142,119 @@ TEST_F(RunTest, AChangedEpisodeFileIsRefused) {
   text[at] = text[at] == '9' ? '8' : '9';
   std::ofstream(file) << text;
   EXPECT_THROW((void)run("episodes", 2, 1), core::InputError);
+}
+
+/// A given set: what cannot be done is listed and in no rate; the others run.
+TEST_F(RunTest, AnEpisodeFileIsRunAndWhatIsInfeasibleLeftOut) {
+  (void)run("source", 1, 1);
+  EpisodeSet set = read_episodes(folder_->path() / "source" / "episodes" / "tiny.jsonl");
+  ASSERT_EQ(set.episodes.size(), 4U);
+  set.episodes[1].start = {40.0, 0.0, 0.0};
+  set.episodes[2].view_points_m = {{set.episodes[2].start.x_m, set.episodes[2].start.y_m}};
+  set.episodes[2].view_point_instance.clear();
+  set.episodes[2].view_point_iou.clear();
+  set.oracle = OracleRecord{3, 4, 0.5, "segsim-object"};
+  write_episodes(folder_->path() / "given.jsonl", set);
+
+  std::string text = kSpec;
+  const std::string rules = "goals: [couch, chair]\n    episodes: 4\n";
+  text.replace(text.find(rules), rules.size(), "episode_file: ${data}/given.jsonl\n");
+  const RunReport report = run("given", 2, 0, text);
+  EXPECT_EQ(report.trials_run, 8);
+  std::map<std::string, int> outcomes;
+  for (const TrialRow& row : rows("given")) {
+    EXPECT_EQ(row.outcome == "infeasible", row.episode == set.episodes[1].id);
+    EXPECT_EQ(row.outcome == "trivial", row.episode == set.episodes[2].id);
+    ++outcomes[row.counts() ? "counts" : row.why.cause];
+  }
+  EXPECT_EQ(outcomes,
+            (std::map<std::string, int>{{"counts", 4}, {"infeasible", 2}, {"trivial", 2}}));
+  const ArmSummary& arm = report.table.scenes[0].arms[0];
+  EXPECT_EQ(arm.success.trials, 2);
+  EXPECT_EQ(arm.excluded_trials, 2);
+  EXPECT_THAT(report.table.notes, testing::Contains(HasSubstr("1 episode infeasible")));
+  EXPECT_THAT(report.table.notes, testing::Contains(HasSubstr("FLAGGED episodes")));
+  EXPECT_EQ(run("given", 2, 0, text).trials_run, 0);  // They are done.
+
+  // Allowed, a trivial episode runs.
+  text.replace(text.find("episode_file"), 12, "allow_trivial: true\n    episode_file");
+  (void)run("trivial", 2, 0, text);
+  for (const TrialRow& row : rows("trivial")) EXPECT_NE(row.outcome, "trivial");
+}
+
+/// Validation draws nothing far from the goal; the oracle's trials are the same as in a run.
+TEST_F(RunTest, ValidationIsARunOfTheOraclePath) {
+  std::string text = kSpec;
+  const std::string arms = "{name: before, detector: oracle}";
+  text.replace(text.find(arms), arms.size(),
+               "{name: path, detector: oracle, policy: oracle-path}");
+  const std::string px = "visible_pixels: 30";
+  text.replace(text.find(px), px.size(), "visible_pixels: 40");
+  (void)run("path", 2, 0, text);
+  const Validation validation = validate_episodes(
+      folder_->path() / "path" / "episodes" / "tiny.jsonl", folder_->path() / "tiny", {});
+  ASSERT_EQ(validation.trials.size(), 4U);
+  int successes = 0;
+  for (const TrialRow& row : rows("path")) {
+    if (row.arm != "path") continue;
+    successes += row.success ? 1 : 0;
+    const auto same =
+        std::find_if(validation.trials.begin(), validation.trials.end(),
+                     [&](const TrialRow& t) { return t.episode == row.episode; });
+    ASSERT_NE(same, validation.trials.end());
+    EXPECT_EQ(same->state_hash, row.state_hash);
+    EXPECT_EQ(same->outcome, row.outcome);
+    EXPECT_EQ(same->spl, row.spl);
+  }
+  EXPECT_EQ(validation.oracle.successes, successes);
+  EXPECT_GE(successes, 3);
+  EXPECT_EQ(validation.oracle.episodes, 4);
+  for (const EpisodeFinding& finding : validation.findings) {
+    EXPECT_EQ(finding.state, EpisodeState::kFine);
+  }
+  ValidationOptions unknown;
+  unknown.profile = "habitat";
+  EXPECT_THROW((void)validate_episodes(folder_->path() / "path" / "episodes" / "tiny.jsonl",
+                                       folder_->path() / "tiny", unknown),
+               core::InputError);
+}
+
+/// Every trial says why it failed, and has a log from which its story can be told.
+TEST_F(RunTest, TrialsAreAttributedAndLogged) {
+  std::string text = kSpec;
+  text.replace(text.find("time_limit_s: 60"), 16, "time_limit_s: 3");
+  const RunReport report = run("short", 2, 0, text);
+  for (const TrialRow& row : rows("short")) {
+    EXPECT_EQ(row.outcome, "timeout");
+    EXPECT_FALSE(row.why.cause.empty());
+    EXPECT_NE(row.why.cause, "did_not_fail");
+    EXPECT_GE(row.why.inevitable_tick, 0);
+    EXPECT_LT(row.why.inevitable_tick, row.ticks);
+    const TrialLog log = read_trial_log(folder_->path() / "short" / row.log);
+    EXPECT_EQ(static_cast<int>(log.track.size()), row.ticks);
+    EXPECT_EQ(log.bundle, folder_->path() / "tiny");
+    EXPECT_EQ(log.episode.id, row.episode);
+  }
+  const std::string table = format_table(report.table, TableFormat::kText);
+  EXPECT_THAT(table, HasSubstr("Why trials failed"));
+  EXPECT_THAT(table, HasSubstr("success: segsim-object"));
+  EXPECT_THAT(table, HasSubstr("allenact-robothor"));
+}
+
+TEST_F(RunTest, AnotherProfileChangesTheVerdictNotTheTrial) {
+  std::string text = kSpec;
+  const std::string rule = "profile: segsim-object, distance_m: 1.0, visible_pixels: 30";
+  (void)run("object", 2);
+  text.replace(text.find(rule), rule.size(), "profile: semexp-gibson, visible_pixels: 30");
+  (void)run("semexp", 2, 0, text);
+  const std::vector<TrialRow> a = rows("object"), b = rows("semexp");
+  ASSERT_EQ(a.size(), b.size());
+  for (std::size_t k = 0; k < a.size(); ++k) {
+    EXPECT_EQ(a[k].state_hash, b[k].state_hash);
+    EXPECT_EQ(b[k].success, b[k].why.stopped && b[k].why.object_m == 0.0);
+    EXPECT_EQ(b[k].success, b[k].outcome == "success");
+    EXPECT_EQ(b[k].success, b[k].why.cause == "did_not_fail");
+  }
 }
 
 TEST_F(RunTest, TwoRunsInOneFolderAreRefused) {

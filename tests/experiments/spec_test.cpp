@@ -125,6 +125,37 @@ TEST(Spec, FramesAreRecordedOnRequest) {
   EXPECT_THAT(error_of(text + "frames: {of: all, every: 1}\n"), HasSubstr("every_s"));
 }
 
+TEST(Spec, SuccessProfilesByName) {
+  const std::string line =
+      "success: {profile: segsim-object, distance_m: 0.8, visible_pixels: 25}";
+  const auto profile = [&](const std::string& fields) {
+    return with(kSpec, line, "success: {" + fields + "}");
+  };
+  EXPECT_DOUBLE_EQ(parse(kSpec).success.rule().distance_m, 0.8);
+  const SuccessSpec habitat = parse(profile("profile: habitat-hm3d")).success;
+  EXPECT_EQ(habitat.rule(), *sim::find_success_profile("habitat-hm3d"));
+  EXPECT_DOUBLE_EQ(habitat.distance_m, 0.1);
+  EXPECT_FALSE(habitat.require_visible);
+  // A rule with another number is not the rule of that name.
+  EXPECT_THAT(error_of(profile("profile: habitat-hm3d, distance_m: 0.3")),
+              AllOf(HasSubstr("distance_m"), HasSubstr("0.1 m")));
+  EXPECT_THAT(error_of(profile("profile: barn, require_visible: true")),
+              HasSubstr("require_visible"));
+  EXPECT_THAT(error_of(profile("profile: habitat-hm3")), HasSubstr("near: habitat-hm3d"));
+}
+
+TEST(Spec, AnEpisodeFileTakesThePlaceOfRules) {
+  const std::string rules = "goals: [chair, couch]\n    episodes: 6\n";
+  const ExperimentSpec spec =
+      parse(with(kSpec, rules, "episode_file: ${data}/set.jsonl\n    allow_trivial: true\n"));
+  EXPECT_EQ(spec.scenes[0].episode_file, "/d/set.jsonl");
+  EXPECT_TRUE(spec.scenes[0].allow_trivial);
+  EXPECT_TRUE(spec.scenes[0].goals.empty());
+  EXPECT_TRUE(spec.scenes[1].episode_file.empty());
+  EXPECT_THAT(error_of(with(kSpec, rules, rules + "    episode_file: set.jsonl\n")),
+              AllOf(HasSubstr("goals"), HasSubstr("episode_file")));
+}
+
 TEST(Spec, ScenesAreTrainedOnRequest) {
   EXPECT_FALSE(parse(kSpec).find_scene("flat-1")->source->reconstruct.has_value());
   const auto trained = [](const std::string& fields) {

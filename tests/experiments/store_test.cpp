@@ -207,6 +207,88 @@ TEST_F(StoreTest, AnotherSchemaVersionIsRefused) {
   EXPECT_THAT(refusal(file_), HasSubstr("results.sqlite"));
 }
 
+TEST_F(StoreTest, AttributionIsReadBackAndGoesWithItsTrial) {
+  Store store(file_);
+  const std::int64_t id = begin(store);
+  TrialRow failed = a_trial("before", "b/chair/00", false);
+  failed.outcome = "error";
+  failed.why.cause = "harness_error";
+  store.add_trial(id, failed);
+  EXPECT_EQ(store.trials(id)[0].why.cause, "harness_error");
+  TrialRow trial = a_trial("before", "b/chair/00", false);
+  trial.log = "logs/x.json.gz";
+  trial.why.cause = "false_positive";
+  trial.why.inevitable_tick = 16;
+  trial.why.decisive_tick = 9;
+  trial.why.visible_frames = 5;
+  trial.why.detected_frames = 4;
+  trial.why.true_detections = 6;
+  trial.why.false_detections = 7;
+  trial.why.first_true_tick = 3;
+  trial.why.true_clouds = 1;
+  trial.why.false_clouds = 2;
+  trial.why.stopped = true;
+  trial.why.final_visible_px = 77;
+  trial.why.object_m = 0.0;
+  trial.why.shortest_object_m = 4.5;
+  trial.why.collision_ticks = 8;
+  trial.why.off_navmesh_ticks = 11;
+  trial.why.reached_instance = 12;
+  store.add_trial(id, trial);  // In place of the failed one.
+  store.add_trial(id, a_trial("after", "b/chair/00", true));
+  const std::vector<TrialRow> rows = store.trials(id);
+  ASSERT_EQ(rows.size(), 2U);
+  EXPECT_GT(rows[0].trial_id, 0);
+  EXPECT_NE(rows[0].trial_id, rows[1].trial_id);
+  EXPECT_EQ(rows[0].log, "logs/x.json.gz");
+  const Attribution& why = rows[0].why;
+  EXPECT_EQ(why.cause, "false_positive");
+  const std::vector<int> numbers{
+      why.inevitable_tick, why.decisive_tick,    why.visible_frames,  why.detected_frames,
+      why.true_detections, why.false_detections, why.first_true_tick, why.true_clouds,
+      why.false_clouds,    why.final_visible_px, why.collision_ticks, why.off_navmesh_ticks,
+      why.reached_instance};
+  EXPECT_EQ(numbers, (std::vector<int>{16, 9, 5, 4, 6, 7, 3, 1, 2, 77, 8, 11, 12}));
+  EXPECT_TRUE(why.stopped);
+  EXPECT_EQ(why.object_m, 0.0);
+  EXPECT_FALSE(why.planar_m.has_value());
+  EXPECT_EQ(why.shortest_object_m, 4.5);
+  EXPECT_FALSE(rows[1].why.known());
+}
+
+TEST_F(StoreTest, AFileOfVersion2IsBroughtUpToDate) {
+  std::int64_t id = 0;
+  {
+    Store store(file_);
+    id = begin(store);
+    store.add_trial(id, a_trial("before", "b/chair/00", true));
+  }
+  // What version 3 added is taken away again.
+  sqlite3* db = nullptr;
+  ASSERT_EQ(sqlite3_open(file_.c_str(), &db), SQLITE_OK);
+  ASSERT_EQ(sqlite3_exec(db,
+                         "DROP TABLE attribution;"
+                         "ALTER TABLE scene DROP COLUMN oracle_successes;"
+                         "ALTER TABLE scene DROP COLUMN oracle_episodes;"
+                         "UPDATE meta SET schema_version = 2",
+                         nullptr, nullptr, nullptr),
+            SQLITE_OK);
+  sqlite3_close(db);
+
+  for (int opening = 0; opening < 2; ++opening) {  // The second finds nothing to do.
+    Store store(file_);
+    ASSERT_EQ(store.trials(id).size(), 1U);
+    EXPECT_TRUE(store.trials(id)[0].success);
+    EXPECT_FALSE(store.trials(id)[0].why.known());
+    EXPECT_EQ(store.scenes(id)[0].oracle_episodes, -1);
+  }
+  Store store(file_);
+  TrialRow trial = a_trial("after", "b/chair/00", false);
+  trial.why.cause = "stuck";
+  store.add_trial(id, trial);
+  EXPECT_EQ(store.trials(id)[1].why.cause, "stuck");
+}
+
 TEST_F(StoreTest, OtherFilesAreRefused) {
   const fs::path foreign = folder_ / "foreign.sqlite";
   sqlite3* db = nullptr;

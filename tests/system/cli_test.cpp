@@ -12,6 +12,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <sstream>
 #include <string>
 #include <thread>
@@ -137,8 +138,8 @@ void expect_input_error(const Output& run, const std::string& place) {
 TEST_F(Cli, HelpListsTheSubcommandsAndVersionPrints) {
   const Output help = segsim("--help");
   EXPECT_EQ(help.exit_code, 0);
-  for (const char* name :
-       {"run", "table", "capture", "reconstruct", "scene", "render", "label", "detector"}) {
+  for (const char* name : {"run", "table", "capture", "reconstruct", "scene", "render",
+                           "label", "detector", "episodes", "explain"}) {
     EXPECT_THAT(help.text, HasSubstr(name));
     EXPECT_EQ(segsim(std::string(name) + " --help").exit_code, 0);
   }
@@ -210,6 +211,22 @@ TEST_F(Cli, UnknownKeyInASpecNamesLineAndNearestKey) {
   const Output run = segsim("run " + at("spec.yaml") + " --work " + at("w"));
   EXPECT_EQ(run.exit_code, 2) << run.text;
   EXPECT_THAT(run.text, HasSubstr("spec.yaml"));
+}
+
+TEST_F(Cli, BadEpisodeFilesAreNamed) {
+  write(folder_ / "cut.json.gz", "\x1f\x8b\x08");
+  const Output cut = segsim("episodes import " + at("cut.json.gz"));
+  EXPECT_EQ(cut.exit_code, 2);
+  EXPECT_THAT(cut.text, HasSubstr("cut.json.gz"));
+  const Output none = segsim("episodes import " + at("none.json.gz"));
+  EXPECT_EQ(none.exit_code, 2);
+  EXPECT_EQ(segsim("episodes").exit_code, 2);
+  for (const char* name : {"generate", "validate", "import", "export"}) {
+    EXPECT_EQ(segsim("episodes " + std::string(name) + " --help").exit_code, 0);
+  }
+  const Output nothing = segsim("explain " + at("nowhere"));
+  EXPECT_EQ(nothing.exit_code, 2);
+  EXPECT_THAT(nothing.text, HasSubstr("nowhere"));
 }
 
 TEST_F(Cli, DamagedBundleIsRefused) {
@@ -304,6 +321,62 @@ TEST_F(Chain, RunsToATableAndRepeatsItself) {
   ASSERT_EQ(second.exit_code, 0) << second.text;
   EXPECT_THAT(rows("a"), SizeIs(6));
   EXPECT_EQ(rows("a"), rows("b"));
+}
+
+TEST_F(Chain, TrialsAreExplainedAndEpisodesTravel) {
+  const Output run = segsim(run_arguments("a"));
+  ASSERT_EQ(run.exit_code, 0) << run.text;
+  EXPECT_THAT(run.text, HasSubstr("success: segsim-object"));
+
+  const Output list = segsim("explain " + at("a"));
+  EXPECT_EQ(list.exit_code, 0) << list.text;
+  EXPECT_THAT(list.text, HasSubstr("of 6 trials failed"));
+  const Output story = segsim("explain " + at("a") + " room/couch/00");
+  EXPECT_EQ(story.exit_code, 0) << story.text;
+  EXPECT_THAT(story.text, HasSubstr("find a couch"));
+  const std::string number = story.text.substr(6, story.text.find(':') - 6);
+  for (const char* part : {"-map.png", "-frames.png"}) {
+    EXPECT_FALSE(cv::imread(at("a/explain/trial-" + number + part)).empty()) << part;
+  }
+  EXPECT_EQ(segsim("explain " + at("a") + " 99999").exit_code, 2);
+  EXPECT_EQ(segsim("explain " + at("a") + " 1 --run 9").exit_code, 2);
+
+  // Generate, validate, store.
+  const std::string bundle = at("a/scenes/room"), set = at("set.jsonl");
+  const std::string eye = " --width 128 --height 96 --pitch-down-deg 0 --camera-height 1.2";
+  const Output made = segsim("episodes generate " + bundle + " -o " + set +
+                             " --count 4 --goals couch,bed --allow-visible-start" + eye);
+  ASSERT_EQ(made.exit_code, 0) << made.text;
+  EXPECT_THAT(made.text, HasSubstr("4 episodes over 2 classes"));
+  EXPECT_EQ(segsim("episodes generate " + bundle + " -o " + set + " --goals cauch").exit_code,
+            2);
+  const Output valid = segsim("episodes validate " + set + " " + bundle + " --store");
+  EXPECT_EQ(valid.exit_code, 0) << valid.text;
+  EXPECT_THAT(valid.text, HasSubstr("fine 4"));
+  EXPECT_THAT(valid.text, HasSubstr("SR 4/4"));
+
+  // To Habitat and back.
+  const Output out = segsim("episodes export " + set + " " + bundle + " -o " + at("habitat"));
+  ASSERT_EQ(out.exit_code, 0) << out.text;
+  const Output bound = segsim("episodes import " + at("habitat/val.json.gz") + " --bundle " +
+                              bundle + " -o " + at("back"));
+  ASSERT_EQ(bound.exit_code, 0) << bound.text;
+  EXPECT_THAT(bound.text, HasSubstr("4 episodes over 2 classes"));
+  EXPECT_THAT(bound.text, ::testing::Not(HasSubstr("NOT RUNNABLE")));
+  const Output unbound = segsim("episodes import " + at("habitat/val.json.gz"));
+  EXPECT_EQ(unbound.exit_code, 0);
+  EXPECT_THAT(unbound.text, HasSubstr("NOT RUNNABLE"));
+
+  // A start outside the floor is found, and such a set is flagged.
+  std::ifstream stream(set);
+  std::string text((std::istreambuf_iterator<char>(stream)), {});
+  const std::size_t start = text.find("\"start\":[") + 9;
+  text.replace(start, text.find(',', start) - start, "50.0");
+  write(folder_ / "off.jsonl", text);
+  const Output off = segsim("episodes validate " + at("off.jsonl") + " " + bundle);
+  EXPECT_EQ(off.exit_code, 1) << off.text;
+  EXPECT_THAT(off.text, HasSubstr("off the navmesh"));
+  EXPECT_THAT(off.text, HasSubstr("FLAGGED"));
 }
 
 TEST_F(Chain, KilledRunGoesOnAndGivesTheSameTable) {

@@ -1,0 +1,35 @@
+#pragma once
+
+/// @file
+/// Parts of table_format.cpp: the grids of why trials went as they did, and the JSON form.
+
+#include <string>
+#include <vector>
+
+#include "experiments/table.h"
+
+namespace segsim::experiments::internal {
+
+/// A titled rectangle of cells.
+struct Grid {
+  std::string title;
+  std::vector<std::string> header;
+  std::vector<std::vector<std::string>> rows;
+};
+
+/// Whether two arms are compared.
+[[nodiscard]] inline bool compares(const ResultTable& table) {
+  return !table.before.empty() && !table.after.empty();
+}
+/// "0.85", or "-" of nothing.
+[[nodiscard]] std::string share_text(int part, int whole);
+
+/// One column per cause that occurred; no rows if no trial failed.
+[[nodiscard]] Grid causes_grid(const std::vector<GroupSummary>& groups);
+[[nodiscard]] Grid perception_grid(const std::vector<GroupSummary>& groups);
+/// The same trials by the rules of others.
+[[nodiscard]] Grid profiles_grid(const std::vector<GroupSummary>& groups);
+
+[[nodiscard]] std::string as_json(const ResultTable& table);
+
+}  // namespace segsim::experiments::internal

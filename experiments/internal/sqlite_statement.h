@@ -1,0 +1,84 @@
+#pragma once
+
+/// @file
+/// SQLite's prepared statements for the sources of the store.
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include <sqlite3.h>
+
+#include "core/error.h"
+
+namespace segsim::experiments {
+
+/// A prepared statement; values are bound and read in order.
+class Statement {
+ public:
+  Statement(sqlite3* db, const std::filesystem::path& file, const char* sql)
+      : db_(db), file_(file) {
+    check(sqlite3_prepare_v2(db, sql, -1, &statement_, nullptr));
+  }
+  ~Statement() { sqlite3_finalize(statement_); }
+  Statement(const Statement&) = delete;
+  Statement& operator=(const Statement&) = delete;
+
+  Statement& bind(const std::string& text) {
+    // SQLITE_TRANSIENT is a C cast; the text outlives the step, so no copy is needed.
+    check(sqlite3_bind_text(statement_, ++bound_, text.c_str(), -1, nullptr));
+    return *this;
+  }
+  Statement& bind(double value) {
+    check(sqlite3_bind_double(statement_, ++bound_, value));
+    return *this;
+  }
+  Statement& bind(std::int64_t value) {
+    check(sqlite3_bind_int64(statement_, ++bound_, value));
+    return *this;
+  }
+  Statement& bind(int value) { return bind(std::int64_t{value}); }
+  Statement& bind_null() {
+    check(sqlite3_bind_null(statement_, ++bound_));
+    return *this;
+  }
+
+  /// @return  Whether there is a row to read.
+  bool step() {
+    read_ = 0;
+    const int code = sqlite3_step(statement_);
+    if (code != SQLITE_ROW && code != SQLITE_DONE) check(code);
+    return code == SQLITE_ROW;
+  }
+
+  std::string text() {
+    const unsigned char* value = sqlite3_column_text(statement_, read_++);
+    return value == nullptr ? std::string()
+                            : std::string(reinterpret_cast<const char*>(value));
+  }
+  double number() { return sqlite3_column_double(statement_, read_++); }
+  std::int64_t integer() { return sqlite3_column_int64(statement_, read_++); }
+  int small_integer() { return static_cast<int>(integer()); }
+  std::optional<double> optional_number() {
+    if (sqlite3_column_type(statement_, read_) == SQLITE_NULL) {
+      ++read_;
+      return std::nullopt;
+    }
+    return number();
+  }
+
+ private:
+  void check(int code) const {
+    if (code == SQLITE_OK) return;
+    throw core::InputError::expected(file_.string(), "a working SQLite database",
+                                     sqlite3_errmsg(db_));
+  }
+
+  sqlite3* db_;
+  const std::filesystem::path& file_;
+  sqlite3_stmt* statement_ = nullptr;
+  int bound_ = 0, read_ = 0;
+};
+
+}  // namespace segsim::experiments
