@@ -17,6 +17,7 @@
 #include <ignition/transport/Node.hh>
 
 #include "core/error.h"
+#include "core/task_order.h"
 #include "sim/gazebo_images.h"
 #include "sim/internal/gazebo_inbox.h"
 #include "sim/internal/recent_times.h"
@@ -310,7 +311,12 @@ struct GazeboBridge::Parts {
     for (const auto& camera : streams[job.view]) {
       camera->add_work(frame, channels, job.stamp_ns, encoder, work);
     }
-    tbb::parallel_for(std::size_t{0}, work.size(), [&](std::size_t i) { work[i](); });
+    core::TaskOrder order;
+    tbb::parallel_for(std::size_t{0}, work.size(), [&](std::size_t i) {
+      const core::TaskOrder::Task task(order);
+      work[i]();
+    });
+    order.wait();
 
     using Milliseconds = std::chrono::duration<double, std::milli>;
     const std::lock_guard lock(mutex);
