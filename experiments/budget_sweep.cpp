@@ -168,8 +168,15 @@ core::Image<core::Rgb8> draw_sweep(const SweepResult& result, const SweepOptions
   rate.note = result.margin_ms ? print("latency margin %g ms (at most %.0f points lower)",
                                        *result.margin_ms, 100.0 * options.delta)
                                : print("no delay within %.0f points", 100.0 * options.delta);
-  low.note =
-      print("%d episodes per delay, the same ones", result.points.front().success.trials);
+  const auto [fewest, most] =
+      std::minmax_element(result.points.begin(), result.points.end(),
+                          [](const SweepPoint& x, const SweepPoint& y) {
+                            return x.success.trials < y.success.trials;
+                          });
+  low.note = fewest->success.trials == most->success.trials
+                 ? print("%d trials per delay, of the same episodes", most->success.trials)
+                 : print("INTERIM: %d to %d trials per delay", fewest->success.trials,
+                         most->success.trials);
   return draw_curves({rate, low}, footer);
 }
 
