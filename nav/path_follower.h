@@ -18,7 +18,7 @@ enum class LocalMotion : std::uint8_t { kPurePursuit, kDynamicWindow };
 
 struct FollowerOptions {
   LocalMotion motion = LocalMotion::kPurePursuit;
-  DwaOptions window;  ///< Of the dynamic window; its speed limits are those below.
+  DwaOptions window = {};  ///< Of the dynamic window; its speed limits are those below.
   double max_forward_mps = 0.8;
   double max_turn_radps = 1.2;
   double max_accel_mps2 = 1.5;  ///< Assumed deceleration when slowing towards the goal.

@@ -116,12 +116,15 @@ core::VelocityCommand VlfmSearch::act(const Now& now) {
     // Objects seen during the first spin do not interrupt it.
     if (mode_ == core::PolicyMode::kInitialize) {
       command = spin(now);
-    } else if (const auto object_m = cloud_.target_m(now.position_m)) {
+    } else if (const auto object_m = now.time_ns < postponed_until_ns_
+                                         ? std::nullopt
+                                         : cloud_.target_m(now.position_m)) {
       mode_ = core::PolicyMode::kNavigate;
       command = navigate(now, *object_m);
     } else {
       mode_ = core::PolicyMode::kExplore;
       looking_since_ns_.reset();
+      looked_from_afar_ = false;
       command = explore(now);
     }
   }

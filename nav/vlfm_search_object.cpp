@@ -20,6 +20,7 @@ constexpr double kBeyondWeight = 1000.0;
 constexpr double kObjectRadius_m = 0.8;  // The cloud holds all objects of the class.
 constexpr double kFarLook_m = 1.1;
 constexpr double kSamePlace_m = 0.3;
+constexpr core::TimeNs kPostpone_ns = 15 * core::kNsPerSecond;
 
 }  // namespace
 
@@ -94,7 +95,8 @@ std::optional<glm::dvec2> VlfmSearch::approach_place(const Now& now,
   const double min_m = std::min(std::max(nearest_m, visible_m), limit_m - 0.2);
   const double max_m = std::min(std::max(options_.approach_max_m, min_m + 0.2), limit_m);
   const auto place = choose_approach(cost_, field_, object, min_m, max_m, limit_m);
-  if (!place || place->to_object_m > limit_m) return std::nullopt;
+  // One that is too far away still leads nearer, and shows more of the floor around it.
+  if (!place) return std::nullopt;
   return place->position_m;
 }
 
@@ -106,19 +108,27 @@ core::VelocityCommand VlfmSearch::approach(const Now& now, const glm::dvec3& obj
     refresh_cost_map();
     const auto place_m = approach_place(now, at_m);
     // The best place changes a little with every view; a neighbour of the old one is no news.
-    if (!place_m || !target_m_ || glm::distance(*target_m_, *place_m) > kSamePlace_m) {
+    if (!place_m || !target_m_ || glm::distance(*target_m_, *place_m) > kSamePlace_m ||
+        !cost_.traversable(cost_.frame().cell_at(*target_m_))) {
       target_m_ = place_m;
     }
     planned_ns_ = -1;
   }
-  if (!target_m_) {  // Nothing near it can be reached.
+  const auto postpone = [&] {  // Out of reach: go on exploring, it may be seen again.
     cloud_.erase_around(at_m, kWrongObject_m);
-    return {};
-  }
+    postponed_until_ns_ = now.time_ns + kPostpone_ns;
+    target_m_.reset();
+    follower_.clear();
+    return core::VelocityCommand{};
+  };
+  if (!target_m_) return postpone();
   const double arrived_m =
       options_.follower.goal_tolerance_m +
       (options_.motion == Motion::kDiscrete ? 0.5 * options_.actions.forward_m : 0.0);
-  if (glm::distance(*target_m_, now.position_m) <= arrived_m) return look_again(now, object_m);
+  if (glm::distance(*target_m_, now.position_m) <= arrived_m) {
+    const bool near = glm::distance(at_m, now.position_m) <= options_.stop_limit_m;
+    return near ? look_again(now, object_m) : postpone();
+  }
   return drive(now, *target_m_, false);
 }
 

@@ -92,6 +92,7 @@ class VlfmSearch final : public core::Policy {
   glm::dvec2 planned_for_m_{0.0};
   std::vector<glm::dvec2> vetoed_m_;
   std::optional<core::TimeNs> looking_since_ns_;
+  core::TimeNs postponed_until_ns_ = 0;  ///< Objects are left alone: one was out of reach.
   bool looked_from_afar_ = false;  ///< The present object gets its look from farther away.
 
   std::set<std::pair<int, int>> seen_near_;  ///< Coarse cells that a near view showed.

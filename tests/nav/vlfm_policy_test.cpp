@@ -205,6 +205,7 @@ TEST(VlfmPolicy, SecondLookRefutesWhatIsNotThere) {
     VlfmOptions options = vlfm_for_jackal(VlfmRules(), kMast_m);
     options.second_look = second_look;
     SimulationOptions camera = small_camera(4);
+    camera.time_limit_s = 300.0;  // The sweep at the end takes its time.
     camera.false_positives.push_back({0, {20, 20, 80, 60}});
     auto policy = make_vlfm_policy(options);
     const SimulationResult result =
@@ -277,20 +278,6 @@ TEST(VlfmPolicy, StartInsideAnObstacle) {
       EXPECT_THAT(result.stop_reason, testing::AnyOf("", "no_frontier_left"));
     }
   }
-}
-
-/// A goal behind glass, seen and never reached.
-TEST(VlfmPolicy, UnreachableGoalIsGivenUp) {
-  BoxWorld world = four_rooms();
-  world.object = Box{{9.3, 7.3, 0.0}, {9.8, 7.8, 0.9}};
-  world.invisible.push_back({{8.0, 6.0, 0.0}, {10.0, 6.1, 0.5}});
-  world.invisible.push_back({{8.0, 6.0, 0.0}, {8.1, 8.0, 0.5}});
-  SimulationOptions camera = small_camera(2);
-  camera.time_limit_s = 240.0;
-  auto policy = make_vlfm_policy(vlfm_for_jackal(VlfmRules(), kMast_m));
-  const SimulationResult result = run_episode(world, {7.0, 5.4, 0.5}, camera, *policy);
-  EXPECT_FALSE(result.success());
-  EXPECT_THAT(result.stop_reason, testing::AnyOf("stuck", "no_frontier_left"));
 }
 
 /// Corners that only far views covered are looked at before the search ends.
