@@ -2,50 +2,36 @@
 
 #include <ATen/Parallel.h>
 
-#include <algorithm>
 #include <atomic>
-#include <cmath>
 #include <opencv2/core/utility.hpp>
 
+#include "core/check.h"
 #include "core/error.h"
-#include "perception/internal/inference_network.h"
+#include "perception/device_frame_tensors.h"
+#include "perception/internal/frame_stream.h"
+#include "perception/internal/inference.h"
 #include "perception/internal/thread_count.h"
+#include "perception/internal/torch_device.h"
 #include "perception/letterbox.h"
 #include "perception/nms.h"
+#include "perception/weights_file.h"
 
 namespace segsim::perception {
 namespace {
 
 std::atomic<int> wanted_threads{1};
 
-/// Expectation of the softmax over one side's bins, in strides.
-float expected_distance(const float* logits) {
-  const float top = *std::max_element(logits, logits + kRegBins);
-  float sum = 0.0F, moment = 0.0F;
-  for (int bin = 0; bin < kRegBins; ++bin) {
-    const float p = std::exp(logits[bin] - top);
-    sum += p;
-    moment += p * static_cast<float>(bin);
-  }
-  return moment / sum;
-}
-
-class LearnedDetector final : public core::Detector {
+class LearnedDetector final : public BatchDetector {
  public:
-  LearnedDetector(const std::filesystem::path& file, const DetectorOptions& options)
-      : options_(options) {
-    DetectorWeights weights = read_weights(file);
-    input_px_ = weights.input_px;
-    score_threshold_ = options.score_threshold.value_or(weights.score_threshold);
-    network_ = make_inference_network(weights, file.string());
-    class_names_ = std::move(weights.class_names);
-    const Anchors anchors = make_anchors(input_px_, torch::kFloat32);
-    const float* centres = anchors.centre_px.data_ptr<float>();
-    const float* strides = anchors.stride_px.data_ptr<float>();
-    for (int64_t a = 0; a < anchors.stride_px.numel(); ++a) {
-      anchors_.push_back({centres[2 * a], centres[2 * a + 1], strides[a]});
-    }
-  }
+  LearnedDetector(const DetectorWeights& weights, const std::string& place,
+                  const DetectorOptions& options)
+      : options_(options),
+        input_px_(weights.input_px),
+        score_threshold_(options.score_threshold.value_or(weights.score_threshold)),
+        class_names_(weights.class_names),
+        device_(torch_device(options.device, "detector: device")),
+        inference_(make_inference_network(weights, place, device_), weights.input_px, device_,
+                   options.mixed_precision) {}
 
   [[nodiscard]] const std::vector<std::string>& class_names() const override {
     return class_names_;
@@ -53,73 +39,61 @@ class LearnedDetector final : public core::Detector {
 
   [[nodiscard]] std::vector<core::Detection> detect(
       const core::Observation& observation) override {
-    SEGSIM_CHECK(observation.rgb != nullptr && !observation.rgb->empty(), "no image");
-    const auto& image = *observation.rgb;
-    const Letterbox fit = Letterbox::fit(image.width_px(), image.height_px(), input_px_);
-    std::vector<core::Detection> found = suppress_overlaps(
-        candidates(letterbox(image, fit)), options_.nms_iou, options_.max_detections);
-    for (core::Detection& detection : found) detection.box = fit.to_image(detection.box);
-    return found;
+    const core::Image<core::Rgb8>* const images[] = {observation.rgb};
+    return std::move(detect_batch(images)[0]);
+  }
+
+  [[nodiscard]] std::vector<std::vector<core::Detection>> detect_batch(
+      std::span<const core::Image<core::Rgb8>* const> images) override {
+    if (images.empty()) return {};
+    apply_thread_count();
+    std::vector<Letterbox> fits;
+    std::vector<core::Image<core::Rgb8>> squares;
+    for (const auto* image : images) {
+      SEGSIM_CHECK(image != nullptr && !image->empty(), "no image");
+      fits.push_back(Letterbox::fit(image->width_px(), image->height_px(), input_px_));
+      squares.push_back(letterbox(*image, fits.back()));
+    }
+    return finish(inference_.candidates(inference_.upload(squares), score_threshold_), fits);
+  }
+
+  [[nodiscard]] std::vector<std::vector<core::Detection>> detect_frames(
+      const core::DeviceFrames& frames) override {
+    const bool on_host = frames.device == core::kHostDevice;
+    if (on_host != device_.is_cpu()) {
+      throw core::InputError::expected("detector: images",
+                                       device_.is_cpu() ? "in the host's memory" : "on a GPU",
+                                       on_host ? "in the host's memory" : "on a GPU");
+    }
+    apply_thread_count();
+    const FrameStreamScope stream(frames);
+    const Letterbox fit = Letterbox::fit(frames.width_px, frames.height_px, input_px_);
+    const auto input =
+        inference_.letterbox_on_device(image_tensor(frames, DeviceImage::kRgb), fit);
+    return finish(inference_.candidates(input, score_threshold_),
+                  std::vector<Letterbox>(static_cast<std::size_t>(frames.count), fit));
   }
 
  private:
-  struct Anchor {
-    float x_px, y_px, stride_px;
-  };
-
-  /// All (anchor, class) pairs that reach the threshold, in pixels of the square.
-  [[nodiscard]] std::vector<core::Detection> candidates(
-      const core::Image<core::Rgb8>& square) {
-    apply_thread_count();
-    const torch::InferenceMode inference;
-    const RawOutput output = network_(to_tensor(square));
-    const auto box = output.box.contiguous(), classes = output.classes.contiguous();
-    const float* box_logits = box.data_ptr<float>();
-    const float* class_logits = classes.data_ptr<float>();
-    const std::size_t class_count = class_names_.size();
-    std::vector<core::Detection> found;
-    for (std::size_t a = 0; a < anchors_.size(); ++a) {
-      bool decoded = false;
-      core::BoxPx corners;
-      for (std::size_t c = 0; c < class_count; ++c) {
-        const float score = 1.0F / (1.0F + std::exp(-class_logits[a * class_count + c]));
-        if (!(score >= score_threshold_)) continue;
-        if (!decoded) corners = decode(anchors_[a], box_logits + a * 4 * kRegBins);
-        decoded = true;
-        found.push_back({static_cast<int>(c), score, corners});
+  [[nodiscard]] std::vector<std::vector<core::Detection>> finish(
+      const std::vector<Candidates>& candidates, const std::vector<Letterbox>& fits) const {
+    std::vector<std::vector<core::Detection>> found;
+    for (std::size_t i = 0; i < candidates.size(); ++i) {
+      found.push_back(
+          suppress_overlaps(candidates[i], options_.nms_iou, options_.max_detections));
+      for (core::Detection& detection : found.back()) {
+        detection.box = fits[i].to_image(detection.box);
       }
     }
     return found;
   }
 
-  [[nodiscard]] static core::BoxPx decode(const Anchor& anchor, const float* logits) {
-    const auto side = [&](int i) {
-      return expected_distance(logits + i * kRegBins) * anchor.stride_px;
-    };
-    return {anchor.x_px - side(0), anchor.y_px - side(1), anchor.x_px + side(2),
-            anchor.y_px + side(3)};
-  }
-
-  /// [1, 3, size, size], RGB in [0, 1].
-  [[nodiscard]] static torch::Tensor to_tensor(const core::Image<core::Rgb8>& square) {
-    auto tensor = torch::empty({1, 3, square.height_px(), square.width_px()}, torch::kFloat32);
-    const std::size_t count = square.size();
-    float* out = tensor.data_ptr<float>();
-    for (std::size_t i = 0; i < count; ++i) {
-      const core::Rgb8 pixel = square.data()[i];
-      out[i] = static_cast<float>(pixel.r) / 255.0F;
-      out[count + i] = static_cast<float>(pixel.g) / 255.0F;
-      out[2 * count + i] = static_cast<float>(pixel.b) / 255.0F;
-    }
-    return tensor;
-  }
-
   DetectorOptions options_;
+  int input_px_;
+  float score_threshold_;
   std::vector<std::string> class_names_;
-  int input_px_ = 0;
-  float score_threshold_ = 0.0F;
-  InferenceNetwork network_;
-  std::vector<Anchor> anchors_;
+  torch::Device device_;
+  Inference inference_;
 };
 
 }  // namespace
@@ -141,10 +115,13 @@ void apply_thread_count() {
   applied = wanted;
 }
 
-std::unique_ptr<core::Detector> load_detector(const std::filesystem::path& weights,
-                                              const DetectorOptions& options) {
+std::unique_ptr<BatchDetector> load_detector(const std::filesystem::path& weights,
+                                             const DetectorOptions& options) {
   SEGSIM_CHECK(options.max_detections >= 0 && options.nms_iou >= 0.0F, "detector options");
-  return std::make_unique<LearnedDetector>(weights, options);
+  if (options.mixed_precision && options.device == ComputeDevice::kCpu) {
+    throw core::InputError::expected("detector: mixed precision", "device cuda", "cpu");
+  }
+  return std::make_unique<LearnedDetector>(read_weights(weights), weights.string(), options);
 }
 
 }  // namespace segsim::perception

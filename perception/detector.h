@@ -11,8 +11,12 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <span>
+#include <vector>
 
+#include "core/device_frames.h"
 #include "core/stages.h"
+#include "perception/compute_device.h"
 
 namespace segsim::perception {
 
@@ -21,12 +25,35 @@ struct DetectorOptions {
       score_threshold;       ///< [0, 1]; the one stored with the weights if not set.
   float nms_iou = 0.65F;     ///< Per class; above it the lower score is dropped.
   int max_detections = 100;  ///< Per image.
+  ComputeDevice device = ComputeDevice::kCpu;
+  bool mixed_precision = false;  ///< float16 where it is safe; CUDA only.
+};
+
+/// Detects for several robots in one forward pass.
+class BatchDetector : public core::Detector {
+ public:
+  /// @param images  Of any sizes, none empty; may be no image at all.
+  /// @returns for each image what detect() finds in it, up to the last digits: sums of a batch
+  ///     may have another order.
+  [[nodiscard]] virtual std::vector<std::vector<core::Detection>> detect_batch(
+      std::span<const core::Image<core::Rgb8>* const> images) = 0;
+
+  /// The same for the images of a renderer where they lie, without a copy: on a GPU the
+  /// network runs in the renderer's stream, so nobody waits between drawing and detecting.
+  /// Boxes are in pixels of the images. Where these are scaled, levels may differ by one from
+  /// those of detect().
+  /// @param frames  With `rgb`; in the host's memory for a detector on the CPU, on a GPU for
+  ///     one on CUDA.
+  /// @throws core::InputError if they lie elsewhere.
+  [[nodiscard]] virtual std::vector<std::vector<core::Detection>> detect_frames(
+      const core::DeviceFrames& frames) = 0;
 };
 
 /// Loads a weights file (weights_file.h). The detector reads only `rgb` of an observation.
 /// One object serves one thread at a time.
-/// @throws core::InputError if the file is damaged or does not fit the network.
-[[nodiscard]] std::unique_ptr<core::Detector> load_detector(
+/// @throws core::InputError if the file is damaged or does not fit the network, or for CUDA or
+///     mixed precision where there is none.
+[[nodiscard]] std::unique_ptr<BatchDetector> load_detector(
     const std::filesystem::path& weights, const DetectorOptions& options = {});
 
 /// Threads inside one forward or training pass; 1 until this is called, which is the best for

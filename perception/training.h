@@ -19,6 +19,7 @@
 #include <vector>
 
 #include "perception/average_precision.h"
+#include "perception/compute_device.h"
 
 namespace segsim::perception {
 
@@ -32,7 +33,7 @@ enum class NormPolicy {
   kTrain,
   kFrozen  ///< Batch norms keep the statistics they start with: for batches of one or two.
 };
-enum class TrainDevice { kCpu, kCuda };
+using TrainDevice = ComputeDevice;
 
 /// What is done to a picture before each use. Shares and probabilities in [0, 1].
 struct Augmentation {

@@ -34,14 +34,6 @@ std::int64_t count_of(const std::vector<std::int64_t>& shape) {
   return count;
 }
 
-std::string shape_text(const std::vector<std::int64_t>& shape) {
-  std::string text = "[";
-  for (std::size_t i = 0; i < shape.size(); ++i) {
-    text += (i == 0 ? "" : ",") + std::to_string(shape[i]);
-  }
-  return text + "]";
-}
-
 bool is_half_exactly(const std::vector<float>& values) {
   return std::all_of(values.begin(), values.end(), [](float value) {
     return std::isfinite(value) && from_half(to_half(value)) == value;
@@ -147,15 +139,6 @@ DetectorWeights parse(const Json& header, const std::string& data, const std::st
 
 }  // namespace
 
-std::string list_some(const std::string& what, const std::vector<std::string>& names) {
-  if (names.empty()) return "";
-  std::string text = what + " ";
-  for (std::size_t i = 0; i < names.size() && i < 3; ++i)
-    text += (i == 0 ? "" : ", ") + names[i];
-  if (names.size() > 3) text += " and " + std::to_string(names.size() - 3) + " more";
-  return text + "; ";
-}
-
 std::uint16_t to_half(float value) {
   const auto bits = std::bit_cast<std::uint32_t>(value);
   const auto sign = static_cast<std::uint16_t>((bits >> 16U) & 0x8000U);
@@ -240,33 +223,6 @@ DetectorWeights read_weights(const std::filesystem::path& file) {
   } catch (const nlohmann::json::exception& error) {
     throw core::InputError(place + ": header: " + error.what());
   }
-}
-
-std::string describe_difference(const std::vector<NamedTensor>& found,
-                                const std::vector<NamedTensor>& wanted) {
-  std::map<std::string, const NamedTensor*> by_name;
-  std::vector<std::string> missing, extra, reshaped;
-  for (const NamedTensor& tensor : found) {
-    if (!by_name.emplace(tensor.name, &tensor).second)
-      extra.push_back(tensor.name + " (again)");
-  }
-  for (const NamedTensor& tensor : wanted) {
-    const auto match = by_name.find(tensor.name);
-    if (match == by_name.end()) {
-      missing.push_back(tensor.name);
-      continue;
-    }
-    if (match->second->shape != tensor.shape) {
-      reshaped.push_back(tensor.name + " " + shape_text(match->second->shape) +
-                         " instead of " + shape_text(tensor.shape));
-    }
-    by_name.erase(match);
-  }
-  for (const auto& [name, tensor] : by_name) extra.push_back(name);
-  std::string text = list_some("missing", missing) + list_some("unknown", extra) +
-                     list_some("shape of", reshaped);
-  if (!text.empty()) text.resize(text.size() - 2);
-  return text;
 }
 
 }  // namespace segsim::perception

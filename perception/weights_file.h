@@ -50,6 +50,9 @@ void write_weights(const std::filesystem::path& file, const DetectorWeights& wei
 [[nodiscard]] std::string describe_difference(const std::vector<NamedTensor>& found,
                                               const std::vector<NamedTensor>& wanted);
 
+/// "[2,3]"
+[[nodiscard]] std::string shape_text(const std::vector<std::int64_t>& shape);
+
 /// "<what> a, b, c and 4 more; ", "" for none.
 [[nodiscard]] std::string list_some(const std::string& what,
                                     const std::vector<std::string>& names);

@@ -27,14 +27,13 @@ ConvBlockImpl::ConvBlockImpl(int in, int out, int kernel, int stride) {
 }
 
 torch::Tensor ConvBlockImpl::forward(const torch::Tensor& x) {
-  if (!folded_weight_.defined()) return torch::silu(norm_(conv_(x)));
-  auto y = torch::conv2d(x, folded_weight_, folded_bias_, conv_->options.stride(),
-                         conv_->weight.size(2) / 2);
-  return torch::silu_(y);
+  if (folded_.empty()) return torch::silu(norm_(conv_(x)));
+  return folded_.run(x);
 }
 
 void ConvBlockImpl::fold() {
-  std::tie(folded_weight_, folded_bias_) = fold_norm(conv_->weight, norm_);
+  const auto [weight, bias] = fold_norm(conv_->weight, norm_);
+  folded_ = FoldedConvolution(weight, bias, conv_->options.stride()->at(0), 1, true);
 }
 
 CspBlockImpl::CspBlockImpl(int in, int out, bool shortcut) : shortcut_(shortcut) {
@@ -60,7 +59,12 @@ HeadBranchImpl::HeadBranchImpl(int in, int hidden, int out) {
 }
 
 torch::Tensor HeadBranchImpl::forward(const torch::Tensor& x) {
-  return last_(second_(first_(x)));
+  const auto y = second_(first_(x));
+  return folded_.empty() ? last_(y) : folded_.run(y);
+}
+
+void HeadBranchImpl::fold() {
+  folded_ = FoldedConvolution(last_->weight, last_->bias, 1, 1, false);
 }
 
 TinyDetectorImpl::TinyDetectorImpl(double width, int class_count, int input_px)
@@ -113,6 +117,7 @@ void TinyDetectorImpl::prepare_for_inference() {
   eval();
   for (const auto& module : modules(false)) {
     if (auto* block = module->as<ConvBlockImpl>()) block->fold();
+    if (auto* branch = module->as<HeadBranchImpl>()) branch->fold();
   }
 }
 

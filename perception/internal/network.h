@@ -21,6 +21,7 @@
 #include <utility>
 #include <vector>
 
+#include "perception/internal/onednn.h"
 #include "perception/weights_file.h"
 
 namespace segsim::perception {
@@ -40,7 +41,7 @@ class ConvBlockImpl : public torch::nn::Module {
  private:
   torch::nn::Conv2d conv_{nullptr};
   torch::nn::BatchNorm2d norm_{nullptr};
-  torch::Tensor folded_weight_, folded_bias_;
+  FoldedConvolution folded_;
 };
 TORCH_MODULE(ConvBlock);
 
@@ -61,10 +62,13 @@ class HeadBranchImpl : public torch::nn::Module {
  public:
   HeadBranchImpl(int in, int hidden, int out);
   torch::Tensor forward(const torch::Tensor& x);
+  /// Prepares the last convolution: for inference only, cannot be undone.
+  void fold();
 
  private:
   ConvBlock first_{nullptr}, second_{nullptr};
   torch::nn::Conv2d last_{nullptr};
+  FoldedConvolution folded_;
 };
 TORCH_MODULE(HeadBranch);
 

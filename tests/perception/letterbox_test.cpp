@@ -142,6 +142,34 @@ TEST(BatchSource, StepIsTheOnlyState) {
   EXPECT_NE(first.pixels, second.pixels);
 }
 
+TEST(BatchSource, BatchesDoNotDependOnWhatIsInMemory) {
+  const TestFolder folder;
+  CocoDataset dataset = red_rectangle(folder);
+  for (int i = 2; i <= 3; ++i) {  // Pictures of their own, so that a mix-up shows.
+    const std::string name = std::to_string(i) + ".png";
+    write_image(folder / name, Image<Rgb8>(64, 64, {0, static_cast<std::uint8_t>(60 * i), 9}));
+    dataset.images.push_back(dataset.images[0]);
+    dataset.images.back().id = i;
+    dataset.images.back().file = name;
+  }
+  BatchOptions options{64, 4, 0.25, true, {}, 100, 5};
+  options.augmentation.mosaic = 0.5;
+  constexpr std::int64_t kOneImage = 64 * 64 * 3;
+  std::vector<Batch> batches;
+  // All pictures, those of the first set but one, and none.
+  for (const std::int64_t bytes :
+       {std::int64_t{1} << 30, 2 * kOneImage + 1, std::int64_t{0}}) {
+    options.cache_bytes = bytes;
+    const BatchSource source(dataset, &dataset, options);
+    for (int step = 0; step < 6; ++step) source.make(step, batches.emplace_back());
+  }
+  for (std::size_t i = 6; i < batches.size(); ++i) {
+    EXPECT_EQ(batches[i].pixels, batches[i % 6].pixels);
+    EXPECT_EQ(batches[i].truth.size(), batches[i % 6].truth.size());
+  }
+  EXPECT_NE(batches[0].pixels, batches[1].pixels);
+}
+
 TEST(BatchSource, MixesAShareOfASecondSet) {
   const TestFolder folder;
   const CocoDataset main = red_rectangle(folder);

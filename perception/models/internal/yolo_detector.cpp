@@ -60,33 +60,20 @@ class Yolo final : public core::Detector {
   [[nodiscard]] std::vector<Detection> detect(const core::Observation& observation) override {
     SEGSIM_CHECK(observation.rgb != nullptr && !observation.rgb->empty(), "no image");
     const ColourImage& image = *observation.rgb;
-    const double scale = std::min(static_cast<double>(width_px_) / image.width_px(),
-                                  static_cast<double>(height_px_) / image.height_px());
-    const int width =
-        std::clamp(static_cast<int>(std::lround(image.width_px() * scale)), 1, width_px_);
-    const int height =
-        std::clamp(static_cast<int>(std::lround(image.height_px() * scale)), 1, height_px_);
-    const int left = (width_px_ - width) / 2, top = (height_px_ - height) / 2;
-    const ColourImage scaled = resize_like_opencv(image, width, height);
+    const Letterbox fit =
+        Letterbox::fit(image.width_px(), image.height_px(), width_px_, height_px_);
+    // The reference does not average when it shrinks: letterbox() would.
+    const ColourImage scaled =
+        resize_like_opencv(image, fit.scaled_width_px(), fit.scaled_height_px());
     ColourImage square(width_px_, height_px_,
                        {kLetterboxGrey, kLetterboxGrey, kLetterboxGrey});
-    for (int y = 0; y < height; ++y) {
-      std::copy(scaled.row(y), scaled.row(y) + width, square.row(top + y) + left);
+    for (int y = 0; y < scaled.height_px(); ++y) {
+      std::copy(scaled.row(y), scaled.row(y) + scaled.width_px(),
+                square.row(fit.offset_y_px + y) + fit.offset_x_px);
     }
     std::vector<Detection> found = decode(
         session_->run({{input_name_, to_planes(square, width_px_, height_px_, kZeroToOne)}}));
-    for (Detection& detection : found) {
-      const auto back = [](float at, int offset, double factor, int limit) {
-        return static_cast<float>(
-            std::clamp((double{at} - offset) / factor, 0.0, static_cast<double>(limit)));
-      };
-      const double sx = static_cast<double>(width) / image.width_px();
-      const double sy = static_cast<double>(height) / image.height_px();
-      detection.box = {back(detection.box.x0, left, sx, image.width_px()),
-                       back(detection.box.y0, top, sy, image.height_px()),
-                       back(detection.box.x1, left, sx, image.width_px()),
-                       back(detection.box.y1, top, sy, image.height_px())};
-    }
+    for (Detection& detection : found) detection.box = fit.to_image(detection.box);
     return found;
   }
 

@@ -10,7 +10,7 @@ namespace {
 constexpr double kGammaStart = 0.01;
 
 /// softmax(Q^T K / sqrt(32)) V of every band and head as grouped 1 x 1 convolutions of oneDNN,
-/// one group for each: convolve() (blocks.cpp) says why not by the BLAS library.
+/// one group for each: convolve() (onednn.h) says why not by the BLAS library.
 /// @param q, k, v  [batch, band, head, 32, token]. @returns the same shape.
 torch::Tensor attend_by_convolution(const torch::Tensor& q, const torch::Tensor& k,
                                     const torch::Tensor& v, double factor) {
@@ -46,13 +46,16 @@ torch::Tensor AreaAttention::forward(const torch::Tensor& x) {
   const int64_t batch = x.size(0), tokens = x.size(2) * x.size(3);
   SEGSIM_CHECK(tokens % area_ == 0, std::to_string(tokens) + " tokens");
   const int64_t band = tokens / area_;
+  constexpr auto kChannelsLast = torch::MemoryFormat::ChannelsLast;
   const auto v_map = v_->forward(x);
   // [q or k, batch, band, head, channel of the head, token of the band]
   const auto qk = qk_->forward(x)
+                      .contiguous()
                       .view({batch, 2, heads_, kHeadChannels, area_, band})
                       .permute({1, 0, 4, 2, 3, 5});
-  const auto v =
-      v_map.view({batch, heads_, kHeadChannels, area_, band}).permute({0, 3, 1, 2, 4});
+  const auto v = v_map.contiguous()
+                     .view({batch, heads_, kHeadChannels, area_, band})
+                     .permute({0, 3, 1, 2, 4});
   const double factor = 1.0 / std::sqrt(double{kHeadChannels});
   torch::Tensor mixed;
   if (runs_on_onednn(x)) {
@@ -61,8 +64,10 @@ torch::Tensor AreaAttention::forward(const torch::Tensor& x) {
     const auto similarity = torch::matmul(qk[0].transpose(-2, -1), qk[1]) * factor;
     mixed = torch::matmul(v, similarity.softmax(-1).transpose(-2, -1));
   }
-  const auto map = mixed.permute({0, 2, 3, 1, 4}).reshape(x.sizes());
-  return proj_->forward(map + pe_->forward(v_map));
+  const auto position = pe_->forward(v_map);
+  auto map = mixed.permute({0, 2, 3, 1, 4}).reshape(x.sizes());
+  if (position.is_contiguous(kChannelsLast)) map = map.contiguous(kChannelsLast);
+  return proj_->forward(map + position);
 }
 
 AttentionBlock::AttentionBlock(int channels, double mlp_ratio, int area) {

@@ -28,19 +28,23 @@ torch::nn::BatchNorm2d make_norm(int channels) {
 }
 
 /// Convolution with the layer's geometry but given weight and bias.
-torch::Tensor convolve(const torch::Tensor& x, const torch::nn::Conv2d& like,
-                       const torch::Tensor& weight, const torch::Tensor& bias) {
-  const auto stride = like->options.stride();
-  const int64_t padding = weight.size(2) / 2, groups = like->options.groups();
-  // On one thread libtorch gives 1 x 1 convolutions to the BLAS library. Where that does not
-  // know the processor (OpenBLAS 0.3.21 takes its SSE3 kernels on Emerald Rapids) it took
-  // nearly half of a frame; oneDNN has its own code for all.
-  auto y = runs_on_onednn(x)
-               ? at::mkldnn_convolution(x.contiguous(), weight, bias, {padding, padding},
-                                        stride, {1, 1}, groups)
-               : torch::conv2d(x, weight, bias, stride, padding, 1, groups);
+torch::Tensor convolve_like(const torch::nn::Conv2d& layer, const torch::Tensor& x,
+                            const torch::Tensor& weight, const torch::Tensor& bias) {
+  auto y = convolve(x, weight, bias, layer->options.stride()->at(0), layer->options.groups());
   MacCounter::add(y.numel() * weight[0].numel());
   return y;
+}
+
+torch::Tensor run_folded(FoldedConvolution& folded, const torch::Tensor& x) {
+  auto y = folded.run(x);
+  MacCounter::add(y.numel() * folded.macs_per_value());
+  return y;
+}
+
+FoldedConvolution fold_layers(const torch::nn::Conv2d& conv,
+                              const torch::nn::BatchNorm2d& norm, bool activate) {
+  const auto [weight, bias] = fold_norm(conv->weight, norm);
+  return {weight, bias, conv->options.stride()->at(0), conv->options.groups(), activate};
 }
 
 }  // namespace
@@ -51,11 +55,6 @@ MacCounter::MacCounter() {
 }
 
 MacCounter::~MacCounter() { counted_macs = nullptr; }
-
-bool runs_on_onednn(const torch::Tensor& x) {
-  return x.is_cpu() && x.scalar_type() == torch::kFloat32 && !torch::GradMode::is_enabled() &&
-         at::globalContext().hasMKLDNN();
-}
 
 void MacCounter::add(std::int64_t macs) {
   if (counted_macs != nullptr) *counted_macs += macs;
@@ -80,14 +79,12 @@ Conv::Conv(int in, int out, int kernel, int stride, int groups, bool activate)
 }
 
 torch::Tensor Conv::forward(const torch::Tensor& x) {
-  const bool folded = folded_weight_.defined();
-  auto y = folded ? convolve(x, conv_, folded_weight_, folded_bias_)
-                  : norm_(convolve(x, conv_, conv_->weight, {}));
-  if (!activate_) return y;
-  return folded ? torch::silu_(y) : torch::silu(y);
+  if (!folded_.empty()) return run_folded(folded_, x);
+  const auto y = norm_(convolve_like(conv_, x, conv_->weight, {}));
+  return activate_ ? torch::silu(y) : y;
 }
 
-void Conv::fold() { std::tie(folded_weight_, folded_bias_) = fold_norm(conv_->weight, norm_); }
+void Conv::fold() { folded_ = fold_layers(conv_, norm_, activate_); }
 
 DsConv::DsConv(int in, int out, int kernel, int stride) {
   depthwise_ = register_module("dw", make_conv(in, in, kernel, stride, in));
@@ -96,16 +93,16 @@ DsConv::DsConv(int in, int out, int kernel, int stride) {
 }
 
 torch::Tensor DsConv::forward(const torch::Tensor& x) {
-  const auto between = convolve(x, depthwise_, depthwise_->weight, {});
-  if (!folded_weight_.defined()) {
-    return torch::silu(norm_(convolve(between, pointwise_, pointwise_->weight, {})));
-  }
-  auto y = convolve(between, pointwise_, folded_weight_, folded_bias_);
-  return torch::silu_(y);
+  if (!folded_.empty()) return run_folded(folded_, run_folded(folded_depthwise_, x));
+  const auto between = convolve_like(depthwise_, x, depthwise_->weight, {});
+  return torch::silu(norm_(convolve_like(pointwise_, between, pointwise_->weight, {})));
 }
 
 void DsConv::fold() {
-  std::tie(folded_weight_, folded_bias_) = fold_norm(pointwise_->weight, norm_);
+  folded_depthwise_ =
+      FoldedConvolution(depthwise_->weight, {}, depthwise_->options.stride()->at(0),
+                        depthwise_->options.groups(), false);
+  folded_ = fold_layers(pointwise_, norm_, true);
 }
 
 OutputConv::OutputConv(int in, int out) {
@@ -114,10 +111,13 @@ OutputConv::OutputConv(int in, int out) {
 }
 
 torch::Tensor OutputConv::forward(const torch::Tensor& x) {
-  auto y = torch::conv2d(x, weight_, bias_);
+  if (!folded_.empty()) return run_folded(folded_, x);
+  auto y = convolve(x, weight_, bias_, 1, 1);
   MacCounter::add(y.numel() * weight_.size(1));
   return y;
 }
+
+void OutputConv::fold() { folded_ = FoldedConvolution(weight_, bias_, 1, 1, false); }
 
 DsBottleneck::DsBottleneck(int channels, int kernel) {
   first_ = register_module("cv1", std::make_shared<DsConv>(channels, channels, 3));

@@ -20,6 +20,8 @@
 #include <memory>
 #include <vector>
 
+#include "perception/internal/onednn.h"
+
 namespace segsim::perception::yolov13 {
 
 /// Counts multiply-accumulate operations of convolutions and linear layers of this thread
@@ -38,16 +40,14 @@ class MacCounter {
   std::int64_t macs_ = 0;
 };
 
-/// Whether a layer may call oneDNN itself: on the CPU, in single precision, without gradients.
-[[nodiscard]] bool runs_on_onednn(const torch::Tensor& x);
-
 /// A module from one map [batch, channels, h, w] to another.
 class Block : public torch::nn::Module {
  public:
   virtual torch::Tensor forward(const torch::Tensor& x) = 0;
 };
 
-/// A block whose batch norm can be merged into the convolution before it.
+/// A block that inference can prepare: its batch norm is merged into the convolution before
+/// it.
 class FoldingBlock : public Block {
  public:
   virtual void fold() = 0;
@@ -73,7 +73,7 @@ class Conv final : public FoldingBlock {
   torch::nn::Conv2d conv_{nullptr};
   torch::nn::BatchNorm2d norm_{nullptr};
   bool activate_;
-  torch::Tensor folded_weight_, folded_bias_;
+  FoldedConvolution folded_;
 };
 
 class DsConv final : public FoldingBlock {
@@ -85,17 +85,19 @@ class DsConv final : public FoldingBlock {
  private:
   torch::nn::Conv2d depthwise_{nullptr}, pointwise_{nullptr};
   torch::nn::BatchNorm2d norm_{nullptr};
-  torch::Tensor folded_weight_, folded_bias_;
+  FoldedConvolution folded_depthwise_, folded_;
 };
 
 /// 1 x 1 convolution with bias, nothing after it: the last layer of the head.
-class OutputConv final : public Block {
+class OutputConv final : public FoldingBlock {
  public:
   OutputConv(int in, int out);
   torch::Tensor forward(const torch::Tensor& x) override;
+  void fold() override;
 
  private:
   torch::Tensor weight_, bias_;
+  FoldedConvolution folded_;
 };
 
 class DsBottleneck final : public Block {
