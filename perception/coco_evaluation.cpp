@@ -249,6 +249,76 @@ double greatest_recall(const JudgedClass& judged, std::span<const int> copies) {
   return found / objects;
 }
 
+ResampledClass::ResampledClass(const JudgedClass& judged)
+    : objects_(judged.objects()), images_(judged.objects_of_image.size()) {
+  std::vector<int> found(images_, 0);
+  std::size_t last = 0;
+  for (const JudgedDetection& detection : judged.detections) {
+    if (detection.verdict == Verdict::kIgnored) continue;
+    const bool right = detection.verdict == Verdict::kTrue;
+    rows_.push_back({detection.image, right});
+    if (!right) continue;
+    ++found[static_cast<std::size_t>(detection.image)];
+    last = rows_.size();
+  }
+  rows_.resize(last);
+  for (std::size_t i = 0; i < images_; ++i) {
+    const int objects = judged.objects_of_image[i];
+    if (objects > 0 || found[i] > 0)
+      counts_.push_back({static_cast<int>(i), objects, found[i]});
+  }
+}
+
+double ResampledClass::count_objects(std::span<const int> copies) const {
+  SEGSIM_CHECK(copies.size() == images_, "one number of copies for each image");
+  double objects = 0.0;
+  for (const ImageCount& count : counts_) {
+    objects +=
+        static_cast<double>(count.objects) * copies[static_cast<std::size_t>(count.image)];
+  }
+  return objects;
+}
+
+double ResampledClass::mean_precision(std::span<const int> copies) const {
+  const double objects = count_objects(copies);
+  if (objects <= 0.0) return -1.0;
+  // Precision and recall where an object is found: between, precision only falls.
+  std::vector<double> precision, recall;
+  double found = 0.0, wrong = 0.0;
+  for (const Row& row : rows_) {
+    const int count = copies[static_cast<std::size_t>(row.image)];
+    if (!row.right) {
+      wrong += count;
+      continue;
+    }
+    if (count == 0) continue;
+    found += count;
+    recall.push_back(found / objects);
+    precision.push_back(found / (found + wrong + std::numeric_limits<double>::epsilon()));
+  }
+  for (std::size_t i = precision.size(); i-- > 1;) {
+    precision[i - 1] = std::max(precision[i - 1], precision[i]);
+  }
+  double sum = 0.0;
+  std::size_t at = 0;
+  for (int k = 0; k < kRecallPoints; ++k) {
+    while (at < recall.size() && recall[at] < recall_point(k)) ++at;
+    if (at == recall.size()) break;
+    sum += precision[at];
+  }
+  return sum / kRecallPoints;
+}
+
+double ResampledClass::greatest_recall(std::span<const int> copies) const {
+  const double objects = count_objects(copies);
+  if (objects <= 0.0) return -1.0;
+  double found = 0.0;
+  for (const ImageCount& count : counts_) {
+    found += static_cast<double>(count.found) * copies[static_cast<std::size_t>(count.image)];
+  }
+  return found / objects;
+}
+
 CocoSummary coco_summary(std::span<const EvaluationImage> images, int class_count) {
   CocoSummary summary;
   const RangeMeans all = means_of_range(images, class_count, kMaxDetections, all_sizes());

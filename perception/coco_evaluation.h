@@ -108,6 +108,35 @@ struct JudgedClass {
 [[nodiscard]] double greatest_recall(const JudgedClass& judged,
                                      std::span<const int> copies = {});
 
+/// A judged class for many resamples: the same numbers, with work for what can change them
+/// only.
+class ResampledClass {
+ public:
+  ResampledClass() = default;
+  explicit ResampledClass(const JudgedClass& judged);
+  [[nodiscard]] int objects() const { return objects_; }
+  /// As mean_precision(). @param copies  One number for each image.
+  [[nodiscard]] double mean_precision(std::span<const int> copies) const;
+  /// As greatest_recall().
+  [[nodiscard]] double greatest_recall(std::span<const int> copies) const;
+
+ private:
+  struct Row {
+    int image = 0;
+    bool right = false;
+  };
+  /// Images with objects, or with detections that found one.
+  struct ImageCount {
+    int image = 0, objects = 0, found = 0;
+  };
+  [[nodiscard]] double count_objects(std::span<const int> copies) const;
+
+  int objects_ = 0;
+  std::size_t images_ = 0;
+  std::vector<Row> rows_;  ///< Up to the last that found an object: others move no sample.
+  std::vector<ImageCount> counts_;
+};
+
 /// COCO's twelve numbers; each is the mean over the classes that have such objects, -1 if none
 /// has.
 struct CocoSummary {

@@ -3,67 +3,15 @@
 #include <algorithm>
 #include <limits>
 #include <map>
-#include <nlohmann/json.hpp>
 #include <set>
 
 #include "core/error.h"
 #include "core/file_io.h"
 #include "perception/image_file.h"
+#include "perception/internal/json_node.h"
 
 namespace segsim::perception {
 namespace {
-
-using Json = nlohmann::ordered_json;
-
-/// A JSON value with its place in the file, for errors.
-class Node {
- public:
-  Node(const Json& json, std::string place) : json_(json), place_(std::move(place)) {}
-
-  [[nodiscard]] bool has(const std::string& key) const { return json_.contains(key); }
-  [[nodiscard]] Node at(const std::string& key) const {
-    if (!json_.is_object()) fail("an object");
-    if (!json_.contains(key)) {
-      throw core::InputError::expected(place_ + "." + key, "a value", "nothing");
-    }
-    return {json_.at(key), place_ + "." + key};
-  }
-  [[nodiscard]] std::vector<Node> items() const {
-    if (!json_.is_array()) fail("a list");
-    std::vector<Node> nodes;
-    for (std::size_t i = 0; i < json_.size(); ++i) {
-      nodes.emplace_back(json_[i], place_ + "[" + std::to_string(i) + "]");
-    }
-    return nodes;
-  }
-  [[nodiscard]] std::int64_t integer(std::int64_t lo, std::int64_t hi) const {
-    const bool fits = json_.is_number_integer() && json_.get<std::int64_t>() >= lo &&
-                      json_.get<std::int64_t>() <= hi;
-    if (!fits) {
-      fail("an integer in [" + std::to_string(lo) + ", " + std::to_string(hi) + "]");
-    }
-    return json_.get<std::int64_t>();
-  }
-  [[nodiscard]] double number(double lo, double hi, const std::string& expected) const {
-    const bool fits =
-        json_.is_number() && json_.get<double>() >= lo && json_.get<double>() <= hi;
-    if (!fits) fail(expected);
-    return json_.get<double>();
-  }
-  [[nodiscard]] std::string text() const {
-    if (!json_.is_string() || json_.get<std::string>().empty()) fail("text");
-    return json_.get<std::string>();
-  }
-  [[noreturn]] void fail(const std::string& expected) const {
-    std::string found = json_.dump(-1, ' ', false, Json::error_handler_t::replace);
-    if (found.size() > 60) found = found.substr(0, 57) + "...";
-    throw core::InputError::expected(place_, expected, found);
-  }
-
- private:
-  const Json& json_;
-  std::string place_;
-};
 
 constexpr std::int64_t kMaxId = std::int64_t{1} << 53;  // What a double can count.
 constexpr std::int64_t kMaxInstance = std::numeric_limits<int>::max();
@@ -72,10 +20,10 @@ constexpr double kHuge = 1e12;
 /// COCO's own boxes leave the image by rounding; by more than this it is an error [px].
 constexpr double kBorderSlack_px = 2.0;
 
-std::map<std::int64_t, int> read_categories(const Node& root, CocoDataset& dataset) {
+std::map<std::int64_t, int> read_categories(const JsonNode& root, CocoDataset& dataset) {
   std::map<std::int64_t, std::string> names;
   std::set<std::string> seen;
-  for (const Node& node : root.at("categories").items()) {
+  for (const JsonNode& node : root.at("categories").items()) {
     const std::string name = node.at("name").text();
     if (!seen.insert(name).second) node.at("name").fail("a name used once");
     if (!names.emplace(node.at("id").integer(0, kMaxId), name).second) {
@@ -90,16 +38,16 @@ std::map<std::int64_t, int> read_categories(const Node& root, CocoDataset& datas
   return index_of;
 }
 
-core::Pose2 read_view(const Node& node) {
-  const std::vector<Node> items = node.items();
+core::Pose2 read_view(const JsonNode& node) {
+  const std::vector<JsonNode> items = node.items();
   if (items.size() != 3) node.fail("[x, y, yaw]");
   const auto value = [&](std::size_t i) { return items[i].number(-kHuge, kHuge, "a number"); };
   return {value(0), value(1), value(2)};
 }
 
-std::map<std::int64_t, std::size_t> read_images(const Node& root, CocoDataset& dataset) {
+std::map<std::int64_t, std::size_t> read_images(const JsonNode& root, CocoDataset& dataset) {
   std::map<std::int64_t, std::size_t> index_of;
-  for (const Node& node : root.at("images").items()) {
+  for (const JsonNode& node : root.at("images").items()) {
     LabeledImage image;
     image.id = node.at("id").integer(0, kMaxId);
     image.file = node.at("file_name").text();
@@ -122,8 +70,8 @@ std::map<std::int64_t, std::size_t> read_images(const Node& root, CocoDataset& d
   return index_of;
 }
 
-core::BoxPx read_box(const Node& node, const LabeledImage& image) {
-  const std::vector<Node> items = node.items();
+core::BoxPx read_box(const JsonNode& node, const LabeledImage& image) {
+  const std::vector<JsonNode> items = node.items();
   if (items.size() != 4) node.fail("[x, y, width, height]");
   double v[4];
   for (std::size_t i = 0; i < 4; ++i) v[i] = items[i].number(-kHuge, kHuge, "a number");
@@ -138,7 +86,7 @@ core::BoxPx read_box(const Node& node, const LabeledImage& image) {
           static_cast<float>(v[1] + v[3])};
 }
 
-void read_annotation(const Node& node, const std::map<std::int64_t, int>& class_of,
+void read_annotation(const JsonNode& node, const std::map<std::int64_t, int>& class_of,
                      const std::map<std::int64_t, std::size_t>& image_of,
                      CocoDataset& dataset) {
   const auto image_index = image_of.find(node.at("image_id").integer(0, kMaxId));
@@ -190,20 +138,15 @@ Json annotation_json(const LabeledBox& box, std::int64_t id, std::int64_t image_
 
 CocoDataset read_coco(const std::filesystem::path& json_file) {
   const std::string text = core::read_file(json_file);
-  Json json;
-  try {
-    json = Json::parse(text);
-  } catch (const nlohmann::json::exception& error) {
-    throw core::InputError(json_file.string() + ": not JSON: " + error.what());
-  }
-  const Node root(json, json_file.string() + ": ");
+  const Json json = parse_json(text, json_file.string());
+  const JsonNode root(json, json_file.string() + ": ");
   CocoDataset dataset;
   dataset.folder = json_file.parent_path();
   dataset.sha256 = core::sha256_hex(text);
   const auto class_of = read_categories(root, dataset);
   const auto image_of = read_images(root, dataset);
   std::set<std::int64_t> ids;
-  for (const Node& node : root.at("annotations").items()) {
+  for (const JsonNode& node : root.at("annotations").items()) {
     if (!ids.insert(node.at("id").integer(0, kMaxId)).second)
       node.at("id").fail("an id used once");
     read_annotation(node, class_of, image_of, dataset);

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <fstream>
 
 #include <nlohmann/json.hpp>
@@ -245,6 +246,31 @@ TEST(CocoEvaluation, WithoutObjectsEveryNumberIsMinusOne) {
   for (const double number : numbers_of(coco_summary(images, 2))) EXPECT_EQ(number, -1.0);
 }
 
+TEST(CocoEvaluation, ResamplingGivesTheSameNumbers) {
+  const auto images =
+      images_of({.seed = 77, .images = 30, .classes = 3, .objects = 6, .false_detections = 8});
+  Draw draw(5);
+  for (int round = 0; round < 20; ++round) {
+    std::vector<int> copies(images.size(), 0);
+    for (std::size_t i = 0; i < images.size(); ++i) {
+      ++copies[static_cast<std::size_t>(draw(static_cast<int>(images.size())))];
+    }
+    if (round == 0) copies.assign(images.size(), 1);
+    if (round == 1) copies.assign(images.size(), 0);
+    for (int c = 0; c < 4; ++c) {  // The last has no objects.
+      for (const int k : {0, 5, 9}) {
+        const JudgedClass judged =
+            judge_class(images, c, iou_threshold(k), 10, small_objects());
+        const ResampledClass resampled(judged);
+        EXPECT_EQ(resampled.objects(), judged.objects());
+        EXPECT_DOUBLE_EQ(resampled.mean_precision(copies),
+                         std::max(-1.0, mean_precision(judged, copies)));
+        EXPECT_DOUBLE_EQ(resampled.greatest_recall(copies), greatest_recall(judged, copies));
+      }
+    }
+  }
+}
+
 TEST(CocoEvaluation, CopiesEqualRepeatedImages) {
   const auto images = images_of(kCases[0]);
   const std::vector<int> copies{2, 0, 1, 3, 0, 1, 1, 0, 2, 1, 0, 1};
@@ -296,7 +322,7 @@ TEST(CocoEvaluation, BadResultsAreNamed) {
       << R"({"images":[{"id":1,"file_name":"a.png","width":100,"height":100}],
              "categories":[{"id":1,"name":"chair"}],"annotations":[]})";
   const std::pair<const char*, const char*> faults[] = {
-      {"{}", "a list of detections"},
+      {"{}", "expected a list, found {}"},
       {R"([{"category_id":1,"bbox":[0,0,1,1],"score":1}])", "[0].image_id"},
       {R"([{"image_id":2,"category_id":1,"bbox":[0,0,1,1],"score":1}])", "the id of an image"},
       {R"([{"image_id":1,"category_id":9,"bbox":[0,0,1,1],"score":1}])",

@@ -157,7 +157,10 @@ TEST(Coco, TooLargePicturesAreRefusedBeforeTheyAreDecoded) {
   const std::pair<const char*, std::string> files[] = {
       {"a.png", "\x89PNG\r\n\x1A\n\x00\x00\x00\x0DIHDR"s + size + size},
       {"a.jpg", "\xFF\xD8\xFF\xE0\x00\x04\x01\x02\xFF\xC0\x00\x11\x08"s + size.substr(2) +
-                    size.substr(2) + "\x03"}};
+                    size.substr(2) + "\x03"},
+      // Fill bytes before markers, and a marker that stands alone.
+      {"b.jpg", "\xFF\xD8\xFF\xFF\xFF\xE0\x00\x04\x01\x02\xFF\x01\xFF\xFF\xC2\x00\x11\x08"s +
+                    size.substr(2) + size.substr(2) + "\x03"}};
   for (const auto& [name, bytes] : files) {
     std::ofstream(folder / name, std::ios::binary) << bytes;
     try {
@@ -166,6 +169,23 @@ TEST(Coco, TooLargePicturesAreRefusedBeforeTheyAreDecoded) {
     } catch (const core::InputError& error) {
       EXPECT_THAT(error.what(),
                   HasSubstr("expected at most 134217728 pixels, found 20000 x 20000"));
+    }
+  }
+}
+
+TEST(ImageFile, OtherFormatsAreNotDecoded) {
+  const TestFolder folder;
+  using namespace std::string_literals;
+  // A bitmap, a JPEG that ends before its frame, and nothing: none has a size to trust.
+  for (const std::string& bytes :
+       {"BM\x46\x00\x00\x00\x00\x00\x00\x00\x36\x00\x00\x00"s,
+        "\xFF\xD8\xFF\xFF\xFF\xFF\xFF\xFF\xFF\xFF\xFF\xFF\xFF"s, ""s}) {
+    std::ofstream(folder / "a.png", std::ios::binary) << bytes;
+    try {
+      (void)read_image(folder / "a.png");
+      FAIL();
+    } catch (const core::InputError& error) {
+      EXPECT_THAT(error.what(), HasSubstr("a.png: expected a PNG or JPEG image"));
     }
   }
 }

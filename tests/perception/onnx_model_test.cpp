@@ -132,8 +132,8 @@ TEST(OnnxModel, HalfAndSmallIntegersAreComputedWider) {
   expect_near(run_one(builder, {{"x", real({2}, {1, 1})}}), real({2}, {2, -1.5F}), 0);
 }
 
-/// sum = x; for (i < trips) sum += i, and lists the sums.
-TEST(OnnxModel, LoopCarriesStateAndSeesTheGraphAround) {
+/// sum = x; for (i < trips) sum += step, and lists the sums.
+GraphBuilder summing_loop(const Names& loop_inputs) {
   ::onnx::GraphProto body;
   body.set_name("body");
   for (const char* name : {"i", "go", "sum"}) {
@@ -157,16 +157,28 @@ TEST(OnnxModel, LoopCarriesStateAndSeesTheGraphAround) {
   builder.input("x", {}, kInt64Type);
   builder.input("two", {}, kInt64Type);
   builder.node("Mul", {"two", "two"}, {"step"});
-  builder.node("Loop", {"trips", "", "x"}, {"last", "all"}).with("body", body);
+  builder.node("Loop", loop_inputs, {"last", "all"}).with("body", body);
   builder.output("all", kInt64Type);
   builder.output("last", kInt64Type);
+  return builder;
+}
+
+const std::map<std::string, HostTensor> kLoopInputs{
+    {"trips", whole({}, {3})}, {"x", whole({}, {10})}, {"two", whole({}, {2})}};
+
+TEST(OnnxModel, LoopCarriesStateAndSeesTheGraphAround) {
   const TestFolder folder;
-  builder.save(folder / "model.onnx");
-  const auto outputs =
-      open_model(folder / "model.onnx")
-          ->run({{"trips", whole({}, {3})}, {"x", whole({}, {10})}, {"two", whole({}, {2})}});
+  summing_loop({"trips", "", "x"}).save(folder / "model.onnx");
+  const auto outputs = open_model(folder / "model.onnx")->run(kLoopInputs);
   EXPECT_EQ(outputs[0].tensor.integers(), (Ints{14, 18, 22}));
   EXPECT_EQ(outputs[1].tensor.integers(), Ints{22});
+}
+
+TEST(OnnxModel, LoopWithMoreOrFewerInputsThanItsBodyIsNamed) {
+  for (const Names& inputs : {Names{"trips", ""}, Names{"trips", "", "x", "two"}}) {
+    EXPECT_THAT(message_of(summing_loop(inputs), kLoopInputs, true),
+                HasSubstr("expected 3 inputs, as the body carries 1 values"));
+  }
 }
 
 TEST(OnnxModel, IfTakesOneBranch) {

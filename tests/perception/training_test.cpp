@@ -9,6 +9,7 @@
 #include "perception/evaluate.h"
 #include "perception/image_file.h"
 #include "perception/weights_file.h"
+#include "tests/error_message.h"
 #include "training_pictures.h"
 
 namespace segsim::perception {
@@ -34,12 +35,7 @@ TrainOptions tiny_options(const TestFolder& folder) {
 }
 
 std::string message_of(const TrainOptions& options) {
-  try {
-    (void)train(options);
-  } catch (const core::InputError& error) {
-    return error.what();
-  }
-  return "no error";
+  return tests::input_error_of([&] { (void)train(options); });
 }
 
 TEST(Training, LearnsThreePicturesByHeart) {

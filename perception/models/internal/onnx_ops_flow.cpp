@@ -27,6 +27,11 @@ Values loop(const NodeCall& call) {
     call.fail("a body with iteration and condition", "another");
   }
   const std::size_t carried = body.graph->inputs.size() - 2;
+  if (call.input_count() != 2 + carried) {
+    call.fail(std::to_string(2 + carried) + " inputs, as the body carries " +
+                  std::to_string(carried) + " values",
+              std::to_string(call.input_count()));
+  }
   const std::size_t scanned = body.graph->outputs.size() - 1 - carried;
   const std::int64_t limit = call.has(0) ? call.integer(0) : kMaxIterations + 1;
   bool goes_on = !call.has(1) || truth(call, call.input(1));
