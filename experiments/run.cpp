@@ -72,6 +72,17 @@ std::vector<SceneRow> scene_rows(const std::vector<LoadedScene>& scenes) {
   return rows;
 }
 
+std::vector<Starts> starts_of(const std::vector<LoadedScene>& scenes) {
+  std::vector<Starts> all;
+  for (const LoadedScene& scene : scenes) {
+    Starts& starts = all.emplace_back();
+    for (const sim::Episode& episode : scene.episodes.episodes) {
+      starts.emplace_back(episode.start.x_m, episode.start.y_m);
+    }
+  }
+  return all;
+}
+
 std::vector<ArmRow> arm_rows(const ExperimentSpec& spec, const PreparedDetectors& detectors) {
   std::vector<ArmRow> rows;
   for (const ArmSpec& arm : spec.arms) {
@@ -81,6 +92,7 @@ std::vector<ArmRow> arm_rows(const ExperimentSpec& spec, const PreparedDetectors
     row.detector = weights.file.empty() ? "oracle" : weights.file.filename().string();
     if (!weights.file.empty()) row.weights_sha256 = core::sha256_of_file(weights.file);
     row.held_out = weights.held_out;
+    if (arm.detector == ArmDetector::kAfter) row.start_leak = detectors.start_leak;
     for (const SceneSpec& scene : spec.scenes) {
       if (spec.leaks(arm, scene))
         row.tuned_on += (row.tuned_on.empty() ? "" : ", ") + scene.name;
@@ -303,7 +315,6 @@ RunReport run_experiment(const ExperimentSpec& spec, const RunOptions& options) 
   std::vector<fs::path> bundles;
   for (const SceneSpec& scene : spec.scenes)
     bundles.push_back(prepare_scene(spec, scene, work));
-  const PreparedDetectors detectors = prepare_detectors(spec, bundles, work);
   std::vector<LoadedScene> scenes;
   for (std::size_t i = 0; i < spec.scenes.size(); ++i) {
     std::fprintf(stderr, "segsim: loading %s\n", spec.scenes[i].title.c_str());
@@ -315,6 +326,8 @@ RunReport run_experiment(const ExperimentSpec& spec, const RunOptions& options) 
                    (work / "episodes" / (spec.scenes[i].name + ".jsonl")).c_str());
     }
   }
+  const PreparedDetectors detectors =
+      prepare_detectors(spec, bundles, starts_of(scenes), work);
 
   // The run, and which of its trials are missing.
   const fs::path& results = options.results.empty() ? work : options.results;

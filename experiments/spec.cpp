@@ -241,6 +241,9 @@ FinetuneSpec read_finetune(const ConfigNode& node, const std::vector<SceneSpec>&
   finetune.height_px = count_within(node, "height", 0, 0, 8192);
   finetune.steps = count_within(node, "steps", finetune.steps, 1, 10000000);
   finetune.learning_rate = number_within(node, "learning_rate", 0.0, 0.0, 1.0);
+  finetune.mix_share = number_within(node, "mix_share", 0.0, 0.0, 0.9);
+  finetune.mix_rooms = count_within(node, "mix_rooms", finetune.mix_rooms, 1, 100000);
+  finetune.start_clearance_m = number_within(node, "start_clearance_m", 0.0, 0.0, 10.0);
   node.finish();
   return finetune;
 }

@@ -45,6 +45,7 @@ struct ArmRow {
       tuned_on;  ///< Names of scenes whose views it was fine-tuned on, with ", " between.
   double score_threshold = -1;               ///< -1: the one stored with the weights.
   std::optional<HeldOutPrecision> held_out;  ///< None for the oracle and foreign weights.
+  std::optional<StartLeak> start_leak{};     ///< None if it was not fine-tuned here.
 };
 
 /// One finished trial. Columns as in sim::TrialResult; -1 ticks and unset values are "never".
@@ -73,7 +74,7 @@ struct TrialRow {
 /// One writer at a time. Not thread-safe: the caller serialises.
 class Store {
  public:
-  static constexpr int kSchemaVersion = 2;
+  static constexpr int kSchemaVersion = 3;
 
   /// Opens the file, or makes it.
   /// @throws core::InputError if it is no such database or has another schema version.

@@ -115,14 +115,19 @@ Grid arms_grid(const std::vector<GroupSummary>& groups) {
 /// How good the arms' detectors are on held-out views; no rows if that was not measured.
 Grid detectors_grid(const ResultTable& table) {
   Grid grid{"Detectors on held-out views of the scenes",
-            {"Arm", "AP50", "AP", "Precision", "Recall", "Score threshold", "Views"},
+            {"Arm", "AP50", "AP", "Precision", "Recall", "Score threshold", "Views",
+             "AP50 source rooms", "AP50 unseen homes"},
             {}};
+  const auto optional_text = [](const std::optional<double>& ap50) {
+    return ap50 ? print("%.1f", 100.0 * *ap50) : std::string("-");
+  };
   for (const ArmRow& arm : table.arm_rows) {
     if (!arm.held_out) continue;
     const HeldOutPrecision& p = *arm.held_out;
     grid.rows.push_back({arm.name, print("%.1f", 100.0 * p.ap50), print("%.1f", 100.0 * p.ap),
                          print("%.2f", p.precision), print("%.2f", p.recall),
-                         print("%.3f", p.score_threshold), std::to_string(p.views)});
+                         print("%.3f", p.score_threshold), std::to_string(p.views),
+                         optional_text(p.source_ap50), optional_text(p.unseen_ap50)});
   }
   return grid;
 }
@@ -357,6 +362,11 @@ std::string as_json(const ResultTable& table) {
     a = {{"detector", arm.detector},
          {"weights_sha256", arm.weights_sha256},
          {"tuned_on", arm.tuned_on}};
+    if (arm.start_leak) {
+      a["tuning_views"] = {{"views", arm.start_leak->views},
+                           {"near_starts", arm.start_leak->near_starts},
+                           {"radius_m", arm.start_leak->radius_m}};
+    }
     if (!arm.held_out) continue;
     const HeldOutPrecision& p = *arm.held_out;
     a["held_out"] = {{"views", p.views},
@@ -365,6 +375,8 @@ std::string as_json(const ResultTable& table) {
                      {"score_threshold", p.score_threshold},
                      {"precision", p.precision},
                      {"recall", p.recall}};
+    if (p.source_ap50) a["held_out"]["source_ap50"] = *p.source_ap50;
+    if (p.unseen_ap50) a["held_out"]["unseen_ap50"] = *p.unseen_ap50;
   }
   json["notes"] = table.notes;
   return json.dump(2) + "\n";

@@ -31,6 +31,12 @@ constexpr double kVideoSpeed = 2.0;  // Twice as fast as simulated time.
 
 double radians(double degrees) { return degrees * std::numbers::pi / 180.0; }
 
+/// Whether the arm's detector is asked for the goals of each scene.
+bool is_prompted(const ArmSpec& arm) {
+  return arm.detector == ArmDetector::kFile && perception::is_foreign_detector(arm.weights) &&
+         perception::needs_prompt(arm.weights);
+}
+
 /// Weights of this program, or a model of others (docs/models.md).
 std::unique_ptr<core::Detector> load_arm_detector(const fs::path& file, const ArmSpec& arm,
                                                   const SceneSpec& scene) {
@@ -240,7 +246,7 @@ TrialRunner::ArmDetectorSlot& TrialRunner::detector_for(const LoadedScene& scene
                                                         const ArmSpec& arm) {
   const bool oracle = arm.detector == ArmDetector::kOracle;
   // A prompted detector looks for the goals of its scene.
-  const bool per_scene = oracle || arm.detector == ArmDetector::kFile;
+  const bool per_scene = oracle || is_prompted(arm);
   ArmDetectorSlot& slot = slots_[per_scene ? scene.spec->name + "/" + arm.name : arm.name];
   if (slot.detector != nullptr) return slot;
   if (oracle) {

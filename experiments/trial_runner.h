@@ -91,7 +91,8 @@ class TrialRunner {
   PreparedDetectors detectors_;
   std::filesystem::path work_;
   std::map<std::string, std::unique_ptr<core::Renderer>> renderers_;  ///< By scene.
-  std::map<std::string, ArmDetectorSlot> slots_;  ///< By arm; the oracle's by scene and arm.
+  std::map<std::string, ArmDetectorSlot>
+      slots_;  ///< By arm; the oracle's and prompted ones by scene and arm.
 };
 
 }  // namespace segsim::experiments
