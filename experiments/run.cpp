@@ -72,17 +72,6 @@ std::vector<SceneRow> scene_rows(const std::vector<LoadedScene>& scenes) {
   return rows;
 }
 
-std::vector<Starts> starts_of(const std::vector<LoadedScene>& scenes) {
-  std::vector<Starts> all;
-  for (const LoadedScene& scene : scenes) {
-    Starts& starts = all.emplace_back();
-    for (const sim::Episode& episode : scene.episodes.episodes) {
-      starts.emplace_back(episode.start.x_m, episode.start.y_m);
-    }
-  }
-  return all;
-}
-
 std::vector<ArmRow> arm_rows(const ExperimentSpec& spec, const PreparedDetectors& detectors) {
   std::vector<ArmRow> rows;
   for (const ArmSpec& arm : spec.arms) {
@@ -316,9 +305,11 @@ RunReport run_experiment(const ExperimentSpec& spec, const RunOptions& options) 
   for (const SceneSpec& scene : spec.scenes)
     bundles.push_back(prepare_scene(spec, scene, work));
   std::vector<LoadedScene> scenes;
+  std::vector<Starts> starts;
   for (std::size_t i = 0; i < spec.scenes.size(); ++i) {
     std::fprintf(stderr, "segsim: loading %s\n", spec.scenes[i].title.c_str());
     scenes.push_back(load_scene(spec, spec.scenes[i], bundles[i], work));
+    starts.push_back(starts_of(scenes.back()));
     const EpisodeSet& set = scenes.back().episodes;
     if (static_cast<int>(set.episodes.size()) < spec.scenes[i].episodes) {
       std::fprintf(stderr, "segsim: note: %s has room for %zu of %d episodes (see %s)\n",
@@ -326,8 +317,7 @@ RunReport run_experiment(const ExperimentSpec& spec, const RunOptions& options) 
                    (work / "episodes" / (spec.scenes[i].name + ".jsonl")).c_str());
     }
   }
-  const PreparedDetectors detectors =
-      prepare_detectors(spec, bundles, starts_of(scenes), work);
+  const PreparedDetectors detectors = prepare_detectors(spec, bundles, starts, work);
 
   // The run, and which of its trials are missing.
   const fs::path& results = options.results.empty() ? work : options.results;

@@ -212,6 +212,14 @@ LoadedScene load_scene(const ExperimentSpec& spec, const SceneSpec& scene,
           core::sha256_of_file(file)};
 }
 
+Starts starts_of(const LoadedScene& scene) {
+  Starts starts_m;
+  for (const sim::Episode& episode : scene.episodes.episodes) {
+    starts_m.emplace_back(episode.start.x_m, episode.start.y_m);
+  }
+  return starts_m;
+}
+
 PreparedWeights weights_of(const ArmSpec& arm, const PreparedDetectors& detectors) {
   switch (arm.detector) {
     case ArmDetector::kBefore:

@@ -47,6 +47,9 @@ struct LoadedScene {
                                      const std::filesystem::path& bundle_folder,
                                      const std::filesystem::path& work);
 
+/// Where its episodes start.
+[[nodiscard]] Starts starts_of(const LoadedScene& scene);
+
 /// One cell of the experiment; what it points to outlives it.
 struct TrialTask {
   const LoadedScene* scene = nullptr;
