@@ -7,8 +7,8 @@ namespace segsim::perception {
 
 std::string shape_text(const std::vector<std::int64_t>& shape) {
   std::string text = "[";
-  for (std::size_t i = 0; i < shape.size(); ++i) {
-    text += (i == 0 ? "" : ",") + std::to_string(shape[i]);
+  for (const std::int64_t side : shape) {
+    text += (text.size() > 1 ? ", " : "") + std::to_string(side);
   }
   return text + "]";
 }

@@ -56,12 +56,4 @@ const HostTensor& find_output(const std::vector<ModelOutput>& outputs, const std
   return found->tensor;
 }
 
-std::string shape_text(const std::vector<std::int64_t>& shape) {
-  std::string text = "[";
-  for (const std::int64_t side : shape) {
-    text += (text.size() > 1 ? ", " : "") + std::to_string(side);
-  }
-  return text + "]";
-}
-
 }  // namespace segsim::perception

@@ -78,7 +78,8 @@ std::vector<core::Detection> detect_one(core::Detector& detector, const Image<Rg
 
 TEST(BatchDetector, FindsWhatItFindsOneByOne) {
   const TestFolder folder;
-  const auto detector = load_detector(write_small_detector(folder), {.max_detections = 5});
+  const auto detector = load_detector(write_small_detector(folder),
+                                      {.score_threshold = {}, .max_detections = 5});
   const Image<Rgb8> pictures[] = {picture(64, 48, 1), picture(200, 100, 2), picture(1, 1, 3)};
   const Image<Rgb8>* const pointers[] = {&pictures[0], &pictures[1], &pictures[2]};
   const auto together = detector->detect_batch(pointers);
@@ -91,7 +92,8 @@ TEST(BatchDetector, FindsWhatItFindsOneByOne) {
 
 TEST(BatchDetector, FramesOfARendererGiveTheSame) {
   const TestFolder folder;
-  const auto detector = load_detector(write_small_detector(folder), {.max_detections = 5});
+  const auto detector = load_detector(write_small_detector(folder),
+                                      {.score_threshold = {}, .max_detections = 5});
   // Neither scaled; then shrunk and grown by whole numbers, where both round alike.
   for (const auto& image : {picture(64, 48, 1), picture(128, 96, 2)}) {
     const auto found = detector->detect_frames(frames_of(image));
@@ -109,12 +111,15 @@ TEST(BatchDetector, FramesElsewhereAndDevicesThatAreNotThereAreRefused) {
   frames.device = 0;
   EXPECT_THAT(tests::input_error_of([&] { (void)detector->detect_frames(frames); }),
               HasSubstr("images: expected in the host's memory, found on a GPU"));
-  EXPECT_THAT(
-      tests::input_error_of([&] { (void)load_detector(file, {.mixed_precision = true}); }),
-      HasSubstr("mixed precision: expected device cuda"));
+  EXPECT_THAT(tests::input_error_of([&] {
+                (void)load_detector(file, {.score_threshold = {}, .mixed_precision = true});
+              }),
+              HasSubstr("mixed precision: expected device cuda"));
   if (torch::cuda::is_available()) GTEST_SKIP() << "CUDA is there";
-  EXPECT_THAT(tests::input_error_of(
-                  [&] { (void)load_detector(file, {.device = ComputeDevice::kCuda}); }),
+  EXPECT_THAT(tests::input_error_of([&] {
+                (void)load_detector(file,
+                                    {.score_threshold = {}, .device = ComputeDevice::kCuda});
+              }),
               HasSubstr("device: expected cpu, found cuda"));
 }
 

@@ -16,7 +16,7 @@
 namespace segsim::perception {
 
 inline std::vector<core::Detection> detect(core::Detector& detector,
-                                           const Image<Rgb8>& image) {
+                                           const core::Image<core::Rgb8>& image) {
   core::Observation observation;
   observation.rgb = &image;
   return detector.detect(observation);

@@ -112,7 +112,7 @@ TEST(WeightsFile, DifferencesAreTold) {
   NamedTensor other_b = b;
   other_b.shape = {3, 2};
   EXPECT_EQ(describe_difference({a, other_b}, {b, c}),
-            "missing c; unknown a; shape of b [3,2] instead of [2,3]");
+            "missing c; unknown a; shape of b [3, 2] instead of [2, 3]");
   EXPECT_EQ(describe_difference({a, b}, {b, a}), "");
 }
 

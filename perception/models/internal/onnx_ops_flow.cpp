@@ -27,10 +27,12 @@ Values loop(const NodeCall& call) {
     call.fail("a body with iteration and condition", "another");
   }
   const std::size_t carried = body.graph->inputs.size() - 2;
-  if (call.input_count() != 2 + carried) {
+  // What the body takes from the graph around lies behind the inputs of its own.
+  const std::size_t own = call.input_count() - body.graph->captures.size();
+  if (own != 2 + carried) {
     call.fail(std::to_string(2 + carried) + " inputs, as the body carries " +
                   std::to_string(carried) + " values",
-              std::to_string(call.input_count()));
+              std::to_string(own));
   }
   const std::size_t scanned = body.graph->outputs.size() - 1 - carried;
   const std::int64_t limit = call.has(0) ? call.integer(0) : kMaxIterations + 1;
