@@ -50,7 +50,7 @@ void write_weights(const std::filesystem::path& file, const DetectorWeights& wei
 [[nodiscard]] std::string describe_difference(const std::vector<NamedTensor>& found,
                                               const std::vector<NamedTensor>& wanted);
 
-/// "[2,3]"
+/// "[2, 3]"
 [[nodiscard]] std::string shape_text(const std::vector<std::int64_t>& shape);
 
 /// "<what> a, b, c and 4 more; ", "" for none.
