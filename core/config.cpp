@@ -234,4 +234,9 @@ std::size_t one_of(const ConfigNode& node, const std::string& found,
   node.fail(list, "\"" + found + "\"" + (near.empty() ? "" : " (near: " + near + ")"));
 }
 
+std::size_t choice(const ConfigNode& map, const std::string& key,
+                   const std::vector<std::string>& words) {
+  return one_of(map.child(key), map.text(key), words);
+}
+
 }  // namespace segsim::core

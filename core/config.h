@@ -71,5 +71,8 @@ class ConfigNode {
 /// @throws InputError that lists the words and names the nearest one.
 [[nodiscard]] std::size_t one_of(const ConfigNode& node, const std::string& found,
                                  const std::vector<std::string>& words);
+/// The same for the text under a key of a map.
+[[nodiscard]] std::size_t choice(const ConfigNode& map, const std::string& key,
+                                 const std::vector<std::string>& words);
 
 }  // namespace segsim::core

@@ -16,10 +16,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::string describe_inputs(const fs::path& weights, const fs::path& validation,
-                            const fs::path& test) {
-  return "best F1 v1; weights " + core::sha256_of_file(weights) + " validation " +
-         core::sha256_of_file(validation) + " test " + core::sha256_of_file(test);
+std::string describe_inputs(const fs::path& weights, const HeldOutSets& sets) {
+  std::string text = "best F1 v2; weights " + core::sha256_of_file(weights);
+  for (const fs::path& file : {sets.validation, sets.test, sets.source, sets.unseen}) {
+    text += "; " + (file.empty() ? std::string("none") : core::sha256_of_file(file));
+  }
+  return text;
 }
 
 /// Nothing if the file is missing, unreadable or of other inputs: it is only a shortcut.
@@ -35,18 +37,22 @@ std::optional<HeldOutPrecision> read_measurement(const fs::path& file,
   result.score_threshold = json.value("score_threshold", 0.0);
   result.precision = json.value("precision", 0.0);
   result.recall = json.value("recall", 0.0);
+  if (json.contains("source_ap50")) result.source_ap50 = json.value("source_ap50", 0.0);
+  if (json.contains("unseen_ap50")) result.unseen_ap50 = json.value("unseen_ap50", 0.0);
   return result;
 }
 
 void write_measurement(const fs::path& file, const std::string& inputs,
                        const HeldOutPrecision& result) {
-  const nlohmann::ordered_json json{{"inputs", inputs},
-                                    {"views", result.views},
-                                    {"ap50", result.ap50},
-                                    {"ap", result.ap},
-                                    {"score_threshold", result.score_threshold},
-                                    {"precision", result.precision},
-                                    {"recall", result.recall}};
+  nlohmann::ordered_json json{{"inputs", inputs},
+                              {"views", result.views},
+                              {"ap50", result.ap50},
+                              {"ap", result.ap},
+                              {"score_threshold", result.score_threshold},
+                              {"precision", result.precision},
+                              {"recall", result.recall}};
+  if (result.source_ap50) json["source_ap50"] = *result.source_ap50;
+  if (result.unseen_ap50) json["unseen_ap50"] = *result.unseen_ap50;
   core::write_file_atomically(file, [&](std::ostream& out) { out << json.dump(2) << '\n'; });
 }
 
@@ -64,20 +70,29 @@ void choose_threshold(const fs::path& weights_file, const fs::path& validation,
 
 }  // namespace
 
-HeldOutPrecision prepare_arm_weights(const fs::path& weights, const fs::path& validation,
-                                     const fs::path& test, const fs::path& output) {
+HeldOutPrecision prepare_arm_weights(const fs::path& weights, const HeldOutSets& sets,
+                                     const fs::path& output) {
   const fs::path record = output.string() + ".precision.json";
-  const std::string inputs = describe_inputs(weights, validation, test);
+  const std::string inputs = describe_inputs(weights, sets);
   if (fs::exists(output)) {
     if (const auto known = read_measurement(record, inputs)) return *known;
   }
-  choose_threshold(weights, validation, output);
-  const perception::EvaluationReport report = perception::evaluate(output, test);
+  choose_threshold(weights, sets.validation, output);
+  const perception::EvaluationReport report = perception::evaluate(output, sets.test);
   const perception::OperatingPoint& point = report.precision.operating;
-  const HeldOutPrecision result{
-      report.images,       report.precision.ap50,
-      report.precision.ap, static_cast<double>(point.score_threshold),
-      point.precision(),   point.recall()};
+  HeldOutPrecision result;
+  result.views = report.images;
+  result.ap50 = report.precision.ap50;
+  result.ap = report.precision.ap;
+  result.score_threshold = static_cast<double>(point.score_threshold);
+  result.precision = point.precision();
+  result.recall = point.recall();
+  const auto ap50_on = [&](const fs::path& set) -> std::optional<double> {
+    if (set.empty()) return std::nullopt;
+    return perception::evaluate(output, set).precision.ap50;
+  };
+  result.source_ap50 = ap50_on(sets.source);
+  result.unseen_ap50 = ap50_on(sets.unseen);
   write_measurement(record, inputs, result);
   return result;
 }

@@ -5,6 +5,7 @@
 /// of this project gives them, and how good they are on views that nothing was tuned on.
 
 #include <filesystem>
+#include <optional>
 
 namespace segsim::experiments {
 
@@ -14,16 +15,32 @@ struct HeldOutPrecision {
   double ap50 = 0.0, ap = 0.0;  ///< COCO, [0, 1]; see perception/average_precision.h.
   double score_threshold = 0.0;
   double precision = 0.0, recall = 0.0;  ///< At that threshold, IoU 0.5, all classes together.
+  /// What tuning costs elsewhere: AP50 in rooms of the source domain and in homes that no step
+  /// has seen; none if that was not measured.
+  std::optional<double> source_ap50{}, unseen_ap50{};
 };
 
-/// Writes `output`: the weights with the threshold of best F1 on the `validation` views, and
-/// measures it on the `test` views. 'Before' and 'after' are treated alike, so that neither
+/// How many of the views that a detector was tuned on lie near the start of an evaluation
+/// episode.
+struct StartLeak {
+  int views = 0, near_starts = 0;
+  double radius_m = 0.0;
+};
+
+/// Data sets (COCO JSON) of an experiment that nothing is trained on.
+struct HeldOutSets {
+  std::filesystem::path validation;      ///< The threshold is chosen on them.
+  std::filesystem::path test;            ///< Other viewpoints of the training scenes.
+  std::filesystem::path source, unseen;  ///< Empty: not measured.
+};
+
+/// Writes `output`: the weights with the threshold of best F1 on the validation views, and
+/// measures it on the others. 'Before' and 'after' are treated alike, so that neither
 /// profits from a better chosen threshold. A measurement of the same files is not repeated: it
 /// lies in `output`.precision.json.
 /// @throws core::InputError if a file is missing or damaged.
 HeldOutPrecision prepare_arm_weights(const std::filesystem::path& weights,
-                                     const std::filesystem::path& validation,
-                                     const std::filesystem::path& test,
+                                     const HeldOutSets& sets,
                                      const std::filesystem::path& output);
 
 }  // namespace segsim::experiments

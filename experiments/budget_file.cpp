@@ -30,23 +30,11 @@ double milliseconds(const ConfigNode& node, const std::string& key) {
   return value;
 }
 
-std::size_t one_of(const ConfigNode& node, const std::string& key,
-                   const std::vector<std::string>& words) {
-  const std::string found = node.text(key);
-  const auto at = std::find(words.begin(), words.end(), found);
-  if (at != words.end()) return static_cast<std::size_t>(at - words.begin());
-  std::string list;
-  for (const std::string& word : words) list += (list.empty() ? "" : " | ") + word;
-  const std::string near = core::nearest_word(found, words);
-  node.child(key).fail(list,
-                       "\"" + found + "\"" + (near.empty() ? "" : " (near: " + near + ")"));
-}
-
 sim::OnMiss read_on_miss(const ConfigNode& node, const std::string& key,
                          sim::OnMiss fallback) {
   if (!node.has(key)) return fallback;
   return static_cast<sim::OnMiss>(
-      one_of(node, key, {"use_stale", "drop", "hold", "zero_command", "abort"}));
+      core::choice(node, key, {"use_stale", "drop", "hold", "zero_command", "abort"}));
 }
 
 /// Two numbers of a distribution, in order of their keys' meaning.
@@ -111,7 +99,7 @@ sim::StageBudget read_stage(const ConfigNode& node, const std::string& name,
   sim::StageBudget stage;
   stage.name = name;
   if (node.has("charge")) {
-    stage.charge = static_cast<sim::Charge>(one_of(node, "charge", {"robot", "sim"}));
+    stage.charge = static_cast<sim::Charge>(core::choice(node, "charge", {"robot", "sim"}));
   }
   stage.on = node.text_or("on", "");
   if (node.has("after")) {
@@ -133,8 +121,8 @@ sim::StageBudget read_stage(const ConfigNode& node, const std::string& name,
     stage.deadline_ns = sim::ns_from_ms(milliseconds(node, "deadline_ms"));
   }
   if (node.has("queue")) {
-    stage.queue =
-        static_cast<sim::QueueRule>(one_of(node, "queue", {"newest", "fifo", "drop_new"}));
+    stage.queue = static_cast<sim::QueueRule>(
+        core::choice(node, "queue", {"newest", "fifo", "drop_new"}));
   }
   stage.queue_depth = stage.queue == sim::QueueRule::kFifo ? 64 : 1;
   if (node.has("depth")) {
@@ -152,8 +140,8 @@ void read_rules(const ConfigNode& root, BudgetFile& file) {
   sim::LatencyBudget& budget = file.budget;
   if (const auto node = root.optional_child("end_to_end")) {
     // The two ends are fixed; a file may say them.
-    if (node->has("from")) (void)one_of(*node, "from", {"capture"});
-    if (node->has("to")) (void)one_of(*node, "to", {"actuate"});
+    if (node->has("from")) (void)core::choice(*node, "from", {"capture"});
+    if (node->has("to")) (void)core::choice(*node, "to", {"actuate"});
     budget.end_to_end_deadline_ns = sim::ns_from_ms(milliseconds(*node, "deadline_ms"));
     budget.on_miss = read_on_miss(*node, "on_miss", budget.on_miss);
     node->finish();
@@ -182,7 +170,7 @@ BudgetFile parse_budget(const std::string& text, const fs::path& origin) {
   BudgetFile file;
   file.text = text;
   file.sha256 = core::sha256_hex(text);
-  (void)one_of(root, "schema", {kBudgetSchema});
+  (void)core::choice(root, "schema", {kBudgetSchema});
   file.budget.id = root.text("id");
   if (const auto resources = root.optional_child("resources")) {
     for (const std::string& name : resources->keys()) {

@@ -15,16 +15,6 @@ double number_within(const ConfigNode& node, const std::string& key, double fall
   return value;
 }
 
-std::size_t one_of(const ConfigNode& node, const std::string& key, const char* list,
-                   const std::vector<std::string>& words) {
-  const std::string found = node.text(key);
-  const auto at = std::find(words.begin(), words.end(), found);
-  if (at != words.end()) return static_cast<std::size_t>(at - words.begin());
-  const std::string near = core::nearest_word(found, words);
-  node.child(key).fail(list,
-                       "\"" + found + "\"" + (near.empty() ? "" : " (near: " + near + ")"));
-}
-
 sim::SensorRate read_rate(const ConfigNode& node) {
   sim::SensorRate rate;
   rate.period_ns = sim::ns_from_ms(
@@ -52,13 +42,12 @@ ClockSpec read_clock_spec(const ConfigNode& root, const ExpandPath& expand) {
   const auto node = root.optional_child("clock");
   if (!node) return clock;
   clock.mode = static_cast<sim::ClockMode>(
-      one_of(*node, "mode", "lockstep | virtual | measured | realtime",
-             {"lockstep", "virtual", "measured", "realtime"}));
+      core::choice(*node, "mode", {"lockstep", "virtual", "measured", "realtime"}));
   if (node->has("budget")) clock.budget = read_budget_file(expand(node->child("budget")));
   if (node->has("camera")) clock.camera = read_rate(node->child("camera"));
   if (node->has("registration")) {
     clock.registration = static_cast<sim::Registration>(
-        one_of(*node, "registration", "capture | use", {"capture", "use"}));
+        core::choice(*node, "registration", {"capture", "use"}));
   }
   clock.measured_scale =
       number_within(*node, "scale", 1.0, 1e-3, 1e3, "a factor in [0.001, 1000]");

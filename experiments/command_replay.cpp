@@ -98,10 +98,12 @@ class Stage {
         });
     if (needs_weights) {
       std::vector<fs::path> bundles;
+      std::vector<Starts> starts;
       for (const SceneSpec& scene : spec_.scenes) {
         bundles.push_back(prepare_scene(spec_, scene, folders_.work));
+        starts.push_back(starts_of(load(scene)));
       }
-      detectors_ = prepare_detectors(spec_, bundles, folders_.work);
+      detectors_ = prepare_detectors(spec_, bundles, starts, folders_.work);
     }
     runner_ = std::make_unique<TrialRunner>(spec_, detectors_, scratch_.path());
   }
@@ -138,21 +140,26 @@ class Stage {
   }
 
  private:
+  const LoadedScene& load(const SceneSpec& wanted) {
+    auto& scene = scenes_[wanted.name];
+    if (scene == nullptr) {
+      scene = std::make_unique<LoadedScene>(load_scene(
+          spec_, wanted, prepare_scene(spec_, wanted, folders_.work), folders_.work));
+    }
+    return *scene;
+  }
+
   const LoadedScene& load(const ReplayLog& log, const fs::path& file) {
     const SceneSpec* wanted = spec_.find_scene(log.scene);
     if (wanted == nullptr) {
       throw core::InputError::expected(file.string(), "a scene of its spec", log.scene);
     }
-    auto& scene = scenes_[log.scene];
-    if (scene == nullptr) {
-      scene = std::make_unique<LoadedScene>(load_scene(
-          spec_, *wanted, prepare_scene(spec_, *wanted, folders_.work), folders_.work));
-    }
-    if (scene->bundle.scene_sha256 != log.scene_sha256) {
+    const LoadedScene& scene = load(*wanted);
+    if (scene.bundle.scene_sha256 != log.scene_sha256) {
       throw core::InputError::expected(file.string(), "the scene as it was when the trial ran",
-                                       "another bundle in " + scene->bundle.folder.string());
+                                       "another bundle in " + scene.bundle.folder.string());
     }
-    return *scene;
+    return scene;
   }
 
   /// The log that the replay wrote; it is taken away for the next one.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <utility>
 
 #include "core/check.h"
 #include "core/error.h"
@@ -18,6 +19,7 @@ using perception::EvaluationImage;
 using perception::JudgedClass;
 using perception::kIouThresholds;
 using perception::ObjectRange;
+using perception::ResampledClass;
 using Scores = std::array<double, kScores>;
 
 /// One detector, one class, one range: judged once, summed for many resamples.
@@ -26,35 +28,40 @@ class JudgedScores {
   JudgedScores(const std::vector<EvaluationImage>& images, int class_index,
                const ObjectRange& range) {
     for (int k = 0; k < kIouThresholds; ++k) {
-      const double min_iou = perception::iou_threshold(k);
+      const auto judged = [&](int most) {
+        return perception::judge_class(images, class_index, perception::iou_threshold(k), most,
+                                       range);
+      };
       const auto at = static_cast<std::size_t>(k);
-      hundred_[at] = perception::judge_class(images, class_index, min_iou,
-                                             perception::kMaxDetections, range);
-      ten_[at] = perception::judge_class(images, class_index, min_iou, 10, range);
-      one_[at] = perception::judge_class(images, class_index, min_iou, 1, range);
+      JudgedClass hundred = judged(perception::kMaxDetections);
+      hundred_[at] = ResampledClass(hundred);
+      if (k == 0) at_iou_50_ = std::move(hundred);
+      ten_[at] = ResampledClass(judged(10));
+      one_[at] = ResampledClass(judged(1));
     }
   }
 
   [[nodiscard]] int objects() const { return hundred_[0].objects(); }
-  [[nodiscard]] const JudgedClass& at_iou_50() const { return hundred_[0]; }
+  [[nodiscard]] const JudgedClass& at_iou_50() const { return at_iou_50_; }
 
   /// All -1 without objects in the resample.
   [[nodiscard]] Scores scores(std::span<const int> copies) const {
     Scores result{};
     for (std::size_t k = 0; k < hundred_.size(); ++k) {
-      const double ap = perception::mean_precision(hundred_[k], copies);
+      const double ap = hundred_[k].mean_precision(copies);
       if (ap < 0.0) return {-1.0, -1.0, -1.0, -1.0, -1.0};
       result[0] += ap / kIouThresholds;
       if (k == 0) result[1] = ap;
-      result[2] += perception::greatest_recall(one_[k], copies) / kIouThresholds;
-      result[3] += perception::greatest_recall(ten_[k], copies) / kIouThresholds;
-      result[4] += perception::greatest_recall(hundred_[k], copies) / kIouThresholds;
+      result[2] += one_[k].greatest_recall(copies) / kIouThresholds;
+      result[3] += ten_[k].greatest_recall(copies) / kIouThresholds;
+      result[4] += hundred_[k].greatest_recall(copies) / kIouThresholds;
     }
     return result;
   }
 
  private:
-  std::array<JudgedClass, kIouThresholds> hundred_, ten_, one_;
+  std::array<ResampledClass, kIouThresholds> hundred_, ten_, one_;
+  JudgedClass at_iou_50_;  ///< For the curves.
 };
 
 /// Both detectors, all classes, one range.
@@ -130,10 +137,10 @@ void draw_copies(core::RandomStream& random, std::vector<int>& copies) {
 /// Rows for the mean and for every class with objects.
 std::vector<ComparisonRow> bootstrap_rows(const JudgedPair& pair, std::size_t images,
                                           const ComparisonOptions& options) {
-  const std::vector<Scores> before = all_scores(pair.before, {});
-  const std::vector<Scores> after = all_scores(pair.after, {});
+  std::vector<int> copies(images, 1);
+  const std::vector<Scores> before = all_scores(pair.before, copies);
+  const std::vector<Scores> after = all_scores(pair.after, copies);
   std::vector<Samples> samples(before.size());
-  std::vector<int> copies(images);
   core::RandomStream random(options.seed, "detector comparison");
   for (int round = 0; round < options.rounds; ++round) {
     draw_copies(random, copies);

@@ -8,6 +8,9 @@
 #include <filesystem>
 #include <optional>
 #include <span>
+#include <vector>
+
+#include <glm/vec2.hpp>
 
 #include "experiments/arm_weights.h"
 #include "experiments/spec.h"
@@ -27,15 +30,21 @@ struct PreparedWeights {
   std::optional<HeldOutPrecision> held_out;  ///< None if nothing was fine-tuned here.
 };
 
+/// Starts of a scene's evaluation episodes [m].
+using Starts = std::vector<glm::dvec2>;
+
 struct PreparedDetectors {
   PreparedWeights before, after;
+  std::optional<StartLeak> start_leak;  ///< Of 'after'; none if nothing was fine-tuned here.
 };
 
 /// Makes the weights that the arms of the spec need: pre-training, then fine-tuning on views
 /// rendered from the bundles of `spec.detectors.finetune->scenes`.
 /// @param bundles  Result of prepare_scene for each of spec.scenes, in that order.
+/// @param starts  Of each of them.
 PreparedDetectors prepare_detectors(const ExperimentSpec& spec,
                                     std::span<const std::filesystem::path> bundles,
+                                    std::span<const Starts> starts,
                                     const std::filesystem::path& work);
 
 }  // namespace segsim::experiments

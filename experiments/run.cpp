@@ -85,6 +85,7 @@ std::vector<ArmRow> arm_rows(const ExperimentSpec& spec, const PreparedDetectors
     row.detector = weights.file.empty() ? "oracle" : weights.file.filename().string();
     if (!weights.file.empty()) row.weights_sha256 = core::sha256_of_file(weights.file);
     row.held_out = weights.held_out;
+    if (arm.detector == ArmDetector::kAfter) row.start_leak = detectors.start_leak;
     for (const SceneSpec& scene : spec.scenes) {
       if (spec.leaks(arm, scene))
         row.tuned_on += (row.tuned_on.empty() ? "" : ", ") + scene.name;
@@ -303,11 +304,12 @@ RunReport run_experiment(const ExperimentSpec& spec, const RunOptions& options) 
   std::vector<fs::path> bundles;
   for (const SceneSpec& scene : spec.scenes)
     bundles.push_back(prepare_scene(spec, scene, work));
-  const PreparedDetectors detectors = prepare_detectors(spec, bundles, work);
   std::vector<LoadedScene> scenes;
+  std::vector<Starts> starts;
   for (std::size_t i = 0; i < spec.scenes.size(); ++i) {
     std::fprintf(stderr, "segsim: loading %s\n", spec.scenes[i].title.c_str());
     scenes.push_back(load_scene(spec, spec.scenes[i], bundles[i], work));
+    starts.push_back(starts_of(scenes.back()));
     const EpisodeSet& set = scenes.back().episodes;
     if (spec.scenes[i].episode_file.empty() &&
         static_cast<int>(set.episodes.size()) < spec.scenes[i].episodes) {
@@ -316,6 +318,7 @@ RunReport run_experiment(const ExperimentSpec& spec, const RunOptions& options) 
                    (work / "episodes" / (spec.scenes[i].name + ".jsonl")).c_str());
     }
   }
+  const PreparedDetectors detectors = prepare_detectors(spec, bundles, starts, work);
 
   // The run, and which of its trials are missing.
   const fs::path& results = options.results.empty() ? work : options.results;

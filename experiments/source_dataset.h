@@ -1,8 +1,8 @@
 #pragma once
 
 /// @file
-/// The data that the detector is pre-trained on: plain procedural rooms, rendered exactly,
-/// with the same box rule as everything else.
+/// Labelled views of procedural scenes, rendered exactly, with the same box rule as everything
+/// else: the plain rooms that the detector is pre-trained on, and homes that it never sees.
 
 #include <cstdint>
 #include <filesystem>
@@ -24,5 +24,18 @@ struct SourceDatasetOptions {
 /// @return  The JSON file.
 std::filesystem::path render_source_dataset(const SourceDatasetOptions& options,
                                             const std::filesystem::path& folder);
+
+struct UnseenHomesOptions {
+  std::uint64_t seed = 1;
+  int homes = 4;
+  int views_per_home = 40;
+  core::CameraIntrinsics camera;
+  double camera_height_m = 1.2, camera_pitch_down_rad = 0.0;  ///< The robot's.
+};
+
+/// The same for furnished flats seed, seed + 1, ... (sim/procedural_flat.h), from places all
+/// over their free floor.
+std::filesystem::path render_unseen_homes(const UnseenHomesOptions& options,
+                                          const std::filesystem::path& folder);
 
 }  // namespace segsim::experiments

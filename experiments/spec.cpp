@@ -90,12 +90,6 @@ std::uint64_t read_seed(const ConfigNode& node, std::uint64_t fallback) {
   return static_cast<std::uint64_t>(value);
 }
 
-/// The index of the text under `key` in `words`.
-std::size_t one_of(const ConfigNode& node, const std::string& key,
-                   const std::vector<std::string>& words) {
-  return core::one_of(node.child(key), node.text(key), words);
-}
-
 /// A name that can be part of a file name.
 std::string read_name(const ConfigNode& node, const std::string& key) {
   const std::string name = node.text(key);
@@ -134,7 +128,7 @@ ReconstructSpec read_reconstruct(const ConfigNode& node, const Variables& variab
   if (node.has("head")) {
     std::vector<std::string> heads = renderer::panoptic_head_names();
     heads.emplace_back("none");
-    reconstruct.head = heads[one_of(node, "head", heads)];
+    reconstruct.head = heads[core::choice(node, "head", heads)];
   }
   reconstruct.seed = read_seed(node, reconstruct.seed);
   node.finish();
@@ -144,7 +138,7 @@ ReconstructSpec read_reconstruct(const ConfigNode& node, const Variables& variab
 SourceSpec read_source(const ConfigNode& node, const Variables& variables) {
   SourceSpec source;
   source.type =
-      static_cast<SourceType>(one_of(node, "type", {"flat", "gazebo", "mesh", "rgbd"}));
+      static_cast<SourceType>(core::choice(node, "type", {"flat", "gazebo", "mesh", "rgbd"}));
   switch (source.type) {
     case SourceType::kFlat:
       source.seed = read_seed(node, 0);
@@ -243,6 +237,9 @@ FinetuneSpec read_finetune(const ConfigNode& node, const std::vector<SceneSpec>&
   finetune.height_px = count_within(node, "height", 0, 0, 8192);
   finetune.steps = count_within(node, "steps", finetune.steps, 1, 10000000);
   finetune.learning_rate = number_within(node, "learning_rate", 0.0, 0.0, 1.0);
+  finetune.mix_share = number_within(node, "mix_share", 0.0, 0.0, 0.9);
+  finetune.mix_rooms = count_within(node, "mix_rooms", finetune.mix_rooms, 1, 100000);
+  finetune.start_clearance_m = number_within(node, "start_clearance_m", 0.0, 0.0, 10.0);
   node.finish();
   return finetune;
 }
@@ -285,8 +282,8 @@ ArmSpec read_arm(const ConfigNode& node, const Variables& variables) {
     arm.detector = ArmDetector::kFile;
     arm.weights = variables.expand(node.child("detector"));
   } else {
-    (void)one_of(node, "detector",
-                 {"before", "after", "oracle", "a path of weights or of a model"});
+    (void)core::choice(node, "detector",
+                       {"before", "after", "oracle", "a path of weights or of a model"});
   }
   if (node.has("policy")) arm.policy = read_policy(node, variables);
   if (node.has("score_threshold")) {
@@ -311,7 +308,7 @@ CameraSpec read_camera(const ConfigNode& root) {
   using renderer::Backend;
   constexpr std::array kBackends{Backend::kCpu, Backend::kCuda, Backend::kAuto};
   if (node->has("backend")) {
-    camera.backend = kBackends[one_of(*node, "backend", {"cpu", "cuda", "auto"})];
+    camera.backend = kBackends[core::choice(*node, "backend", {"cpu", "cuda", "auto"})];
   }
   node->finish();
   return camera;
@@ -324,7 +321,7 @@ SuccessSpec read_success(const ConfigNode& root) {
   std::vector<std::string> names;
   for (const sim::SuccessProfile& p : sim::success_profiles()) names.push_back(p.name);
   const sim::SuccessProfile& profile =
-      sim::success_profiles()[one_of(*node, "profile", names)];
+      sim::success_profiles()[core::choice(*node, "profile", names)];
   success.profile = profile.name;
   success.distance_m = profile.distance_m;
   success.require_visible = profile.require_visible;
@@ -348,7 +345,7 @@ SuccessSpec read_success(const ConfigNode& root) {
 }
 
 Recorded read_recorded(const ConfigNode& node, const std::string& key) {
-  return static_cast<Recorded>(one_of(node, key, {"none", "first", "all"}));
+  return static_cast<Recorded>(core::choice(node, key, {"none", "first", "all"}));
 }
 
 FramesSpec read_frames(const ConfigNode& root) {
@@ -472,7 +469,7 @@ ExperimentSpec parse_spec(const std::string& text, const fs::path& origin,
   spec.file = origin;
   spec.text = text;
 
-  (void)one_of(root, "schema", {ExperimentSpec::kSchema});
+  (void)core::choice(root, "schema", {ExperimentSpec::kSchema});
   spec.name = read_name(root, "name");
   spec.title = root.text_or("title", spec.name);
   if (folders.work.empty()) folders.work = fs::path("out") / spec.name;
@@ -485,13 +482,13 @@ ExperimentSpec parse_spec(const std::string& text, const fs::path& origin,
   if (root.has("policy")) spec.policy = read_policy(root, variables);
   if (root.has("robot")) {
     spec.robot = root.text("robot");
-    (void)one_of(root, "robot", sim::RobotModel::names());
+    (void)core::choice(root, "robot", sim::RobotModel::names());
   }
   if (root.has("localisation")) {
-    spec.odometry = one_of(root, "localisation", {"perfect", "odom"}) == 1;
+    spec.odometry = core::choice(root, "localisation", {"perfect", "odom"}) == 1;
   }
   if (root.has("contact"))
-    spec.slide_on_contact = one_of(root, "contact", {"stop", "slide"}) == 1;
+    spec.slide_on_contact = core::choice(root, "contact", {"stop", "slide"}) == 1;
   spec.control_period_s =
       number_within(root, "control_period_s", spec.control_period_s, 0.005, 2.0);
   const double steps = spec.control_period_s / 0.005;

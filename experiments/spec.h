@@ -92,6 +92,11 @@ struct FinetuneSpec {
   int width_px = 0, height_px = 0;  ///< Of the views; 0 = as the robot's camera.
   int steps = 600;
   double learning_rate = 0.0;  ///< 0 = the trainer's default.
+  /// Share of every batch that comes from the source domain, against forgetting; 0 = none.
+  double mix_share = 0.0;
+  int mix_rooms = 100;  ///< Plain rooms that are rendered for it, eight views each.
+  /// No view is taken nearer than this to where an evaluation episode starts; 0 = anywhere.
+  double start_clearance_m = 0.0;
 };
 
 struct DetectorSpec {

@@ -32,7 +32,9 @@ CREATE TABLE arm (
   run_id INTEGER NOT NULL REFERENCES run, position INTEGER NOT NULL, name TEXT NOT NULL,
   detector TEXT NOT NULL, weights_sha256 TEXT NOT NULL, tuned_on TEXT NOT NULL,
   score_threshold REAL NOT NULL, held_out_views INTEGER NOT NULL, ap50 REAL NOT NULL,
-  ap REAL NOT NULL, held_out_threshold REAL NOT NULL, precision REAL NOT NULL, recall REAL NOT NULL, UNIQUE (run_id, name));
+  ap REAL NOT NULL, held_out_threshold REAL NOT NULL, precision REAL NOT NULL, recall REAL NOT NULL,
+  source_ap50 REAL NOT NULL, unseen_ap50 REAL NOT NULL, tuning_views INTEGER NOT NULL,
+  tuning_views_near_starts INTEGER NOT NULL, start_radius_m REAL NOT NULL, UNIQUE (run_id, name));
 CREATE TABLE trial (
   trial_id INTEGER PRIMARY KEY, run_id INTEGER NOT NULL REFERENCES run,
   arm TEXT NOT NULL, scene TEXT NOT NULL, episode TEXT NOT NULL, goal_class TEXT NOT NULL,
@@ -46,6 +48,20 @@ CREATE TABLE trial (
   policy_ms REAL NOT NULL, error TEXT NOT NULL, picture TEXT NOT NULL, video TEXT NOT NULL,
   track TEXT NOT NULL, finished TEXT NOT NULL,
   UNIQUE (run_id, arm, episode, repetition));
+)sql";
+
+/// Of an AP50 in the database.
+constexpr double kNotMeasured = -1.0;
+
+/// From version 3 to 4: what tuning an arm's detector cost elsewhere, and where its views lie.
+constexpr int kBeforeTuningCost = 3;
+constexpr const char* kTuningCostMigration = R"sql(
+ALTER TABLE arm ADD COLUMN source_ap50 REAL NOT NULL DEFAULT -1;
+ALTER TABLE arm ADD COLUMN unseen_ap50 REAL NOT NULL DEFAULT -1;
+ALTER TABLE arm ADD COLUMN tuning_views INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE arm ADD COLUMN tuning_views_near_starts INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE arm ADD COLUMN start_radius_m REAL NOT NULL DEFAULT 0;
+UPDATE meta SET schema_version = 4;
 )sql";
 
 std::string hex(std::uint64_t value) {
@@ -114,6 +130,10 @@ struct Store::Impl {
         execute(kAttributionMigration);
         found = query_integer("SELECT schema_version FROM meta", -1);
       }
+      if (found == kBeforeTuningCost) {
+        execute(kTuningCostMigration);
+        found = query_integer("SELECT schema_version FROM meta", -1);
+      }
       if (found != kSchemaVersion) {
         throw core::InputError::expected(file.string(),
                                          "schema version " + std::to_string(kSchemaVersion),
@@ -174,12 +194,16 @@ std::int64_t Store::begin_run(const RunRow& run, const std::vector<SceneRow>& sc
   for (const ArmRow& arm : arm_rows) {
     Statement row(impl_->db, impl_->file,
                   "INSERT INTO arm VALUES ("
-                  "?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+                  "?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
     row.bind(run_id).bind(position++).bind(arm.name).bind(arm.detector);
     row.bind(arm.weights_sha256).bind(arm.tuned_on).bind(arm.score_threshold);
     const HeldOutPrecision held_out = arm.held_out.value_or(HeldOutPrecision{});
     row.bind(held_out.views).bind(held_out.ap50).bind(held_out.ap);
-    row.bind(held_out.score_threshold).bind(held_out.precision).bind(held_out.recall).step();
+    row.bind(held_out.score_threshold).bind(held_out.precision).bind(held_out.recall);
+    row.bind(held_out.source_ap50.value_or(kNotMeasured));
+    row.bind(held_out.unseen_ap50.value_or(kNotMeasured));
+    const StartLeak leak = arm.start_leak.value_or(StartLeak{});
+    row.bind(leak.views).bind(leak.near_starts).bind(leak.radius_m).step();
   }
   transaction.commit();
   return run_id;
@@ -238,10 +262,12 @@ std::vector<SceneRow> Store::scenes(std::int64_t run_id) const {
 }
 
 std::vector<ArmRow> Store::arms(std::int64_t run_id) const {
-  Statement select(impl_->db, impl_->file,
-                   "SELECT name, detector, weights_sha256, tuned_on, score_threshold, "
-                   "held_out_views, ap50, ap, held_out_threshold, precision, recall FROM arm "
-                   "WHERE run_id = ? ORDER BY position");
+  Statement select(
+      impl_->db, impl_->file,
+      "SELECT name, detector, weights_sha256, tuned_on, score_threshold, "
+      "held_out_views, ap50, ap, held_out_threshold, precision, recall, source_ap50, "
+      "unseen_ap50, tuning_views, tuning_views_near_starts, start_radius_m FROM arm "
+      "WHERE run_id = ? ORDER BY position");
   select.bind(run_id);
   std::vector<ArmRow> rows;
   while (select.step()) {
@@ -257,7 +283,16 @@ std::vector<ArmRow> Store::arms(std::int64_t run_id) const {
                            &held_out.precision, &held_out.recall}) {
       *column = select.number();
     }
+    for (std::optional<double>* column : {&held_out.source_ap50, &held_out.unseen_ap50}) {
+      const double value = select.number();
+      if (value > kNotMeasured) *column = value;
+    }
     if (held_out.views > 0) arm.held_out = held_out;
+    StartLeak leak;
+    leak.views = select.small_integer();
+    leak.near_starts = select.small_integer();
+    leak.radius_m = select.number();
+    if (leak.views > 0) arm.start_leak = leak;
     rows.push_back(std::move(arm));
   }
   return rows;

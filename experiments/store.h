@@ -48,6 +48,7 @@ struct ArmRow {
       tuned_on;  ///< Names of scenes whose views it was fine-tuned on, with ", " between.
   double score_threshold = -1;               ///< -1: the one stored with the weights.
   std::optional<HeldOutPrecision> held_out;  ///< None for the oracle and foreign weights.
+  std::optional<StartLeak> start_leak{};     ///< None if it was not fine-tuned here.
 };
 
 /// One finished trial. Columns as in sim::TrialResult; -1 ticks and unset values are "never".
@@ -85,7 +86,8 @@ struct TrialRow {
 /// One writer at a time. Not thread-safe: the caller serialises.
 class Store {
  public:
-  static constexpr int kSchemaVersion = 3;  ///< Files of version 2 are brought up to it.
+  static constexpr int kSchemaVersion =
+      4;  ///< Files of versions 2 and 3 are brought up to it.
 
   /// Opens the file, or makes it.
   /// @throws core::InputError if it is no such database or has another schema version.

@@ -113,14 +113,19 @@ Grid arms_grid(const ResultTable& table, const std::vector<GroupSummary>& groups
 /// How good the arms' detectors are on held-out views; no rows if that was not measured.
 Grid detectors_grid(const ResultTable& table) {
   Grid grid{"Detectors on held-out views of the scenes",
-            {"Arm", "AP50", "AP", "Precision", "Recall", "Score threshold", "Views"},
+            {"Arm", "AP50", "AP", "Precision", "Recall", "Score threshold", "Views",
+             "AP50 source rooms", "AP50 unseen homes"},
             {}};
+  const auto optional_text = [](const std::optional<double>& ap50) {
+    return ap50 ? print("%.1f", 100.0 * *ap50) : std::string("-");
+  };
   for (const ArmRow& arm : table.arm_rows) {
     if (!arm.held_out) continue;
     const HeldOutPrecision& p = *arm.held_out;
     grid.rows.push_back({arm.name, print("%.1f", 100.0 * p.ap50), print("%.1f", 100.0 * p.ap),
                          print("%.2f", p.precision), print("%.2f", p.recall),
-                         print("%.3f", p.score_threshold), std::to_string(p.views)});
+                         print("%.3f", p.score_threshold), std::to_string(p.views),
+                         optional_text(p.source_ap50), optional_text(p.unseen_ap50)});
   }
   return grid;
 }

@@ -113,6 +113,11 @@ std::string as_json(const ResultTable& table) {
     a = {{"detector", arm.detector},
          {"weights_sha256", arm.weights_sha256},
          {"tuned_on", arm.tuned_on}};
+    if (arm.start_leak) {
+      a["tuning_views"] = {{"views", arm.start_leak->views},
+                           {"near_starts", arm.start_leak->near_starts},
+                           {"radius_m", arm.start_leak->radius_m}};
+    }
     if (!arm.held_out) continue;
     const HeldOutPrecision& p = *arm.held_out;
     a["held_out"] = {{"views", p.views},
@@ -121,6 +126,8 @@ std::string as_json(const ResultTable& table) {
                      {"score_threshold", p.score_threshold},
                      {"precision", p.precision},
                      {"recall", p.recall}};
+    if (p.source_ap50) a["held_out"]["source_ap50"] = *p.source_ap50;
+    if (p.unseen_ap50) a["held_out"]["unseen_ap50"] = *p.unseen_ap50;
   }
   json["notes"] = table.notes;
   return json.dump(2) + "\n";

@@ -43,6 +43,12 @@ std::vector<std::string> goal_names(const LoadedScene& scene) {
   return names;
 }
 
+/// Whether the arm's detector is asked for the goals of each scene.
+bool is_prompted(const ArmSpec& arm) {
+  return arm.detector == ArmDetector::kFile && perception::is_foreign_detector(arm.weights) &&
+         perception::needs_prompt(arm.weights);
+}
+
 /// Weights of this program, or a model of others (docs/models.md).
 std::unique_ptr<core::Detector> load_arm_detector(const fs::path& file, const ArmSpec& arm,
                                                   const LoadedScene& scene) {
@@ -202,6 +208,14 @@ int index_of(const std::vector<std::string>& names, const std::string& name) {
 
 }  // namespace
 
+Starts starts_of(const LoadedScene& scene) {
+  Starts starts_m;
+  for (const sim::Episode& episode : scene.episodes.episodes) {
+    starts_m.emplace_back(episode.start.x_m, episode.start.y_m);
+  }
+  return starts_m;
+}
+
 PreparedWeights weights_of(const ArmSpec& arm, const PreparedDetectors& detectors) {
   switch (arm.detector) {
     case ArmDetector::kBefore:
@@ -241,7 +255,7 @@ TrialRunner::ArmDetectorSlot& TrialRunner::detector_for(const LoadedScene& scene
                                                         const ArmSpec& arm) {
   const bool oracle = arm.detector == ArmDetector::kOracle;
   // A prompted detector looks for the goals of its scene.
-  const bool per_scene = oracle || arm.detector == ArmDetector::kFile;
+  const bool per_scene = oracle || is_prompted(arm);
   ArmDetectorSlot& slot = slots_[per_scene ? scene.spec->name + "/" + arm.name : arm.name];
   if (slot.detector != nullptr) return slot;
   if (oracle) {

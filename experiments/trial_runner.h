@@ -52,6 +52,9 @@ struct LoadedScene {
                                      const std::filesystem::path& bundle_folder,
                                      const std::filesystem::path& work);
 
+/// Where its episodes start.
+[[nodiscard]] Starts starts_of(const LoadedScene& scene);
+
 /// One cell of the experiment; what it points to outlives it.
 struct TrialTask {
   const LoadedScene* scene = nullptr;
@@ -104,7 +107,8 @@ class TrialRunner {
   PreparedDetectors detectors_;
   std::filesystem::path work_;
   std::map<std::string, std::unique_ptr<core::Renderer>> renderers_;  ///< By scene.
-  std::map<std::string, ArmDetectorSlot> slots_;  ///< By arm; the oracle's by scene and arm.
+  std::map<std::string, ArmDetectorSlot>
+      slots_;  ///< By arm; the oracle's and prompted ones by scene and arm.
 };
 
 }  // namespace segsim::experiments

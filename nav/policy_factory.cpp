@@ -52,20 +52,18 @@ void read_vlfm(const ConfigNode& node, PolicySettings& settings) {
     quirks->finish();
   }
   if (node.has("motion")) {
-    const std::size_t motion =
-        one_of(node.child("motion"), node.text("motion"), {"discrete", "pursuit"});
+    const std::size_t motion = choice(node, "motion", {"discrete", "pursuit"});
     settings.motion = motion == 0 ? Motion::kDiscrete : Motion::kPursuit;
   }
   if (node.has("follower")) {
     if (node.has("motion")) node.child("motion").fail("no motion beside follower", "both");
-    const std::size_t follower = one_of(node.child("follower"), node.text("follower"),
-                                        {"discrete", "pure-pursuit", "dwa"});
+    const std::size_t follower = choice(node, "follower", {"discrete", "pure-pursuit", "dwa"});
     settings.motion = follower == 0 ? Motion::kDiscrete : Motion::kPursuit;
     settings.dynamic_window = follower == 2;
   }
   if (node.has("planner")) {
-    settings.planner = static_cast<GridPlanner>(
-        one_of(node.child("planner"), node.text("planner"), {"astar", "fast-marching"}));
+    settings.planner =
+        static_cast<GridPlanner>(choice(node, "planner", {"astar", "fast-marching"}));
   }
   settings.second_look = node.boolean_or("second_look", settings.second_look);
   settings.approach = node.boolean_or("approach", settings.approach);
@@ -76,8 +74,7 @@ void read_vlfm(const ConfigNode& node, PolicySettings& settings) {
   }
   if (node.has("fusion")) {
     settings.fusion = static_cast<FusionRule>(
-        one_of(node.child("fusion"), node.text("fusion"),
-               {"weighted", "max-confidence", "replace", "equal-weighting"}));
+        choice(node, "fusion", {"weighted", "max-confidence", "replace", "equal-weighting"}));
   }
 }
 
@@ -138,8 +135,7 @@ PolicySettings read_policy_settings(
   }
   if (type == "vlfm") read_vlfm(node, settings);
   if (type.starts_with("frontier") && node.has("follower")) {
-    settings.dynamic_window =
-        one_of(node.child("follower"), node.text("follower"), {"pure-pursuit", "dwa"}) == 1;
+    settings.dynamic_window = choice(node, "follower", {"pure-pursuit", "dwa"}) == 1;
   }
   if (type == "vlfm" || type == "frontier-value") {
     settings.scorer = node.text_or("scorer", settings.scorer);

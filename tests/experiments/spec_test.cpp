@@ -29,7 +29,7 @@ scenes:
     start_distance_m: [1.5, 8]
 detectors:
   pretrain: {rooms: 3, views_per_room: 5, steps: 40}
-  finetune: {scenes: [flat-1], views_per_scene: 30, steps: 50}
+  finetune: {scenes: [flat-1], views_per_scene: 30, steps: 50, mix_share: 0.25, start_clearance_m: 0.5}
 arms:
   - {name: before, detector: before}
   - {name: after, detector: after, score_threshold: 0.4}
@@ -95,6 +95,9 @@ TEST(Spec, EveryFieldIsRead) {
   EXPECT_EQ(spec.detectors.before, "out/two-flats/detector-before.bin");
   EXPECT_EQ(spec.detectors.pretrain->rooms, 3);
   EXPECT_EQ(spec.detectors.finetune->views_per_scene, 30);
+  EXPECT_EQ(spec.detectors.finetune->mix_share, 0.25);
+  EXPECT_EQ(spec.detectors.finetune->mix_rooms, 100);
+  EXPECT_EQ(spec.detectors.finetune->start_clearance_m, 0.5);
   ASSERT_EQ(spec.arms.size(), 4U);
   EXPECT_EQ(spec.arms[0].detector, ArmDetector::kBefore);
   EXPECT_DOUBLE_EQ(spec.arms[1].score_threshold.value(), 0.4);

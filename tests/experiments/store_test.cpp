@@ -48,10 +48,12 @@ RunRow a_run() {
 }
 
 std::int64_t begin(Store& store) {
-  return store.begin_run(
-      a_run(), {{"b", "Scene B", "s1", "e1", 2}, {"a", "Scene A", "s2", "e2", 2}},
-      {{"before", "w.bin", "ff", "", -1, {}},
-       {"after", "v.bin", "fe", "b", 0.5, HeldOutPrecision{60, 0.5, 0.25, 0.2, 0.75, 0.625}}});
+  return store.begin_run(a_run(),
+                         {{"b", "Scene B", "s1", "e1", 2}, {"a", "Scene A", "s2", "e2", 2}},
+                         {{"before", "w.bin", "ff", "", -1, {}},
+                          {"after", "v.bin", "fe", "b", 0.5,
+                           HeldOutPrecision{60, 0.5, 0.25, 0.2, 0.75, 0.625, 0.625, 0.0},
+                           StartLeak{400, 3, 1.0}}});
 }
 
 TrialRow a_trial(const std::string& arm, const std::string& episode, bool success) {
@@ -96,6 +98,14 @@ TEST_F(StoreTest, WhatIsWrittenIsReadBack) {
   EXPECT_EQ(held_out.score_threshold, 0.2);
   EXPECT_EQ(held_out.precision, 0.75);
   EXPECT_EQ(held_out.recall, 0.625);
+  EXPECT_EQ(held_out.source_ap50, std::optional<double>(0.625));
+  EXPECT_EQ(held_out.unseen_ap50, std::optional<double>(0.0));
+  EXPECT_FALSE(store.arms(id)[0].start_leak.has_value());
+  const std::optional<StartLeak> leak = store.arms(id)[1].start_leak;
+  ASSERT_TRUE(leak.has_value());
+  EXPECT_EQ(leak->views, 400);
+  EXPECT_EQ(leak->near_starts, 3);
+  EXPECT_EQ(leak->radius_m, 1.0);
   ASSERT_EQ(store.trials(id).size(), 1U);
   const TrialRow trial = store.trials(id)[0];
   EXPECT_EQ(trial.episode, "b/chair/00");
@@ -263,11 +273,16 @@ TEST_F(StoreTest, AFileOfVersion2IsBroughtUpToDate) {
     id = begin(store);
     store.add_trial(id, a_trial("before", "b/chair/00", true));
   }
-  // What version 3 added is taken away again.
+  // What versions 3 and 4 added is taken away again.
   sqlite3* db = nullptr;
   ASSERT_EQ(sqlite3_open(file_.c_str(), &db), SQLITE_OK);
   ASSERT_EQ(sqlite3_exec(db,
                          "DROP TABLE attribution;"
+                         "ALTER TABLE arm DROP COLUMN source_ap50;"
+                         "ALTER TABLE arm DROP COLUMN unseen_ap50;"
+                         "ALTER TABLE arm DROP COLUMN tuning_views;"
+                         "ALTER TABLE arm DROP COLUMN tuning_views_near_starts;"
+                         "ALTER TABLE arm DROP COLUMN start_radius_m;"
                          "ALTER TABLE scene DROP COLUMN oracle_successes;"
                          "ALTER TABLE scene DROP COLUMN oracle_episodes;"
                          "UPDATE meta SET schema_version = 2",
@@ -281,6 +296,7 @@ TEST_F(StoreTest, AFileOfVersion2IsBroughtUpToDate) {
     EXPECT_TRUE(store.trials(id)[0].success);
     EXPECT_FALSE(store.trials(id)[0].why.known());
     EXPECT_EQ(store.scenes(id)[0].oracle_episodes, -1);
+    EXPECT_FALSE(store.arms(id)[0].start_leak.has_value());
   }
   Store store(file_);
   TrialRow trial = a_trial("after", "b/chair/00", false);

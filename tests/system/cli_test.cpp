@@ -23,26 +23,18 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 
+#include "segsim_process.h"
+
 namespace {
 
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
 using ::testing::SizeIs;
 
-struct Output {
-  int exit_code = -1;
-  std::string text;  ///< Standard output and error.
-};
+using Output = segsim::tests::ProcessOutput;
+using segsim::tests::expect_input_error;
 
-Output segsim(const std::string& arguments) {
-  const std::string command = std::string(SEGSIM_BINARY) + " " + arguments + " 2>&1";
-  FILE* pipe = ::popen(command.c_str(), "r");
-  Output run;
-  std::array<char, 4096> buffer{};
-  while (std::fgets(buffer.data(), buffer.size(), pipe) != nullptr) run.text += buffer.data();
-  run.exit_code = WEXITSTATUS(::pclose(pipe));
-  return run;
-}
+Output segsim(const std::string& arguments) { return segsim::tests::run_segsim(arguments); }
 
 void write(const fs::path& file, const std::string& text) {
   fs::create_directories(file.parent_path());
@@ -126,14 +118,6 @@ class Cli : public ::testing::Test {
   }
   fs::path folder_;
 };
-
-/// Exit code 2 and one line with place, expected and found.
-void expect_input_error(const Output& run, const std::string& place) {
-  EXPECT_EQ(run.exit_code, 2) << run.text;
-  EXPECT_THAT(run.text, HasSubstr(place));
-  EXPECT_THAT(run.text, HasSubstr(": expected "));
-  EXPECT_THAT(run.text, HasSubstr(", found "));
-}
 
 TEST_F(Cli, HelpListsTheSubcommandsAndVersionPrints) {
   const Output help = segsim("--help");
