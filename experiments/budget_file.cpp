@@ -183,7 +183,12 @@ BudgetFile parse_budget(const std::string& text, const fs::path& origin) {
   }
   const ConfigNode stages = root.child("stages");
   for (const std::string& name : stages.keys()) {
-    file.budget.stages.push_back(read_stage(stages.child(name), name, origin.parent_path()));
+    const ConfigNode stage = stages.child(name);
+    file.budget.stages.push_back(read_stage(stage, name, origin.parent_path()));
+    if (stage.has("trace")) {  // What the trace says decides the trials, too.
+      const fs::path trace = origin.parent_path() / stage.text("trace");
+      file.sha256 = core::sha256_hex(file.sha256 + core::sha256_of_file(trace));
+    }
   }
   read_rules(root, file);
   root.finish();

@@ -27,7 +27,7 @@ using Outcomes = std::map<std::pair<std::string, int>, bool>;
 Outcomes outcomes_of(const std::vector<TrialRow>& trials, const std::string& arm) {
   Outcomes outcomes;
   for (const TrialRow& trial : trials) {
-    if (trial.arm != arm || trial.failed()) continue;
+    if (trial.arm != arm || !trial.counts()) continue;
     outcomes[{trial.scene + "\n" + trial.episode, trial.repetition}] = trial.success;
   }
   return outcomes;

@@ -46,7 +46,7 @@ void list_failures(const std::vector<TrialRow>& rows) {
   std::printf("%6s  %-32s %-18s %-24s %s\n", "trial", "episode", "arm", "cause", "outcome");
   int failures = 0;
   for (const TrialRow& row : rows) {
-    if (row.success) continue;
+    if (row.success || !row.counts()) continue;
     ++failures;
     std::printf("%6lld  %-32s %-18s %-24s %s\n", static_cast<long long>(row.trial_id),
                 row.episode.c_str(), row.arm.c_str(),

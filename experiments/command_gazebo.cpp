@@ -280,7 +280,7 @@ void add_serve(CLI::App& gazebo) {
   command->add_option("--world", flags->world_file,
                       "SDF file that Gazebo runs: its camera sensors are served. Without it: "
                       "the cameras that export-world describes, from the flags below");
-  command->add_option("--world-name", flags->world, "Name in topics; default: the SDF file's");
+  command->add_option("--world-name", flags->world, "World in the pose topic; default: the SDF file's");
   command->add_option("--pose-topic", flags->pose_topic,
                       "Default: /world/NAME/dynamic_pose/info");
   command

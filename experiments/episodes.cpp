@@ -264,11 +264,16 @@ std::string rules_hash(const EpisodeRules& r, const std::string& robot) {
                             r.min_start_m,
                             r.max_start_m,
                             r.allow_visible_start ? 1.0 : 0.0,
-                            static_cast<double>(r.visible_start_pixels),
-                            r.view_lattice_m,
-                            r.min_ratio,
-                            r.min_island_radius_m};
+                            static_cast<double>(r.visible_start_pixels)};
   for (const double number : numbers) text += "|" + number_text(number);
+  // Named, and only where they are set: sets from before these rules keep their hash.
+  const EpisodeRules plain;
+  const auto add = [&](const char* name, double value, double usual) {
+    if (value != usual) text += std::string("|") + name + "=" + number_text(value);
+  };
+  add("view_lattice_m", r.view_lattice_m, plain.view_lattice_m);
+  add("min_ratio", r.min_ratio, plain.min_ratio);
+  add("min_island_radius_m", r.min_island_radius_m, plain.min_island_radius_m);
   return core::sha256_hex(text + "|" + std::to_string(r.seed));
 }
 

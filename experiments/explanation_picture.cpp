@@ -48,7 +48,8 @@ std::vector<perception::LabeledBox> goal_boxes(const core::Frame& frame,
 sim::Outcome outcome_of(const TrialRow& trial) {
   for (const sim::Outcome outcome :
        {sim::Outcome::kSuccess, sim::Outcome::kStoppedFar, sim::Outcome::kNotVisible,
-        sim::Outcome::kTimeout, sim::Outcome::kGaveUp, sim::Outcome::kCollision}) {
+        sim::Outcome::kTimeout, sim::Outcome::kGaveUp, sim::Outcome::kCollision,
+        sim::Outcome::kAborted}) {
     if (trial.outcome == sim::to_string(outcome)) return outcome;
   }
   return sim::Outcome::kTimeout;

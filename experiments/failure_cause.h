@@ -5,20 +5,29 @@
 /// never from what the policy says of itself. VLFM's taxonomy (bdaiinstitute/vlfm 584ed56,
 /// utils/episode_stats_logger.py) where it has a word, ours beyond:
 ///
-///     cause                    | when
-///     -------------------------|--------------------------------------------------------------
-///     false_positive           | stopped at, or time ran out on the way to, what is no goal
-///     bad_stop_true_positive   | stopped for a true goal, but too far away or looking
-///     elsewhere timeout_true_positive    | time ran out on the way to a true goal
-///     false_negative           | the goal was in view, the detector never reported it
-///     detected_not_pursued (+) | the detector reported it, the policy did not go there
-///     never_saw_target         | time ran out, the goal never was in view
-///     no_frontier_left (+)     | gave up, the goal never was in view
-///     stuck (+)                | the policy says so, or it commanded motion to the end in
-///     vain map_exhausted, pointnav_stop, collision_abort, deadline_abort (+) gave_up (+) |
-///     another reason of the policy to stop: no_path, random_stop ... render_invalid (+) |
-///     most of what the camera saw was a hole in the reconstruction harness_error, infeasible,
-///     trivial (+)   | no trial took place; in no rate
+///     false_positive            stopped at, or time ran out on the way to, what is no goal
+///
+///     bad_stop_true_positive    stopped for a true goal, too far away or looking elsewhere
+///
+///     timeout_true_positive     time ran out on the way to a true goal
+///
+///     false_negative            the goal was in view, the detector never reported it
+///
+///     detected_not_pursued (+)  the detector reported it, the policy did not go there
+///
+///     never_saw_target          time ran out, the goal never was in view
+///
+///     no_frontier_left (+)      gave up, the goal never was in view
+///
+///     stuck (+)                 the policy says so, or commanded motion to the end in vain
+///
+///     map_exhausted, pointnav_stop, collision_abort, deadline_abort (+)
+///
+///     gave_up (+)               another reason to stop: no_path, random_stop, ...
+///
+///     render_invalid (+)        most of what the camera saw was a hole of the reconstruction
+///
+///     harness_error, infeasible, trivial (+)    no trial took place; in no rate
 ///
 /// (+) ours. VLFM asks whether the explored area overlaps the goal's box; here "in view" is
 /// read off the rendered labels. VLFM splits never_saw_target by stairs; a world here is one

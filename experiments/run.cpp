@@ -245,7 +245,8 @@ int run_tasks(const ExperimentSpec& spec, const std::vector<TrialTask>& tasks,
   progress.update(0, tally.text());
 
   const auto work = [&] {
-    TrialRunner runner(spec, detectors, options.folders.work);
+    TrialRunner runner(spec, detectors,
+                       options.results.empty() ? options.folders.work : options.results);
     while (!StopOnSignal::requested()) {
       const std::size_t index = next.fetch_add(1);
       if (index >= tasks.size()) return;
@@ -306,11 +307,18 @@ RunReport run_experiment(const ExperimentSpec& spec, const RunOptions& options) 
     bundles.push_back(prepare_scene(spec, scene, work));
   std::vector<LoadedScene> scenes;
   std::vector<Starts> starts;
+  std::set<std::string> episode_ids;
   for (std::size_t i = 0; i < spec.scenes.size(); ++i) {
     std::fprintf(stderr, "segsim: loading %s\n", spec.scenes[i].title.c_str());
     scenes.push_back(load_scene(spec, spec.scenes[i], bundles[i], work));
     starts.push_back(starts_of(scenes.back()));
     const EpisodeSet& set = scenes.back().episodes;
+    for (const sim::Episode& episode : set.episodes) {
+      if (episode_ids.insert(episode.id).second) continue;
+      throw core::InputError::expected("episodes of scene " + spec.scenes[i].name,
+                                       "names that no other episode of the spec has",
+                                       "\"" + episode.id + "\" again");
+    }
     if (spec.scenes[i].episode_file.empty() &&
         static_cast<int>(set.episodes.size()) < spec.scenes[i].episodes) {
       std::fprintf(stderr, "segsim: note: %s has room for %zu of %d episodes (see %s)\n",

@@ -59,6 +59,15 @@ struct Margins {
   const double r = frame.resolution_m;
   const int step = std::max(1, static_cast<int>(std::lround(options.step_m / r)));
   const int limit = static_cast<int>(options.max_extent_m / r);
+  // In metres first: far away there are more cells than an int counts.
+  const glm::dvec2 most_m =
+      glm::max(high_m, frame.origin_m + r * glm::dvec2(frame.width_cells, frame.height_cells));
+  const glm::dvec2 least_m = glm::min(low_m, frame.origin_m);
+  const glm::dvec2 span_m = most_m - least_m;
+  if (!(span_m.x <= options.max_extent_m + 2.0 * options.step_m &&
+        span_m.y <= options.max_extent_m + 2.0 * options.step_m)) {
+    return std::nullopt;
+  }
   const Cell low = frame.cell_at(low_m), high = frame.cell_at(high_m);
   const auto steps = [&](int missing) {
     return missing > 0 ? (missing + step - 1) / step * step : 0;

@@ -157,6 +157,7 @@ void OccupancyMap::reset() {
   hole_views_ = {};
   observed_ = changed_ = {};
   touched_.clear();
+  seen_ = {};
   stamp_ = 0;
   started_ = exhausted_ = false;
 }

@@ -93,7 +93,7 @@ std::unique_ptr<core::Policy> make_vlfm(const PolicySettings& settings,
   VlfmOptions options = vlfm_for_jackal(settings.rules, context.camera_height_m);
   options.motion = settings.motion.value_or(Motion::kPursuit);
   options.second_look = settings.second_look;
-  options.approach = settings.approach;
+  options.approach = options.approach && settings.approach;
   if (!settings.sweep) options.sweep_places = 0;
   options.min_score = settings.min_score;
   options.values.fusion = settings.fusion;

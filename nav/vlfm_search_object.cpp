@@ -103,13 +103,15 @@ std::optional<glm::dvec2> VlfmSearch::approach_place(const Now& now,
 /// Drives to a place beside the object and looks; the radius alone does not end the way.
 core::VelocityCommand VlfmSearch::approach(const Now& now, const glm::dvec3& object_m) {
   const glm::dvec2 at_m(object_m);
+  // Another object than the one that was looked at.
+  if (glm::distance(at_m, now.position_m) >= options_.stop_limit_m) looking_since_ns_.reset();
   if (looking_since_ns_) return look_again(now, object_m);
   if (options_.motion == Motion::kDiscrete || replan_due(now) || !target_m_) {
     refresh_cost_map();
     const auto place_m = approach_place(now, at_m);
     // The best place changes a little with every view; a neighbour of the old one is no news.
     if (!place_m || !target_m_ || glm::distance(*target_m_, *place_m) > kSamePlace_m ||
-        !cost_.traversable(cost_.frame().cell_at(*target_m_))) {
+        !field_.reachable(cost_.frame().cell_at(*target_m_))) {
       target_m_ = place_m;
     }
     planned_ns_ = -1;

@@ -320,7 +320,7 @@ struct GazeboBridge::Parts {
 
     using Milliseconds = std::chrono::duration<double, std::milli>;
     const std::lock_guard lock(mutex);
-    if (work.empty()) ++totals.unwatched;
+    if (!drawn) ++totals.unwatched;
     totals.images = totals.bytes = 0;
     for (const auto& view : streams) {
       for (const auto& camera : view) camera->count(totals);
@@ -344,7 +344,6 @@ struct GazeboBridge::Parts {
   internal::RecentTimes render_times, answer_times;
 };
 
-bool has_gazebo_bridge() { return true; }
 
 GazeboBridge::GazeboBridge(GazeboBridgeOptions options, core::Renderer& renderer,
                            const core::SceneManifest& scene)

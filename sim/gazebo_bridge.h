@@ -77,9 +77,6 @@ struct GazeboStatus {
   double answer_median_ms = 0.0, answer_p95_ms = 0.0;
 };
 
-/// Was the program built with the bridge (SEGSIM_GAZEBO)?
-[[nodiscard]] bool has_gazebo_bridge();
-
 class GazeboBridge {
  public:
   /// Subscribes and advertises at once. Cameras with the same place and intrinsics share one

@@ -7,8 +7,6 @@ namespace segsim::sim {
 
 struct GazeboBridge::Parts {};
 
-bool has_gazebo_bridge() { return false; }
-
 GazeboBridge::GazeboBridge(GazeboBridgeOptions /*options*/, core::Renderer& /*renderer*/,
                            const core::SceneManifest& /*scene*/) {
   throw core::InputError::expected("Gazebo bridge", "a build with SEGSIM_GAZEBO=ON",

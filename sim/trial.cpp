@@ -269,15 +269,21 @@ class Loop {
     ++decisions_;
     if (decision_.stop) decision_.command = {};
     const auto index = static_cast<std::uint64_t>(tick);
+    // Told here: a command that takes no time is applied before check_age() looks at it.
+    const bool too_old =
+        budget_.on_max_age != OnMiss::kUseStale && exceeds_max_age(now_ns - capture.time_ns);
     pending_[index] = {decision_.command, capture.time_ns, decision_.stop,
-                       decision_.stop_reason, false};
+                       decision_.stop_reason, too_old};
     schedule_.decide(now_ns, index);
   }
 
+  [[nodiscard]] bool exceeds_max_age(core::TimeNs age_ns) const {
+    return budget_.max_age_ns > 0 && age_ns > budget_.max_age_ns;
+  }
+
   bool check_age(core::TimeNs age_ns) {
-    const bool too_old = budget_.max_age_ns > 0 && age_ns > budget_.max_age_ns;
     // A rule that lets the command pass has nothing to do.
-    if (!too_old || budget_.on_max_age == OnMiss::kUseStale) return true;
+    if (!exceeds_max_age(age_ns) || budget_.on_max_age == OnMiss::kUseStale) return true;
     sends_again_ = budget_.on_max_age == OnMiss::kHold;
     for (auto& [tick, pending] : pending_) pending.too_old = true;
     return answer(budget_.on_max_age, {});

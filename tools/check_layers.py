@@ -25,11 +25,12 @@ LIBRARY_HOME = {  # library: the only folders that may include it
     r"GeographicLib/": {"sim"},
     r"yaml-cpp/|openssl/": {"core"},
     r"nlohmann/": {"experiments", "perception", "renderer/datasets"},
-    r"onnx/|google/protobuf|onnxruntime": {"perception"},
+    r"onnx/|google/protobuf|onnxruntime|oneapi/dnnl": {"perception"},
+    r"zlib": {"experiments"},
     r"sqlite3|CLI/|spdlog/|httplib": {"experiments", "perception"},
 }
 # Third-party types stay out of public headers, so that no includer pays for them.
-NOT_IN_HEADERS = re.compile(r"torch/|ATen/|pcl/|opencv2/|embree3/|assimp/|sdf/|recastnavigation/|"
+NOT_IN_HEADERS = re.compile(r"torch/|ATen/|pcl/|opencv2/|embree3/|assimp/|sdf/|ignition/|recastnavigation/|"
                             r"GeographicLib/|yaml-cpp/|sqlite3|CLI/|onnx/|google/protobuf|Imf|OpenEXR/|hwy/")
 INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]')
 SUFFIXES = {".h", ".cpp", ".cu", ".cuh"}

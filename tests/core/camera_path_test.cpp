@@ -3,6 +3,8 @@
 #include <filesystem>
 #include <string>
 
+#include <unistd.h>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -28,7 +30,8 @@ class CameraPathFile : public ::testing::Test {
   }
   std::filesystem::path file_ =
       std::filesystem::path(::testing::TempDir()) /
-      (std::string(::testing::UnitTest::GetInstance()->current_test_info()->name()) + ".txt");
+      (std::string(::testing::UnitTest::GetInstance()->current_test_info()->name()) +
+       std::to_string(::getpid()) + ".txt");
 };
 
 TEST_F(CameraPathFile, ComesBackToTheLastBit) {

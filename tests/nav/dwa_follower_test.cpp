@@ -78,6 +78,7 @@ TEST(DwaFollower, TheWindowIsWhatCanBeReachedJudgedAsByBruteForce) {
   options.forward_samples = 5;
   options.turn_samples = 7;
   core::RandomStream random(9, "window");
+  int judged = 0;
   for (int round = 0; round < 30; ++round) {
     const CostMap map =
         random_map(60, 0.004, static_cast<std::uint64_t>(100 + round), thin_options());
@@ -87,6 +88,7 @@ TEST(DwaFollower, TheWindowIsWhatCanBeReachedJudgedAsByBruteForce) {
     const Path path = straight({3.0, 3.0}, {5.5, 4.0});
     const auto candidates = dwa_candidates(pose, now, {3.7, 3.3}, path.points_m, map, options);
     ASSERT_EQ(candidates.size(), 1U + 5U * 7U);
+    ++judged;
     for (const DwaCandidate& c : candidates) {
       EXPECT_LE(c.command.forward_mps, 0.8);
       EXPECT_GE(c.command.forward_mps, 0.0);
@@ -104,6 +106,7 @@ TEST(DwaFollower, TheWindowIsWhatCanBeReachedJudgedAsByBruteForce) {
       ASSERT_EQ(c.admissible, free);
     }
   }
+  EXPECT_GT(judged, 10);
 }
 
 /// Drives a simulated robot along the path; returns the last pose, fails on contact.

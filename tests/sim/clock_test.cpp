@@ -67,11 +67,11 @@ TEST(Pacer, HoldsSimulatedTimeBackAndCountsLateness) {
 }
 
 TEST(Pacer, TheSteadyClockWaits) {
+  const auto start = std::chrono::steady_clock::now();
   Pacer pacer;
   (void)pacer.wait_until(0);
-  const auto start = std::chrono::steady_clock::now();
-  EXPECT_EQ(pacer.wait_until(20'000'000), 0);
-  EXPECT_GE(std::chrono::steady_clock::now() - start, std::chrono::milliseconds(15));
+  (void)pacer.wait_until(20'000'000);
+  EXPECT_GE(std::chrono::steady_clock::now() - start, std::chrono::milliseconds(20));
 }
 
 }  // namespace

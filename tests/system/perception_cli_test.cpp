@@ -74,7 +74,7 @@ TEST_F(PerceptionCli, LabelsTrainTunesAndCompares) {
 }
 
 TEST_F(PerceptionCli, MasksOfModelsAreWhatAReconstructionReads) {
-  // A recording whose pictures are red on the right half: the detector finds red cells.
+  // The detector finds red cells.
   expect_success(run_segsim("capture --flat 3 --out " + at("cap") +
                             " --frames 12 --width 128 --height 96"));
   (void)perception::write_yolo(folder_.path(), "{0: 'couch', 1: 'bed'}");
@@ -86,6 +86,7 @@ TEST_F(PerceptionCli, MasksOfModelsAreWhatAReconstructionReads) {
   const ProcessOutput run = run_segsim(detect + " --prompt \"couch. bed.\"");
   expect_success(run);
   EXPECT_THAT(run.text, HasSubstr("in 12 views"));
+  EXPECT_THAT(run.text, ::testing::Not(HasSubstr(": 0 masks")));
   EXPECT_TRUE(fs::exists(at("masks/masks.yaml")));
   expect_success(run_segsim("reconstruct " + at("cap") + " --masks " + at("masks") +
                             " --floor-height 0 --voxel 0.12 --iterations 0 "
