@@ -202,7 +202,10 @@ TEST_F(RunTest, ValidationIsARunOfTheOraclePath) {
         std::find_if(validation.trials.begin(), validation.trials.end(),
                      [&](const TrialRow& t) { return t.episode == row.episode; });
     ASSERT_NE(same, validation.trials.end());
-    EXPECT_EQ(same->state_hash, row.state_hash);
+    // The way is the same to the last bit; images are drawn near the goal only, so the hash of
+    // the whole state is another.
+    EXPECT_EQ(same->path_m, row.path_m);
+    EXPECT_EQ(same->sim_s, row.sim_s);
     EXPECT_EQ(same->outcome, row.outcome);
     EXPECT_EQ(same->spl, row.spl);
   }

@@ -76,7 +76,7 @@ TEST_F(PerceptionCli, LabelsTrainTunesAndCompares) {
 TEST_F(PerceptionCli, MasksOfModelsAreWhatAReconstructionReads) {
   // The detector finds red cells.
   expect_success(run_segsim("capture --flat 3 --out " + at("cap") +
-                            " --frames 12 --width 128 --height 96"));
+                            " --frames 40 --width 128 --height 96"));
   (void)perception::write_yolo(folder_.path(), "{0: 'couch', 1: 'bed'}");
   perception::write_sam_encoder(folder_.path());
   perception::write_sam_decoder(folder_.path());
@@ -85,11 +85,11 @@ TEST_F(PerceptionCli, MasksOfModelsAreWhatAReconstructionReads) {
                              " --threshold 0.3";
   const ProcessOutput run = run_segsim(detect + " --prompt \"couch. bed.\"");
   expect_success(run);
-  EXPECT_THAT(run.text, HasSubstr("in 12 views"));
+  EXPECT_THAT(run.text, HasSubstr("in 40 views"));
   EXPECT_THAT(run.text, ::testing::Not(HasSubstr(": 0 masks")));
   EXPECT_TRUE(fs::exists(at("masks/masks.yaml")));
   expect_success(run_segsim("reconstruct " + at("cap") + " --masks " + at("masks") +
-                            " --floor-height 0 --voxel 0.12 --iterations 0 "
+                            " --floor-height 0 --voxel 0.1 --iterations 0 "
                             "--label-iterations 4 --out " +
                             at("bundle")));
   expect_success(run_segsim("scene inspect " + at("bundle")));
