@@ -9,17 +9,11 @@
 #include "core/error.h"
 #include "core/file_io.h"
 #include "experiments/bench_curves.h"
+#include "experiments/internal/formatted.h"
 #include "experiments/store.h"
 
 namespace segsim::experiments {
 namespace {
-
-template <class... Values>
-std::string print(const char* format, Values... values) {
-  char text[256];
-  std::snprintf(text, sizeof text, format, values...);
-  return text;
-}
 
 /// Success by episode and repetition.
 using Outcomes = std::map<std::pair<std::string, int>, bool>;

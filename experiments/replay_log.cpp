@@ -11,6 +11,7 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
+#include "experiments/internal/formatted.h"
 #include "renderer/exr_io.h"
 #include "renderer/frame_writer.h"
 
@@ -19,12 +20,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
-
-std::string hex(std::uint64_t value) {
-  char text[17];
-  std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(value));
-  return text;
-}
 
 std::uint64_t from_hex(const std::string& text) {
   std::uint64_t value = 0;

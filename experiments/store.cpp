@@ -9,6 +9,7 @@
 #include <sqlite3.h>
 
 #include "core/error.h"
+#include "experiments/internal/formatted.h"
 #include "experiments/internal/sqlite_statement.h"
 #include "experiments/internal/store_attribution.h"
 
@@ -63,12 +64,6 @@ ALTER TABLE arm ADD COLUMN tuning_views_near_starts INTEGER NOT NULL DEFAULT 0;
 ALTER TABLE arm ADD COLUMN start_radius_m REAL NOT NULL DEFAULT 0;
 UPDATE meta SET schema_version = 4;
 )sql";
-
-std::string hex(std::uint64_t value) {
-  char text[17];
-  std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(value));
-  return text;
-}
 
 }  // namespace
 

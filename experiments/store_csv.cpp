@@ -2,16 +2,11 @@
 #include <cmath>
 #include <cstdio>
 
+#include "experiments/internal/formatted.h"
 #include "experiments/store.h"
 
 namespace segsim::experiments {
 namespace {
-
-std::string hex(std::uint64_t value) {
-  char text[17];
-  std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(value));
-  return text;
-}
 
 /// A quoted CSV field if it needs quotes.
 std::string csv_field(const std::string& text) {

@@ -6,19 +6,13 @@
 
 #include <nlohmann/json.hpp>
 
+#include "experiments/internal/formatted.h"
 #include "sim/latency_budget.h"
 
 namespace segsim::experiments {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-template <class... Values>
-std::string print(const char* format, Values... values) {
-  char text[256];
-  std::snprintf(text, sizeof text, format, values...);
-  return text;
-}
 
 Proportion misses_of(const sim::StageTiming& stage) {
   return {stage.misses, stage.response.count()};
