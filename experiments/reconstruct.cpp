@@ -105,8 +105,9 @@ core::CameraPath camera_path(const renderer::RgbdSequence& sequence,
                              const renderer::LiftOptions& options,
                              const std::map<std::size_t, core::CameraPose>& refined) {
   core::CameraPath path{sequence.intrinsics(), {}};
-  for (std::size_t i = 0; i < sequence.frame_count(); ++i) {
-    if (!renderer::lift_uses_frame(options, i)) continue;
+  for (const std::size_t i : renderer::split_frames(sequence.frame_count(), options.frame_step,
+                                                    options.held_out_every)
+                                 .used) {
     const auto moved = refined.find(i);
     path.views.push_back(
         {moved == refined.end() ? sequence.pose(i) : moved->second, sequence.frame_name(i)});

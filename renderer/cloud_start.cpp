@@ -141,11 +141,9 @@ class CloudStart {
         sequence_(sequence),
         options_(options),
         progress_(progress),
-        voxel_m_(static_cast<float>(options.voxel_m)) {
-    for (std::size_t i = 0; i < sequence.frame_count(); ++i) {
-      if (lift_uses_frame(options, i)) frames_.push_back(i);
-    }
-  }
+        voxel_m_(static_cast<float>(options.voxel_m)),
+        frames_(split_frames(sequence.frame_count(), options.frame_step,
+                             options.held_out_every)) {}
 
   LiftResult run();
 
@@ -169,7 +167,7 @@ class CloudStart {
   const LiftOptions& options_;
   const LiftProgress& progress_;
   float voxel_m_;
-  std::vector<std::size_t> frames_;
+  FrameSplit frames_;
 };
 
 std::vector<Voxel> CloudStart::thin() const {
@@ -200,12 +198,13 @@ std::vector<Voxel> CloudStart::thin() const {
 
 std::vector<Sights> CloudStart::look(const std::vector<glm::vec3>& points_m) const {
   std::vector<Sights> sights(points_m.size());
-  for (std::size_t first = 0; first < frames_.size(); first += kBatch) {
-    const std::size_t count = std::min(kBatch, frames_.size() - first);
+  const std::size_t frame_count = frames_.used.size();
+  for (std::size_t first = 0; first < frame_count; first += kBatch) {
+    const std::size_t count = std::min(kBatch, frame_count - first);
     std::vector<RgbdFrame> frames(count);
     std::vector<std::optional<CloudView>> views(count);
     internal::parallel_for_each(count, 1, [&](std::size_t k) {
-      frames[k] = sequence_.load(frames_[first + k]);
+      frames[k] = sequence_.load(frames_.used[first + k]);
       views[k].emplace(frames[k].T_world_camera, sequence_.intrinsics(), voxel_m_);
       for (const glm::vec3& p_m : points_m) views[k]->draw(p_m);
     });
@@ -219,7 +218,7 @@ std::vector<Sights> CloudStart::look(const std::vector<glm::vec3>& points_m) con
                       views[k]->centre_m());
       }
     });
-    report("looking at the cloud", first + count, frames_.size());
+    report("looking at the cloud", first + count, frame_count);
   }
   return sights;
 }
@@ -227,7 +226,7 @@ std::vector<Sights> CloudStart::look(const std::vector<glm::vec3>& points_m) con
 glm::vec3 CloudStart::nearest_camera_m(const glm::vec3& p_m) const {
   glm::vec3 nearest_m(0.0F);
   float squared = std::numeric_limits<float>::infinity();
-  for (const std::size_t i : frames_) {
+  for (const std::size_t i : frames_.used) {
     const glm::vec3 camera_m(sequence_.pose(i).translation_m());
     const glm::vec3 d_m = camera_m - p_m;
     if (glm::dot(d_m, d_m) < squared) nearest_m = camera_m, squared = glm::dot(d_m, d_m);
@@ -266,13 +265,8 @@ LiftResult CloudStart::run() {
   LiftResult result;
   LiftStatistics& statistics = result.statistics;
   std::vector<Voxel> voxels = thin();
-  statistics.frames_used = frames_.size();
-  statistics.frames_held_out = 0;
-  for (std::size_t i = 0; options_.held_out_every > 1 && i < sequence_.frame_count(); ++i) {
-    if (i % static_cast<std::size_t>(options_.held_out_every) == 0) {
-      ++statistics.frames_held_out;
-    }
-  }
+  statistics.frames_used = frames_.used.size();
+  statistics.frames_held_out = frames_.held_out.size();
   statistics.voxels = voxels.size();
   const std::string place = sequence_.name() + ", start from a cloud";
   if (voxels.size() < kFewestVoxels) {
@@ -301,7 +295,7 @@ LiftResult CloudStart::run() {
   internal::SurfelReport surfel_report;
   result.surfels = internal::make_surfels(voxels, options_, false, surfel_report);
   statistics.voxels_outlier = surfel_report.outliers;
-  for (const std::size_t i : frames_) {
+  for (const std::size_t i : frames_.used) {
     result.camera_positions_m.push_back(sequence_.pose(i).translation_m());
   }
   statistics.seconds =

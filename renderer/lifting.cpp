@@ -30,7 +30,6 @@ void check_options(const LiftOptions& options) {
                std::to_string(options.max_depth_m));
   SEGSIM_CHECK(options.opacity > 0.0 && options.opacity <= 1.0,
                std::to_string(options.opacity));
-  SEGSIM_CHECK(options.frame_step >= 1, std::to_string(options.frame_step));
 }
 
 /// Runs the stages and reports them.
@@ -41,11 +40,9 @@ class Lifter {
       : sequence_(sequence),
         options_(options),
         progress_(progress),
-        voxel_m_(static_cast<float>(options.voxel_m)) {
-    for (std::size_t i = 0; i < sequence.frame_count(); ++i) {
-      if (lift_uses_frame(options, i)) frames_.push_back(i);
-    }
-  }
+        voxel_m_(static_cast<float>(options.voxel_m)),
+        frames_(split_frames(sequence.frame_count(), options.frame_step,
+                             options.held_out_every)) {}
 
   LiftResult run();
 
@@ -62,15 +59,16 @@ class Lifter {
   const LiftOptions& options_;
   const LiftProgress& progress_;
   float voxel_m_;
-  std::vector<std::size_t> frames_;
+  FrameSplit frames_;
 };
 
 std::vector<Voxel> Lifter::fuse(LiftStatistics& statistics) {
   internal::VoxelFusion fusion(voxel_m_);
-  for (std::size_t first = 0; first < frames_.size(); first += kBatch) {
-    std::vector<internal::FrameSamples> batch(std::min(kBatch, frames_.size() - first));
+  const std::vector<std::size_t>& frames = frames_.used;
+  for (std::size_t first = 0; first < frames.size(); first += kBatch) {
+    std::vector<internal::FrameSamples> batch(std::min(kBatch, frames.size() - first));
     internal::parallel_for_each(batch.size(), 1, [&](std::size_t k) {
-      batch[k] = internal::sample_frame(sequence_.load(frames_[first + k]),
+      batch[k] = internal::sample_frame(sequence_.load(frames[first + k]),
                                         sequence_.intrinsics(), options_);
     });
     for (const internal::FrameSamples& samples : batch) {
@@ -78,7 +76,7 @@ std::vector<Voxel> Lifter::fuse(LiftStatistics& statistics) {
       statistics.pixels_dropped += samples.pixels_dropped;
     }
     fusion.add(batch);
-    report("fusing frames", first + batch.size(), frames_.size());
+    report("fusing frames", first + batch.size(), frames.size());
   }
   return fusion.take_sorted();
 }
@@ -89,7 +87,8 @@ void Lifter::clean(std::vector<Voxel>& voxels, LiftStatistics& statistics) {
   statistics.voxels = voxels.size();
   statistics.voxels_sparse = internal::remove_sparse(voxels, options_.min_observations);
   report(stage, 1, kSteps);
-  const internal::FreeSpace free_space(sequence_, frames_, options_.carve_frames, options_);
+  const internal::FreeSpace free_space(sequence_, frames_.used, options_.carve_frames,
+                                       options_);
   statistics.voxels_carved = internal::carve(voxels, free_space, voxel_m_);
   statistics.voxels_outlier += internal::remove_islands(voxels, kSmallestIsland);
   report(stage, 2, kSteps);
@@ -116,12 +115,8 @@ LiftResult Lifter::run() {
   const auto start = std::chrono::steady_clock::now();
   LiftResult result;
   LiftStatistics& statistics = result.statistics;
-  statistics.frames_used = frames_.size();
-  statistics.frames_held_out =
-      options_.held_out_every > 1
-          ? (sequence_.frame_count() + static_cast<std::size_t>(options_.held_out_every) - 1) /
-                static_cast<std::size_t>(options_.held_out_every)
-          : 0;
+  statistics.frames_used = frames_.used.size();
+  statistics.frames_held_out = frames_.held_out.size();
   std::vector<Voxel> voxels = fuse(statistics);
   clean(voxels, statistics);
   if (voxels.empty()) {
@@ -137,7 +132,7 @@ LiftResult Lifter::run() {
   statistics.label_agreement = surfel_report.label_agreement;
   result.classes = sequence_.classes();
   result.instances = instance_boxes(result.surfels, sequence_.instances());
-  for (const std::size_t i : frames_) {
+  for (const std::size_t i : frames_.used) {
     result.camera_positions_m.push_back(sequence_.pose(i).translation_m());
   }
   report("making surfels", 1, 1);
@@ -183,10 +178,17 @@ std::vector<std::pair<std::string, double>> LiftStatistics::listing() const {
           {"lift_seconds", seconds}};
 }
 
-bool lift_uses_frame(const LiftOptions& options, std::size_t i) {
-  const bool held_out =
-      options.held_out_every > 1 && i % static_cast<std::size_t>(options.held_out_every) == 0;
-  return !held_out && i % static_cast<std::size_t>(options.frame_step) == 0;
+FrameSplit split_frames(std::size_t frame_count, int frame_step, int held_out_every) {
+  SEGSIM_CHECK(frame_step >= 1, std::to_string(frame_step));
+  FrameSplit split;
+  for (std::size_t i = 0; i < frame_count; ++i) {
+    if (held_out_every > 1 && i % static_cast<std::size_t>(held_out_every) == 0) {
+      split.held_out.push_back(i);
+    } else if (i % static_cast<std::size_t>(frame_step) == 0) {
+      split.used.push_back(i);
+    }
+  }
+  return split;
 }
 
 LiftResult lift(const RgbdSequence& sequence, const LiftOptions& options,

@@ -71,8 +71,15 @@ using LiftProgress =
 [[nodiscard]] std::vector<core::SceneInstance> instance_boxes(
     const SurfelCloud& surfels, const std::vector<core::SceneInstance>& known);
 
-/// True if `lift` with these options uses frame i.
-[[nodiscard]] bool lift_uses_frame(const LiftOptions& options, std::size_t i);
+/// Indices of a recording's frames, ascending; frames between the steps are in neither list.
+struct FrameSplit {
+  std::vector<std::size_t> used, held_out;
+};
+
+/// @param held_out_every  n > 1: frames with index % n == 0 are left for testing.
+/// @param frame_step  Of the others, those with index % frame_step == 0 are used.
+[[nodiscard]] FrameSplit split_frames(std::size_t frame_count, int frame_step,
+                                      int held_out_every);
 
 /// Fuses a sequence. Equal input gives equal output, whatever the number of threads.
 /// @throws InputError if a frame cannot be read or no surfel is left.

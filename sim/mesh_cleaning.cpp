@@ -1,7 +1,6 @@
 #include "sim/mesh_cleaning.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -13,11 +12,11 @@
 #include <vtkCellArray.h>
 #include <vtkDecimatePro.h>
 #include <vtkNew.h>
-#include <vtkPoints.h>
 #include <vtkPolyData.h>
 
 #include <glm/geometric.hpp>
 #include "core/check.h"
+#include "sim/internal/vtk_mesh.h"
 
 namespace segsim::sim {
 namespace {
@@ -128,17 +127,7 @@ std::size_t remove_small_pieces(TriangleMesh& mesh, double min_area_m2) {
 
 TriangleMesh decimated(const TriangleMesh& mesh, double max_error_m) {
   if (mesh.triangles.empty() || max_error_m <= 0.0) return mesh;
-  vtkNew<vtkPoints> points;
-  points->SetDataTypeToFloat();
-  for (const glm::vec3& p : mesh.positions_m) points->InsertNextPoint(&p.x);
-  vtkNew<vtkCellArray> cells;
-  for (const glm::uvec3& t : mesh.triangles) {
-    const std::array<vtkIdType, 3> ids = {t.x, t.y, t.z};
-    cells->InsertNextCell(3, ids.data());
-  }
-  vtkNew<vtkPolyData> input;
-  input->SetPoints(points);
-  input->SetPolys(cells);
+  const vtkNew<vtkPolyData> input = internal::to_vtk(mesh);
   vtkNew<vtkDecimatePro> filter;
   filter->SetInputData(input);
   filter->SetTargetReduction(0.98);

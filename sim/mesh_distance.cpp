@@ -1,39 +1,30 @@
 #include "sim/mesh_distance.h"
 
-#include <array>
 #include <cmath>
 
-#include <vtkCellArray.h>
 #include <vtkNew.h>
-#include <vtkPoints.h>
 #include <vtkPolyData.h>
 #include <vtkStaticCellLocator.h>
 
 #include "core/error.h"
+#include "sim/internal/vtk_mesh.h"
 
 namespace segsim::sim {
 
 struct MeshDistance::Locator {
+  explicit Locator(const TriangleMesh& triangles) : mesh(internal::to_vtk(triangles)) {
+    cells->SetDataSet(mesh);
+    cells->BuildLocator();
+  }
   vtkNew<vtkPolyData> mesh;
   vtkNew<vtkStaticCellLocator> cells;
 };
 
-MeshDistance::MeshDistance(const TriangleMesh& mesh) : locator_(std::make_unique<Locator>()) {
+MeshDistance::MeshDistance(const TriangleMesh& mesh) {
   if (mesh.triangles.empty()) {
     throw core::InputError::expected("mesh", "triangles to measure against", "none");
   }
-  vtkNew<vtkPoints> points;
-  points->SetDataTypeToFloat();
-  for (const glm::vec3& p : mesh.positions_m) points->InsertNextPoint(&p.x);
-  vtkNew<vtkCellArray> cells;
-  for (const glm::uvec3& t : mesh.triangles) {
-    const std::array<vtkIdType, 3> ids = {t.x, t.y, t.z};
-    cells->InsertNextCell(3, ids.data());
-  }
-  locator_->mesh->SetPoints(points);
-  locator_->mesh->SetPolys(cells);
-  locator_->cells->SetDataSet(locator_->mesh);
-  locator_->cells->BuildLocator();
+  locator_ = std::make_unique<Locator>(mesh);
 }
 
 MeshDistance::~MeshDistance() = default;

@@ -144,18 +144,8 @@ TrainingSet load_training_set(
     const std::function<void(std::int64_t done, std::int64_t total)>& progress) {
   SEGSIM_CHECK(options.frame_step >= 1 && options.shrink >= 1,
                std::to_string(options.frame_step) + ", " + std::to_string(options.shrink));
-  LiftOptions split;
-  split.held_out_every = options.held_out_every;
-  split.frame_step = options.frame_step;
-  std::vector<std::size_t> training, held_out;
-  for (std::size_t i = 0; i < recording.frame_count(); ++i) {
-    if (lift_uses_frame(split, i)) {
-      training.push_back(i);
-    } else if (options.held_out_every > 1 &&
-               i % static_cast<std::size_t>(options.held_out_every) == 0) {
-      held_out.push_back(i);
-    }
-  }
+  const auto [training, held_out] =
+      split_frames(recording.frame_count(), options.frame_step, options.held_out_every);
   if (training.empty()) {
     throw core::InputError::expected(
         recording.name(), "frames to train on",
