@@ -8,14 +8,13 @@
 #include <filesystem>
 #include <string>
 
-#include <unistd.h>
-
 #include "core/scene_bundle.h"
 #include "renderer/ply_io.h"
 #include "renderer/surfels.h"
 #include "sim/bundle_files.h"
 #include "sim/robot.h"
 #include "sim/triangle_mesh.h"
+#include "tests/temporary_folder.h"
 
 namespace segsim::experiments {
 
@@ -110,25 +109,6 @@ class TinyScene {
   sim::TriangleMesh mesh_;
 };
 
-/// A temporary folder, removed in the end.
-class TemporaryFolder {
- public:
-  explicit TemporaryFolder(const std::string& name)
-      : path_(std::filesystem::temp_directory_path() /
-              ("segsim_" + name + "_" + std::to_string(getpid()))) {
-    std::filesystem::remove_all(path_);
-    std::filesystem::create_directories(path_);
-  }
-  ~TemporaryFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
+using tests::TemporaryFolder;
 
 }  // namespace segsim::experiments

@@ -14,32 +14,11 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "core/frames.h"
+#include "tests/temporary_folder.h"
 
 namespace segsim::renderer::testing {
 
-/// A folder that is removed at the end of the test.
-class TemporaryFolder {
- public:
-  explicit TemporaryFolder(const std::string& name)
-      : path_(std::filesystem::temp_directory_path() /
-              ("segsim_" + name + "_" + unique_number())) {
-    std::filesystem::remove_all(path_);
-    std::filesystem::create_directories(path_);
-  }
-  ~TemporaryFolder() { std::filesystem::remove_all(path_); }
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
-
- private:
-  /// Differs between processes and within one.
-  static std::string unique_number() {
-    static int count = 0;
-    return std::to_string(++count) + "_" +
-           std::filesystem::path(std::filesystem::read_symlink("/proc/self")).string();
-  }
-  std::filesystem::path path_;
-};
+using tests::TemporaryFolder;
 
 inline void write_text(const std::filesystem::path& file, const std::string& text) {
   std::ofstream(file) << text;

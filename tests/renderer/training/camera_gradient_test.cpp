@@ -16,9 +16,9 @@
 #include "core/random.h"
 #include "renderer/training/internal/training_poses.h"
 #include "renderer/training/pose_alignment.h"
-#include "tests/renderer/tiny_sequence.h"
 #include "tests/renderer/training/finite_differences.h"
 #include "tests/renderer/training/training_surfels.h"
+#include "tests/temporary_folder.h"
 
 namespace segsim::renderer {
 namespace {
@@ -175,7 +175,7 @@ TEST(TrainingPoses, MeanStaysWhereItWas) {
 }
 
 TEST(TrainingPoses, StateComesBack) {
-  const testing::TemporaryFolder folder("training_poses");
+  const tests::TemporaryFolder folder("training_poses");
   internal::TrainingPoses poses(ring());
   poses.step(1, {{1.0, 2.0, 3.0}, {-1.0, 0.5, 2.0}}, 1e-3, 1e-3);
   poses.step(1, {{1.0, -2.0, 3.0}, {-1.0, 0.5, 2.0}}, 1e-3, 1e-3);

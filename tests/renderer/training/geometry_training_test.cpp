@@ -15,7 +15,7 @@
 #include "renderer/evaluation/image_quality.h"
 #include "renderer/room_scene.h"
 #include "renderer/training/pose_alignment.h"
-#include "tests/renderer/tiny_sequence.h"
+#include "tests/temporary_folder.h"
 
 namespace segsim::renderer {
 namespace {
@@ -185,7 +185,7 @@ TEST(GeometryTraining, GoesOnAsIfItHadNeverStopped) {
   SmallRoom room;
   room.config_.rate.exposure = 0.001;
   room.config_.rate.pose_rotation = room.config_.rate.pose_translation = 1e-3;
-  const testing::TemporaryFolder folder("geometry_training");
+  const tests::TemporaryFolder folder("geometry_training");
   const auto file = folder.path() / "geometry.state";
   const auto whole = room.make();
   // In the middle of statistics, before and after the count changes.
