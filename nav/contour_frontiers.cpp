@@ -16,14 +16,17 @@ using Outline = std::vector<cv::Point>;
 
 /// The map's part that holds explored cells, with a border in which everything outside is one
 /// piece.
-cv::Rect explored_part(const core::Image<std::uint8_t>& explored, int border) {
+cv::Rect explored_part(const core::Image<std::uint8_t>& explored, const CellBox& within,
+                       int border) {
   const int width = explored.width_px(), height = explored.height_px();
   int left = width, right = -1, bottom = height, top = -1;
-  for (int j = 0; j < height; ++j) {
+  for (int j = within.low.y; j <= within.high.y; ++j) {
     const std::uint8_t* row = explored.row(j);
-    const std::uint8_t* first = std::find_if(row, row + width, [](auto v) { return v != 0; });
-    if (first == row + width) continue;
-    int last = width - 1;
+    const std::uint8_t* end = row + within.high.x + 1;
+    const std::uint8_t* first =
+        std::find_if(row + within.low.x, end, [](auto v) { return v != 0; });
+    if (first == end) continue;
+    int last = within.high.x;
     while (row[last] == 0) --last;
     left = std::min(left, static_cast<int>(first - row));
     right = std::max(right, last);
@@ -101,13 +104,15 @@ glm::dvec2 middle_along(const std::vector<Cell>& cells) {
 std::vector<ContourFrontier> find_contour_frontiers(const GridFrame& frame,
                                                     const core::Image<std::uint8_t>& explored,
                                                     const core::Image<std::uint8_t>& navigable,
-                                                    const ContourFrontierOptions& options) {
+                                                    const ContourFrontierOptions& options,
+                                                    const std::optional<CellBox>& within) {
   SEGSIM_CHECK(explored.size() == navigable.size(), "explored and navigable differ in size");
   const double pocket_cells2 =
       options.min_pocket_m2 / (frame.resolution_m * frame.resolution_m);
   std::vector<ContourFrontier> frontiers;
   const cv::Rect part =
-      explored_part(explored, static_cast<int>(std::sqrt(pocket_cells2)) + 6);
+      explored_part(explored, within ? within->clipped_to(frame.box()) : frame.box(),
+                    static_cast<int>(std::sqrt(pocket_cells2)) + 6);
   if (part.empty()) return frontiers;
 
   const cv::Mat free = part_of(navigable, part);

@@ -5,6 +5,7 @@
 /// the explored area beside navigable cells that are not explored. nav/frontiers.h holds the
 /// other notion, reachable cells next to the unknown.
 
+#include <optional>
 #include <vector>
 
 #include "core/image.h"
@@ -25,9 +26,11 @@ struct ContourFrontier {
 };
 
 /// @param explored, navigable  0 or 1, of the frame's size.
+/// @param within  Holds every explored cell; spares the search for them.
 [[nodiscard]] std::vector<ContourFrontier> find_contour_frontiers(
     const GridFrame& frame, const core::Image<std::uint8_t>& explored,
-    const core::Image<std::uint8_t>& navigable, const ContourFrontierOptions& options);
+    const core::Image<std::uint8_t>& navigable, const ContourFrontierOptions& options,
+    const std::optional<CellBox>& within = std::nullopt);
 
 /// The point at half the arc length of a polyline of cell centres, in cells.
 [[nodiscard]] glm::dvec2 middle_along(const std::vector<Cell>& cells);

@@ -82,20 +82,24 @@ std::optional<std::size_t> FrontierChooser::choose(
   std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
     return frontiers[a].value > frontiers[b].value;
   });
-  if (options_.tie_margin > 0.0) {
-    const double best = frontiers[order.front()].value;
+  const double best_value = frontiers[order.front()].value;
+  const double second_value = order.size() > 1 ? frontiers[order[1]].value : best_value;
+  const auto in_order = [&] {
+    std::vector<ValuedFrontier> sorted;
+    for (const std::size_t k : order) sorted.push_back(frontiers[k]);
+    return sorted;
+  };
+  // Mostly the last choice stays, and no distance is needed.
+  std::vector<ValuedFrontier> sorted = in_order();
+  std::optional<std::size_t> chosen = sticky(sorted);
+  if (!chosen && options_.tie_margin > 0.0) {
     const auto end = std::find_if(order.begin(), order.end(), [&](std::size_t k) {
-      return frontiers[k].value < best - options_.tie_margin;
+      return frontiers[k].value < best_value - options_.tie_margin;
     });
     std::stable_sort(order.begin(), end,
                      [&](std::size_t a, std::size_t b) { return away_m(a) < away_m(b); });
+    sorted = in_order();
   }
-  std::vector<ValuedFrontier> sorted;
-  for (const std::size_t k : order) sorted.push_back(frontiers[k]);
-  const double best_value = sorted.front().value;
-  const double second_value = sorted.size() > 1 ? sorted[1].value : best_value;
-
-  std::optional<std::size_t> chosen = sticky(sorted);
   for (std::size_t k = 0; !chosen && k < sorted.size(); ++k) {
     if (!memory_.seen(robot_m, sorted[k].place_m, best_value, second_value)) chosen = k;
   }

@@ -11,6 +11,10 @@ namespace {
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 constexpr float kSqrt2 = 1.41421356F;
 
+// Marks of cells that are joined to the start.
+constexpr std::uint8_t kReachable = 1;
+constexpr std::uint8_t kSpread = 3;  // Reachable, and its neighbours know of its present cost.
+
 /// A stretch of traversable cells of one row.
 struct Run {
   int y, x0, x1;
@@ -57,7 +61,7 @@ void GeodesicField::spread_rows() {
     int x0 = x, x1 = x;
     while (x0 > 0 && row[x0 - 1] != 0) --x0;
     while (x1 + 1 < width && row[x1 + 1] != 0) ++x1;
-    std::memset(reachable_.row(y) + x0, 1, static_cast<std::size_t>(x1 - x0 + 1));
+    std::memset(reachable_.row(y) + x0, kReachable, static_cast<std::size_t>(x1 - x0 + 1));
     box_.add(Cell(x0, y));
     box_.add(Cell(x1, y));
     runs.push_back({y, x0, x1});
@@ -106,25 +110,30 @@ void GeodesicField::relax_around(std::uint32_t from) const {
   const int width = reachable_.width_px(), height = reachable_.height_px();
   const int x = static_cast<int>(from) % width, y = static_cast<int>(from) / width;
   const auto resolution = static_cast<float>(map_->frame().resolution_m);
+  const float half_straight = resolution * 1.0F * 0.5F,
+              half_diagonal = resolution * kSqrt2 * 0.5F;
   const std::uint8_t* traversable = map_->traversable_cells().data();
   const float* costs = map_->length_costs().data();
   float* known = cost_m_.data();
-  const float here = known[from];
+  const float here = known[from], cost_here = costs[from];
+  const auto relax = [&](std::uint32_t next, float half_length) {
+    // Most neighbours lie behind the front: no way leads back to them.
+    if (known[next] <= here || traversable[next] == 0) return;
+    const float there = here + half_length * (cost_here + costs[next]);
+    if (there >= known[next]) return;
+    known[next] = there;
+    reachable_.data()[next] = kReachable;
+    const std::size_t bucket = bucket_of(there);
+    if (bucket >= buckets_.size()) buckets_.resize(bucket + 64);
+    buckets_[bucket].push_back(next);
+    ++waiting_;
+  };
   for (int dy = -1; dy <= 1; ++dy) {
-    for (int dx = -1; dx <= 1; ++dx) {
-      const int nx = x + dx, ny = y + dy;
-      if ((dx == 0 && dy == 0) || nx < 0 || ny < 0 || nx >= width || ny >= height) continue;
-      const auto next = static_cast<std::uint32_t>(ny * width + nx);
-      if (traversable[next] == 0) continue;
-      const float length = dx != 0 && dy != 0 ? kSqrt2 : 1.0F;
-      const float there = here + resolution * length * 0.5F * (costs[from] + costs[next]);
-      if (there >= known[next]) continue;
-      known[next] = there;
-      const std::size_t bucket = bucket_of(there);
-      if (bucket >= buckets_.size()) buckets_.resize(bucket + 64);
-      buckets_[bucket].push_back(next);
-      ++waiting_;
-    }
+    if (y + dy < 0 || y + dy >= height) continue;
+    const auto row = static_cast<std::uint32_t>((y + dy) * width + x);
+    if (x > 0) relax(row - 1, dy == 0 ? half_straight : half_diagonal);
+    if (dy != 0) relax(row, half_straight);
+    if (x + 1 < width) relax(row + 1, dy == 0 ? half_straight : half_diagonal);
   }
 }
 
@@ -135,8 +144,10 @@ bool GeodesicField::settle_more() const {
   for (std::size_t k = 0; k < buckets_[next_bucket_].size(); ++k) {
     const std::uint32_t cell = buckets_[next_bucket_][k];
     --waiting_;
-    // A better way was found since.
-    if (bucket_of(cost_m_.data()[cell]) != next_bucket_) continue;
+    // A better way was found since, or this one was known by another entry.
+    std::uint8_t& mark = reachable_.data()[cell];
+    if (mark == kSpread || bucket_of(cost_m_.data()[cell]) != next_bucket_) continue;
+    mark = kSpread;
     relax_around(cell);
   }
   buckets_[next_bucket_].clear();

@@ -33,7 +33,7 @@ class GeodesicField {
   /// Where the search began.
   [[nodiscard]] Cell start() const { return start_; }
   [[nodiscard]] bool reachable(const Cell& cell) const;
-  /// 1 where reachable() holds. [width_cells x height_cells of the map]
+  /// The lowest bit is set where reachable() holds. [width_cells x height_cells of the map]
   [[nodiscard]] const core::Image<std::uint8_t>& reachable_cells() const { return reachable_; }
   /// Holds all reachable cells.
   [[nodiscard]] const CellBox& reachable_box() const { return box_; }
@@ -57,8 +57,8 @@ class GeodesicField {
   Cell start_{0};
   CellBox box_;
   float per_bucket_ = 20.0F;
-  core::Image<std::uint8_t> reachable_;
   // What is computed on demand.
+  mutable core::Image<std::uint8_t> reachable_;  ///< 0: not joined to the start.
   mutable core::Image<float> cost_m_;  ///< Final below settled_below_m(); else a bound.
   mutable std::vector<std::vector<std::uint32_t>> buckets_;
   mutable std::size_t next_bucket_ = 0, waiting_ = 0;

@@ -1,8 +1,11 @@
 #pragma once
 
 /// @file
-/// Bounds of the maps of a search: they grow in steps with what is seen, up to a limit that
-/// bounds their memory, or stay fixed with indices that wrap, as in VLFM (quirk Q9).
+/// Bounds of the maps of a search: they grow with what is seen, up to a limit that bounds
+/// their memory, or stay fixed with indices that wrap, as in VLFM (quirk Q9).
+///
+/// A side that has to grow gets half of the map's length more: the cost of a growth is that of
+/// the whole map, so it has to be rare. All cells together are then copied a few times only.
 
 #include <algorithm>
 #include <optional>
@@ -15,7 +18,8 @@ namespace segsim::nav {
 struct GrowthOptions {
   double resolution_m = 0.05;    ///< VLFM: 20 cells per metre.
   double start_extent_m = 12.0;  ///< Side of the first square, around the first pose.
-  double step_m = 4.0;           ///< Growth per side.
+  double step_m = 4.0;           ///< Growth per side is a multiple of this and
+  double growth_share = 0.5;     ///< at least this share of the length, while it fits.
   double max_extent_m = 200.0;   ///< No side gets longer: 16 million cells.
   bool wrap = false;             ///< Fixed square of `start_extent_m`; Q9 as published.
   bool centered_cells = false;  ///< Cell centres, not corners, on multiples of the resolution.
@@ -69,11 +73,22 @@ struct Margins {
     return std::nullopt;
   }
   const Cell low = frame.cell_at(low_m), high = frame.cell_at(high_m);
-  const auto steps = [&](int missing) {
-    return missing > 0 ? (missing + step - 1) / step * step : 0;
+  const Cell missing_low = -low;
+  const Cell missing_high(high.x - frame.width_cells + 1, high.y - frame.height_cells + 1);
+  // Both sides of one direction; generously, or as little as it takes.
+  const auto added = [&](int before, int after, int length) {
+    const auto cells = [&](int missing, double least) {
+      const int wanted = std::max(missing, static_cast<int>(least));
+      return missing > 0 ? (wanted + step - 1) / step * step : 0;
+    };
+    const double least = options.growth_share * length;
+    const Cell generous(cells(before, least), cells(after, least));
+    if (length + generous.x + generous.y <= limit) return generous;
+    return Cell(cells(before, 0.0), cells(after, 0.0));
   };
-  const Margins margins{steps(-low.x), steps(-low.y), steps(high.x - frame.width_cells + 1),
-                        steps(high.y - frame.height_cells + 1)};
+  const Cell x = added(missing_low.x, missing_high.x, frame.width_cells);
+  const Cell y = added(missing_low.y, missing_high.y, frame.height_cells);
+  const Margins margins{x.x, y.x, x.y, y.y};
   if (!margins.any()) return margins;
   const int width = frame.width_cells + margins.left + margins.right;
   const int height = frame.height_cells + margins.bottom + margins.top;

@@ -57,7 +57,8 @@ class ObstacleMap {
   [[nodiscard]] const core::Image<std::uint8_t>& navigable() const { return navigable_; }
   [[nodiscard]] const core::Image<std::uint8_t>& explored() const { return explored_; }
   [[nodiscard]] std::vector<ContourFrontier> frontiers() const {
-    return find_contour_frontiers(frame_, explored_, navigable_, options_.frontiers);
+    return find_contour_frontiers(frame_, explored_, navigable_, options_.frontiers,
+                                  observed());
   }
   /// Something lay beyond the largest extent (or, wrapping, beyond the last index).
   [[nodiscard]] bool exhausted() const { return exhausted_; }

@@ -19,10 +19,11 @@
 /// never cleared (quirk Q4 of the design notes) and whose single band is 0.61 .. 0.88 m.
 
 #include <cstdint>
-#include <vector>
 
 #include "core/stages.h"
 #include "nav/grid.h"
+#include "nav/growing_frame.h"
+#include "nav/view_cells.h"
 
 namespace segsim::nav {
 
@@ -91,62 +92,41 @@ class OccupancyMap {
   [[nodiscard]] const core::Image<float>& mast_log_odds() const { return mast_; }
 
  private:
-  struct View;
-  /// Heights between which a layer's obstacle was hit, above the floor [m].
-  struct Heights {
-    float body_low_m = 1e3F, body_top_m = -1.0F;
-    float mast_low_m = 1e3F, mast_top_m = -1.0F;
-  };
-  /// What one image says about a cell.
-  struct CellView {
-    std::uint32_t stamp = 0;     ///< Valid if equal to `stamp_`.
-    float lowest_pass_m = 0.0F;  ///< Lowest ray seen through; floor points count as 0.
-    std::uint16_t body_hits = 0, mast_hits = 0, floor_hits = 0;
-    bool obstacle = false;                            ///< Heights of a hit are stored.
-    bool hole = false;                                ///< Floor without depth.
-    bool through_body = false, through_mast = false;  ///< A ray met no stored obstacle.
-    Heights heights;                                  ///< Of this image's hits.
-  };
+  static constexpr float kBlocked = 100.0F;     ///< Log-odds of what was touched: for ever.
+  static constexpr float kAssumedFree = -0.2F;  ///< Free, but one hit makes it occupied.
 
   /// Grows the map to hold the box; false, and nothing done, if it may not grow so far.
   [[nodiscard]] bool ensure_covers(const glm::dvec2& low_m, const glm::dvec2& high_m);
-  /// Index into the scratch window of a cell of the map.
-  [[nodiscard]] std::size_t seen_index(const Cell& cell) const;
-  void open_window(const glm::dvec2& eye_m);
-  CellView& touch(std::size_t seen_index) {
-    CellView& cell = seen_.data()[seen_index];
-    if (cell.stamp != stamp_) begin_view(seen_index);
-    return cell;
-  }
-  void begin_view(std::size_t seen_index);
   void note_changed(const Cell& cell);
-  void mark_end_points(const core::Image<float>& depth_m, const View& view);
-  void trace_rays(const core::Image<float>& depth_m, const View& view);
-  void trace_ray(const View& view, const glm::dvec3& direction, double depth_m);
-  void note_holes(const core::Image<float>& depth_m, const View& view);
-  [[nodiscard]] bool hidden_by_obstacle(const View& view, const glm::dvec3& direction,
-                                        double range_m) const;
-  void fuse_image(const core::Image<float>& depth_m, const View& view);
-  void fuse_view(const View& view);
-  void fuse_body(std::size_t index, const CellView& cell_view, int hits_needed,
-                 bool below_unseen);
-  void fuse_mast(std::size_t index, const CellView& cell_view, int hits_needed);
-  void fuse_hole(std::size_t index, const CellView& cell_view);
   void assume_free_disc(const glm::dvec2& center_odom_m, double radius_m);
+
+  // occupancy_fusion.cpp: one image.
+  void fuse_image(const core::Image<float>& depth_m, const MappingCamera& camera);
+  void note_holes(const core::Image<float>& depth_m, const MappingCamera& camera);
+  [[nodiscard]] bool hidden_by_obstacle(const MappingCamera& camera,
+                                        const glm::dvec3& direction, double range_m) const;
+  void fuse_view(const MappingCamera& camera);
+  /// What a view says about one cell.
+  struct CellView {
+    ViewCells::Hits hits;
+    int floor_hits;
+    bool passed_low, through_body, through_mast;
+  };
+  void fuse_body(std::size_t index, const CellView& cell, int hits_needed, bool below_unseen);
+  void fuse_mast(std::size_t index, const CellView& cell, int hits_needed);
+  void fuse_hole(std::size_t index, const CellView& cell);
 
   OccupancyOptions options_;
   GridFrame frame_;
   core::Image<float> body_, mast_;  ///< Log-odds.
-  core::Image<Heights> heights_;
+  core::Image<HitHeights> heights_;
+  core::Image<std::uint8_t> obstacles_;  ///< 1 where heights are stored.
   core::Image<std::uint8_t> hole_views_;
   bool started_ = false, exhausted_ = false;
-  CellBox observed_,
-      changed_;  ///< On the lattice of GridFrame, so that growth shifts nothing.
+  /// On the lattice of GridFrame, so that growth shifts nothing.
+  CellBox observed_, changed_;
   core::Image<float> thinned_m_;  ///< Scratch.
-  core::Image<CellView> seen_;    ///< Scratch: what is in range of the image being fused.
-  Cell seen_low_{0};              ///< Cell of the map that is the window's first.
-  std::vector<Cell> touched_;     ///< Cells of the map with a view.
-  std::uint32_t stamp_ = 0;
+  ViewCells view_;                ///< Scratch: of the image being fused.
 };
 
 }  // namespace segsim::nav

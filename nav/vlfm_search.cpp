@@ -159,15 +159,18 @@ std::optional<glm::dvec2> VlfmSearch::choose_frontier(const Now& now) {
     best_value = std::max(best_value, candidates.back().value);
   }
   const double tie_margin = options_.choice.tie_margin;
-  if (tie_margin > 0.0) {
+  bool settled_ties = false;
+  const auto settle_ties = [&] {
     std::vector<Cell> tied;
     for (const ValuedFrontier& candidate : candidates) {
       const auto cell = reached_at(candidate.place_m);
       if (cell && candidate.value >= best_value - tie_margin) tied.push_back(*cell);
     }
     settle_nearest(field_, tied, kTiesThatMatter);
-  }
+    settled_ties = true;
+  };
   const auto away_m = [&](const glm::dvec2& place_m) {
+    if (tie_margin > 0.0 && !settled_ties) settle_ties();
     const auto cell = reached_at(place_m);
     if (!cell) return std::numeric_limits<double>::infinity();
     // Ties farther away than those come after them, in the order of straight lines.
