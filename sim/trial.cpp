@@ -133,8 +133,9 @@ class Loop {
     while (camera_.time_of(next_capture_, episode_.seed) <= time_ns) {
       const core::TimeNs capture_ns = camera_.time_of(next_capture_, episode_.seed);
       if (!compute_until(capture_ns)) return false;
-      schedule_.capture(capture_ns,
-                        eye_.take(capture_ns, drive_.pose(), drive_.estimate()).index);
+      schedule_.capture(
+          capture_ns,
+          eye_.take(capture_ns, drive_.pose(), drive_.estimate(), drive_.velocity()).index);
       ++next_capture_;
     }
     return compute_until(time_ns);
@@ -339,6 +340,8 @@ class Loop {
     result_.contact_log = drive_.contacts();
     result_.contacts = static_cast<int>(result_.contact_log.size());
     result_.contact_s = drive_.contact_s();
+    result_.sensors = drive_.take_sensor_log();
+    result_.sensors.camera = eye_.take_validity();
     result_.sim_s = core::seconds(drive_.time_ns());
     result_.distance_to_goal_m = distance_m();
   }

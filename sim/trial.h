@@ -29,6 +29,8 @@
 #include "sim/clock.h"
 #include "sim/odometer.h"
 #include "sim/robot.h"
+#include "sim/sensors/localiser.h"
+#include "sim/sensors/sensor_suite.h"
 #include "sim/timing.h"
 #include "sim/world.h"
 
@@ -64,8 +66,11 @@ struct TrialOptions {
   double depth_range_m = 6.0;  ///< Farther depth is not measured (NaN).
   bool stop_on_contact = false;
   ContactResponse contact_response = ContactResponse::kStop;
-  std::optional<OdometryNoise> odometry;  ///< None: the robot knows its pose.
-  TrialClock clock;                       ///< Lockstep by default.
+  std::optional<OdometryNoise> odometry;    ///< What the robot believes is odometry ...
+  std::optional<LocaliserModel> localiser;  ///< ... or this; with neither it knows its pose.
+  /// nullptr: exact images, and no sensor but the camera.
+  std::shared_ptr<const SensorSettings> sensors;
+  TrialClock clock;  ///< Lockstep by default.
 };
 
 enum class Outcome : std::uint8_t {
@@ -130,6 +135,7 @@ struct TrialResult {
   std::vector<ContactRecord> contact_log;  ///< `contacts` of them.
   TimingReport timing;
   LatencyTrace trace;  ///< All durations that were played: the trial again, in virtual time.
+  SensorLog sensors;   ///< Empty without TrialOptions::sensors.
 };
 
 /// Called after every tick with the newest image, the detections in use and the policy; for

@@ -39,7 +39,16 @@ TrialDrive::TrialDrive(const Episode& episode, const TrialOptions& options, cons
   if (world.collision().collides(episode.start)) {
     throw core::InputError::expected("episode " + episode.id, "a free start", "a collision");
   }
+  SEGSIM_CHECK(!options.odometry || !options.localiser, "one kind of localisation");
   if (options.odometry) odometer_.emplace(*options.odometry, episode.start, episode.seed);
+  if (options.localiser) {
+    localiser_.emplace(*options.localiser, episode.seed);
+    localiser_->move_to(0, episode.start);
+  }
+  if (options.sensors) {
+    sensors_.emplace(*options.sensors, world.mesh(), world.local_frame(), episode.start,
+                     episode.seed);
+  }
 }
 
 void TrialDrive::set_command(const core::VelocityCommand& command) {
@@ -61,6 +70,8 @@ bool TrialDrive::drive_to(core::TimeNs time_ns) {
     robot_.set_pose(moved.pose);
     now_ns_ = next_ns;
     if (odometer_) odometer_->move_to(now_ns_, moved.pose);
+    if (localiser_) localiser_->move_to(now_ns_, moved.pose);
+    if (sensors_) sensors_->move_to(now_ns_, moved.pose);
     if (moved.contact) {
       note_contact(*moved.contact, step_ns);
       if (options_.stop_on_contact) return false;

@@ -27,15 +27,24 @@ class TrialDrive {
   void begin_tick() { in_contact_ = false; }
 
   [[nodiscard]] const core::Pose2& pose() const { return robot_.state().pose; }
+  /// True, in the robot's frame.
+  [[nodiscard]] core::VelocityCommand velocity() const {
+    return {robot_.state().forward_mps, robot_.state().turn_radps};
+  }
   /// What the robot believes, in Odom.
   [[nodiscard]] core::Pose2 estimate() const {
-    return odometer_ ? odometer_->estimate() : pose();
+    if (odometer_) return odometer_->estimate();
+    return localiser_ ? localiser_->estimate() : pose();
   }
   [[nodiscard]] core::TimeNs time_ns() const { return now_ns_; }
   [[nodiscard]] bool in_contact() const { return in_contact_; }
   [[nodiscard]] double path_m() const { return path_m_; }
   [[nodiscard]] double contact_s() const { return core::seconds(contact_ns_); }
   [[nodiscard]] const std::vector<ContactRecord>& contacts() const { return contacts_; }
+  /// What the sensors other than the camera recorded.
+  [[nodiscard]] SensorLog take_sensor_log() {
+    return sensors_ ? sensors_->take_log() : SensorLog{};
+  }
 
  private:
   void note_contact(const Contact& contact, core::TimeNs step_ns);
@@ -44,6 +53,8 @@ class TrialDrive {
   const World& world_;
   Robot robot_;
   std::optional<Odometer> odometer_;
+  std::optional<Localiser> localiser_;
+  std::optional<SensorSuite> sensors_;
   core::VelocityCommand command_;
   core::TimeNs substep_ns_ = 0, now_ns_ = 0;
   core::TimeNs last_contact_ns_ = -1, contact_ns_ = 0;

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <bit>
 #include <chrono>
-#include <limits>
 #include <string_view>
 #include <utility>
 
@@ -37,18 +36,6 @@ double invalid_share(const core::Image<float>& alpha) {
   const auto invalid = std::count_if(alpha.pixels().begin(), alpha.pixels().end(),
                                      [](float a) { return !(a >= 0.5F); });
   return static_cast<double>(invalid) / static_cast<double>(alpha.size());
-}
-
-/// What a depth camera of limited range would deliver.
-void measure_depth(const core::Image<float>& true_depth_m, double range_m,
-                   core::Image<float>& measured_m) {
-  measured_m.resize(true_depth_m.width_px(), true_depth_m.height_px());
-  const auto limit_m = static_cast<float>(range_m);
-  std::transform(true_depth_m.pixels().begin(), true_depth_m.pixels().end(),
-                 measured_m.pixels().begin(), [limit_m](float d) {
-                   return d > 0.0F && d <= limit_m ? d
-                                                   : std::numeric_limits<float>::quiet_NaN();
-                 });
 }
 
 int index_of_class(const core::Detector& detector, const std::string& name) {
@@ -88,19 +75,23 @@ TrialEye::TrialEye(const Episode& episode, const TrialOptions& options, const Wo
       truth_(truth),
       goal_{episode.class_name, index_of_class(detector, episode.class_name)},
       T_robot_camera_(
-          core::mast_camera(options.camera_height_m, options.camera_pitch_down_rad)) {
+          core::mast_camera(options.camera_height_m, options.camera_pitch_down_rad)),
+      seed_(episode.seed) {
+  if (options.sensors) depth_model_ = options.sensors->camera.depth;
+  depth_model_.max_range_m = options.depth_range_m;
   const core::SceneClass* scene_class = world.manifest().find_class(episode.class_name);
   goal_class_id_ = scene_class != nullptr ? scene_class->id : std::uint16_t{0};
   if (truth_ != nullptr) truth_->begin_episode(episode.seed);
 }
 
-void TrialEye::render(const core::Pose2& pose, core::Frame& frame) const {
+void TrialEye::render(const core::Pose2& pose, core::Channels channels,
+                      core::Frame& frame) const {
   const auto T_world_robot = core::transform_from_pose2<core::frame::World>(pose);
-  renderer_.render(T_world_robot * T_robot_camera_, options_.camera, kTickChannels, frame);
+  renderer_.render(T_world_robot * T_robot_camera_, options_.camera, channels, frame);
 }
 
 Capture& TrialEye::take(core::TimeNs time_ns, const core::Pose2& pose,
-                        const core::Pose2& estimate) {
+                        const core::Pose2& estimate, const core::VelocityCommand& velocity) {
   std::unique_ptr<Capture> made;
   if (spare_.empty()) {
     made = std::make_unique<Capture>();
@@ -119,16 +110,48 @@ Capture& TrialEye::take(core::TimeNs time_ns, const core::Pose2& pose,
   capture.detections_hash = 0;
   capture.detect_ns = 0;
   const core::TimeNs start_ns = wall_ns();
-  render(pose, capture.frame);
+  render(pose, kTickChannels, capture.frame);
   capture.render_ns = wall_ns() - start_ns;
   render_ns_ += capture.render_ns;
-  measure_depth(capture.frame.depth_m, options_.depth_range_m, capture.depth_m);
+  sense(capture, velocity);
   capture.goal = look_for_goal(capture.frame, goal_class_id_);
   invalid_share_ += invalid_share(capture.frame.alpha);
   newest_ = &capture;
   captures_[capture.index] = std::move(made);
   recycle();
   return capture;
+}
+
+/// From the exact images to what the camera delivers. Depth and labels of the frame stay as
+/// they are: they belong to the judge.
+void TrialEye::sense(Capture& capture, const core::VelocityCommand& velocity) {
+  measure_depth(depth_model_, options_.camera,
+                PixelNoise(seed_, "camera/depth", capture.index), capture.frame.depth_m,
+                capture.depth_m);
+  if (!options_.sensors) return;
+  const SensorSettings& sensors = *options_.sensors;
+  const RgbModel& model = sensors.camera.rgb;
+  const bool moves = velocity.forward_mps != 0.0 || velocity.turn_radps != 0.0;
+  if (model.blurs() && moves) {
+    ExposureMean mean;
+    for (const double offset_s : model.exposure_offsets_s()) {
+      if (offset_s == 0.0) {
+        mean.add(capture.frame.rgb);
+        continue;
+      }
+      render(drive_arc(capture.pose, velocity, offset_s), core::Channels::kRgb,
+             exposure_frame_);
+      mean.add(exposure_frame_.rgb);
+    }
+    mean.finish(capture.frame.rgb);
+  }
+  add_rgb_noise(model, PixelNoise(seed_, "camera/rgb", capture.index), capture.frame.rgb);
+  compress_jpeg(model, capture.frame.rgb);
+  static const std::vector<core::CameraPose> kUnknown;
+  const auto& views = sensors.training_views ? *sensors.training_views : kUnknown;
+  validity_.push_back({capture.time_ns, capture.time_ns,
+                       render_validity(capture.frame.alpha, capture.frame.T_world_camera,
+                                       views, sensors.camera.hole_limit)});
 }
 
 void TrialEye::detect(Capture& capture) {
@@ -194,7 +217,7 @@ void TrialEye::recycle() {
 }
 
 GoalView TrialEye::look(const core::Pose2& pose) {
-  render(pose, look_frame_);
+  render(pose, kTickChannels, look_frame_);
   return look_for_goal(look_frame_, goal_class_id_);
 }
 

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "sim/trial.h"
@@ -41,7 +42,9 @@ class TrialEye {
            core::Renderer& renderer, core::Detector& detector, GroundTruthSink* truth);
 
   /// Takes the next image at that pose. It becomes the newest one.
-  Capture& take(core::TimeNs time_ns, const core::Pose2& pose, const core::Pose2& estimate);
+  /// @param velocity  Of the base: what blurs the exposure.
+  Capture& take(core::TimeNs time_ns, const core::Pose2& pose, const core::Pose2& estimate,
+                const core::VelocityCommand& velocity);
   /// Runs the detector on the image, once.
   void detect(Capture& capture);
   /// What the policy is shown. @param pose_at_use  Places the image there, if given (Odom).
@@ -70,11 +73,16 @@ class TrialEye {
   /// What an image from there would show; none is taken.
   [[nodiscard]] GoalView look(const core::Pose2& pose);
   [[nodiscard]] const core::ObjectGoal& goal() const { return goal_; }
+  /// How valid each image was; empty without sensor settings.
+  [[nodiscard]] std::vector<Reading<RenderValidity>> take_validity() {
+    return std::exchange(validity_, {});
+  }
   /// Mean times and shares.
   void report(TrialResult& result) const;
 
  private:
-  void render(const core::Pose2& pose, core::Frame& frame) const;
+  void render(const core::Pose2& pose, core::Channels channels, core::Frame& frame) const;
+  void sense(Capture& capture, const core::VelocityCommand& velocity);
   void recycle();
 
   const TrialOptions& options_;
@@ -89,7 +97,10 @@ class TrialEye {
   Capture* newest_ = nullptr;
   Capture* ready_ = nullptr;
   Capture* in_use_ = nullptr;
-  core::Frame look_frame_;
+  core::Frame look_frame_, exposure_frame_;
+  std::uint64_t seed_;
+  DepthModel depth_model_;
+  std::vector<Reading<RenderValidity>> validity_;
   std::uint64_t taken_ = 0;
   int detected_ = 0;
   core::TimeNs render_ns_ = 0, detect_ns_ = 0;
