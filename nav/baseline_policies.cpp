@@ -22,13 +22,18 @@ core::Decision stop_decision(const std::string& reason) {
 class OraclePathPolicy final : public core::Policy {
  public:
   OraclePathPolicy(PathOracle oracle, const OraclePathOptions& options)
-      : oracle_(std::move(oracle)), options_(options), follower_(options.follower) {
+      : oracle_(std::move(oracle)),
+        options_(options),
+        swift_(options.follower),
+        careful_(careful(options.follower)) {
     SEGSIM_CHECK(oracle_ != nullptr, "no oracle");
   }
 
   void reset(const core::ObjectGoal& goal, std::uint64_t) override {
     goal_ = goal;
-    follower_.clear();
+    swift_.clear();
+    careful_.clear();
+    held_at_.reset();
     planned_ns_.reset();
     turned_rad_.reset();
     moved_ns_ = 0;
@@ -41,14 +46,18 @@ class OraclePathPolicy final : public core::Policy {
     const core::Pose2 pose = pose_of(observation.T_odom_robot);
     if (turned_rad_) return look(observation, detections, pose);
     const core::TimeNs time_ns = observation.capture_time_ns;
+    if (held_at_ && away_m(pose, *held_at_) > kCareful_m) held_at_.reset();
     if (!planned_ns_ || core::seconds(time_ns - *planned_ns_) >= options_.replan_period_s) {
       Path path;
       path.points_m = oracle_({pose.x_m, pose.y_m});
       if (path.points_m.empty() && !planned_ns_) return stop_decision("no_path");
-      if (!path.points_m.empty()) follower_.set_path(path);
+      if (!path.points_m.empty()) {
+        swift_.set_path(path);
+        careful_.set_path(path);
+      }
       planned_ns_ = time_ns;
     }
-    if (follower_.arrived(pose)) {
+    if (swift_.arrived(pose)) {
       turned_rad_ = 0.0;
       last_yaw_rad_ = pose.yaw_rad;
       return look(observation, detections, pose);
@@ -56,30 +65,44 @@ class OraclePathPolicy final : public core::Policy {
     if (const auto back = back_out(pose, time_ns)) {
       return {*back, core::PolicyMode::kRecover, false, {}};
     }
-    return {follower_.follow(pose, nothing_), core::PolicyMode::kNavigate, false, {}};
+    PathFollower& follower = held_at_ ? careful_ : swift_;
+    return {follower.follow(pose, nothing_), core::PolicyMode::kNavigate, false, {}};
   }
 
   [[nodiscard]] core::PolicyView view() const override {
     core::PolicyView view;
-    view.path_m = follower_.path().points_m;
+    view.path_m = swift_.path().points_m;
     if (!view.path_m.empty()) view.target_m = view.path_m.back();
     return view;
   }
 
  private:
+  static constexpr double kCareful_m = 1.5;  ///< Around a place where something held it.
+
+  /// Keeps to the corners of the way. Where only the shortest way is left they lie at the edge
+  /// of what the robot fits through, and to cut one is to be held again.
+  static FollowerOptions careful(FollowerOptions options) {
+    options.lookahead_m = 0.10;
+    options.turn_in_place_above_rad = 0.15;
+    options.max_forward_mps = std::min(options.max_forward_mps, 0.3);
+    return options;
+  }
+  static double away_m(const core::Pose2& a, const core::Pose2& b) {
+    return std::hypot(a.x_m - b.x_m, a.y_m - b.y_m);
+  }
   /// A command straight back while the robot is held by something; plans again afterwards.
   std::optional<core::VelocityCommand> back_out(const core::Pose2& pose,
                                                 core::TimeNs time_ns) {
     constexpr double kMoved_m = 0.02, kTurned_rad = 0.05;
     const bool moved =
-        !moved_from_ ||
-        std::hypot(pose.x_m - moved_from_->x_m, pose.y_m - moved_from_->y_m) > kMoved_m ||
+        !moved_from_ || away_m(pose, *moved_from_) > kMoved_m ||
         std::abs(core::wrap_angle_rad(pose.yaw_rad - moved_from_->yaw_rad)) > kTurned_rad;
     if (moved) {
       moved_from_ = pose;
       moved_ns_ = time_ns;
     } else if (core::seconds(time_ns - moved_ns_) >= options_.stuck_s) {
       moved_ns_ = time_ns;
+      held_at_ = pose;
       back_until_ns_ = time_ns + std::llround(options_.back_s * 1e9);
     }
     if (time_ns >= back_until_ns_) return std::nullopt;
@@ -107,7 +130,8 @@ class OraclePathPolicy final : public core::Policy {
   PathOracle oracle_;
   OraclePathOptions options_;
   core::ObjectGoal goal_;
-  PathFollower follower_;
+  PathFollower swift_, careful_;  ///< The second one after something held the robot.
+  std::optional<core::Pose2> held_at_;
   CostMap nothing_;  ///< The oracle's way needs no map: nothing is known, so nothing is in the
                      ///< way.
   std::optional<core::TimeNs> planned_ns_;
