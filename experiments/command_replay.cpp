@@ -183,6 +183,12 @@ class Stage {
 /// @return  Whether the replay equals the record.
 bool report(const fs::path& file, const ReplayLog& recorded, const ReplayLog& replayed) {
   const Divergence found = first_divergence(recorded.ticks, replayed.ticks);
+  const std::string sensor = first_differing_sensor(recorded.sensors, replayed.sensors);
+  if (found.tick < 0 && !sensor.empty()) {
+    std::printf("%s: differs in the readings of %s, in no tick\n", file.c_str(),
+                sensor.c_str());
+    return false;
+  }
   if (found.tick < 0) {
     std::printf("%s: equal, %zu ticks, %s, hash %016llx\n", file.c_str(),
                 replayed.ticks.size(), replayed.outcome.c_str(),

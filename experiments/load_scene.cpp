@@ -94,6 +94,8 @@ LoadedScene load_scene(const ExperimentSpec& spec, const SceneSpec& scene,
                 [&] { return renderer::make_cpu_renderer(surfels, {}, labels); })
           : bound_episodes(file, bundle, world);
   FloorPlan plan = make_floor_plan(*surfels);
+  std::shared_ptr<const sim::SensorSettings> sensors;
+  if (spec.sensors) sensors = bind_sensors(*spec.sensors, bundle, world);
   return {&scene,
           std::move(bundle),
           std::move(world),
@@ -101,7 +103,8 @@ LoadedScene load_scene(const ExperimentSpec& spec, const SceneSpec& scene,
           std::move(labels),
           std::move(plan),
           std::move(episodes),
-          core::sha256_of_file(file)};
+          core::sha256_of_file(file),
+          std::move(sensors)};
 }
 
 }  // namespace segsim::experiments

@@ -141,6 +141,23 @@ sim::TimingReport timing_from(const Json& json) {
   return timing;
 }
 
+Json to_json(const std::vector<sim::SensorLog::Digest>& sensors) {
+  Json json = Json::object();
+  for (const sim::SensorLog::Digest& digest : sensors) {
+    json[digest.sensor] = {digest.readings, hex(digest.hash)};
+  }
+  return json;
+}
+
+std::vector<sim::SensorLog::Digest> sensors_from(const Json& json) {
+  std::vector<sim::SensorLog::Digest> sensors;
+  for (const auto& [name, digest] : json.items()) {
+    sensors.push_back(
+        {name, digest.at(0).get<std::size_t>(), from_hex(digest.at(1).get<std::string>())});
+  }
+  return sensors;
+}
+
 Json header_of(const ReplayLog& log) {
   return {{"schema", ReplayLog::kSchema},
           {"spec", log.spec_text},
@@ -188,6 +205,8 @@ void read_line(const Json& json, ReplayLog& log) {
     }
   } else if (json.contains("timing")) {
     log.timing = timing_from(json.at("timing"));
+  } else if (json.contains("sensors")) {
+    log.sensors = sensors_from(json.at("sensors"));
   } else if (json.contains("result")) {
     log.outcome = json.at("result").at("outcome").get<std::string>();
     log.state_hash = from_hex(json.at("result").at("hash").get<std::string>());
@@ -230,6 +249,7 @@ ReplayLog with_result(ReplayLog log, const sim::TrialResult& result) {
   log.ticks = result.track;
   log.trace = result.trace;
   log.timing = result.timing;
+  log.sensors = result.sensors.digests();
   log.outcome = sim::to_string(result.outcome);
   log.state_hash = result.state_hash;
   return log;
@@ -248,6 +268,9 @@ void write_replay_log(const fs::path& file, const ReplayLog& log) {
     for (const auto& [stage, entries] : log.trace.stages()) trace[stage] = entries;
     out << Json{{"trace", trace}}.dump() << '\n';
     out << Json{{"timing", to_json(log.timing)}}.dump() << '\n';
+    if (!log.sensors.empty()) {
+      out << Json{{"sensors", to_json(log.sensors)}}.dump() << '\n';
+    }
     out << Json{{"result", {{"outcome", log.outcome}, {"hash", hex(log.state_hash)}}}}.dump()
         << '\n';
   });
@@ -301,6 +324,15 @@ Divergence first_divergence(const std::vector<sim::TickRecord>& recorded,
   if (recorded.size() != replayed.size()) {
     return {static_cast<int>(std::min(recorded.size(), replayed.size())), "ticks",
             std::to_string(recorded.size()), std::to_string(replayed.size())};
+  }
+  return {};
+}
+
+std::string first_differing_sensor(const std::vector<sim::SensorLog::Digest>& recorded,
+                                   const std::vector<sim::SensorLog::Digest>& replayed) {
+  for (std::size_t k = 0; k < std::max(recorded.size(), replayed.size()); ++k) {
+    if (k >= recorded.size()) return replayed[k].sensor;
+    if (k >= replayed.size() || recorded[k] != replayed[k]) return recorded[k].sensor;
   }
   return {};
 }

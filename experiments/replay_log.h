@@ -10,6 +10,7 @@
 ///     {"tick": 0, "time_ns": 0, "pose": [x, y, yaw], "command": [v, w], ...}      per tick
 ///     {"trace": {"detect": [[index, duration_ns], ...], ...}}
 ///     {"timing": {...}}
+///     {"sensors": {"imu": [readings, hash], ...}}            if the spec has sensors
 ///     {"result": {"outcome": ..., ...}}
 ///
 /// With images, <file without .jsonl>.images/ holds depth and labels of each render call.
@@ -40,6 +41,7 @@ struct ReplayLog {
   std::vector<sim::TickRecord> ticks;
   sim::LatencyTrace trace;
   sim::TimingReport timing;
+  std::vector<sim::SensorLog::Digest> sensors;
   std::string outcome;
   std::uint64_t state_hash = 0;
 };
@@ -62,6 +64,11 @@ struct Divergence {
 /// The first tick, and in it the first field, in which they differ.
 [[nodiscard]] Divergence first_divergence(const std::vector<sim::TickRecord>& recorded,
                                           const std::vector<sim::TickRecord>& replayed);
+
+/// The name of the first sensor whose readings differ; empty if there is none.
+[[nodiscard]] std::string first_differing_sensor(
+    const std::vector<sim::SensorLog::Digest>& recorded,
+    const std::vector<sim::SensorLog::Digest>& replayed);
 
 /// Passes a detector's answers on and keeps them.
 class RecordingDetector final : public core::Detector {

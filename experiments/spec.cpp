@@ -484,9 +484,8 @@ ExperimentSpec parse_spec(const std::string& text, const fs::path& origin,
     spec.robot = root.text("robot");
     (void)core::choice(root, "robot", sim::RobotModel::names());
   }
-  if (root.has("localisation")) {
-    spec.odometry = core::choice(root, "localisation", {"perfect", "odom"}) == 1;
-  }
+  spec.localisation = read_localisation(root);
+  spec.sensors = read_sensors(root);
   if (root.has("contact"))
     spec.slide_on_contact = core::choice(root, "contact", {"stop", "slide"}) == 1;
   spec.control_period_s =

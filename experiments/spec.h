@@ -17,6 +17,7 @@
 #include "core/camera.h"
 #include "core/config.h"
 #include "experiments/clock_spec.h"
+#include "experiments/sensor_spec.h"
 #include "nav/policy_factory.h"
 #include "renderer/renderer_backend.h"
 #include "sim/success_profile.h"
@@ -165,8 +166,9 @@ struct ExperimentSpec {
   std::vector<ArmSpec> arms;
   nav::PolicySettings policy;  ///< Of arms without one of their own.
   std::string robot = "jackal";
-  bool odometry = false;          ///< The robot knows its pose by wheel odometry only.
-  bool slide_on_contact = false;  ///< Along the obstacle; else it stops.
+  LocalisationSpec localisation;
+  std::optional<sim::SensorSettings> sensors;  ///< None: an exact camera alone.
+  bool slide_on_contact = false;               ///< Along the obstacle; else it stops.
   double control_period_s = 0.1;
   double time_limit_s = 180.0;
   ClockSpec clock;

@@ -11,6 +11,7 @@
 #include "core/version.h"
 #include "experiments/backend_warning.h"
 #include "experiments/frame_recorder.h"
+#include "experiments/sensor_files.h"
 #include "experiments/trial_log.h"
 #include "experiments/trial_picture.h"
 #include "experiments/trial_video.h"
@@ -65,7 +66,8 @@ std::unique_ptr<core::Detector> load_arm_detector(const fs::path& file, const Ar
   return perception::load_object_detector(file, options);
 }
 
-sim::TrialOptions trial_options(const ExperimentSpec& spec, const SceneSpec& scene) {
+sim::TrialOptions trial_options(const ExperimentSpec& spec, const LoadedScene& loaded) {
+  const SceneSpec& scene = *loaded.spec;
   const sim::SuccessProfile rule = spec.success.rule();
   sim::TrialOptions options;
   options.control_period_s = spec.control_period_s;
@@ -80,7 +82,11 @@ sim::TrialOptions trial_options(const ExperimentSpec& spec, const SceneSpec& sce
   options.camera_height_m = scene.camera_height_m;
   options.camera_pitch_down_rad = radians(spec.camera.pitch_down_deg);
   options.depth_range_m = spec.camera.depth_range_m;
-  if (spec.odometry) options.odometry = sim::OdometryNoise::skid_steered_indoors();
+  if (spec.localisation.odometry) {
+    options.odometry = sim::OdometryNoise::skid_steered_indoors();
+  }
+  options.localiser = spec.localisation.localiser;
+  options.sensors = loaded.sensors;
   if (spec.slide_on_contact) options.contact_response = sim::ContactResponse::kSlide;
   return options;
 }
@@ -337,7 +343,7 @@ void TrialRunner::run_checked(const TrialTask& task, TrialRow& row) {
   ArmDetectorSlot& slot =
       task.replay_perception ? replayed : detector_for(*task.scene, *task.arm);
   const std::unique_ptr<core::Policy> policy = policy_for(task, slot);
-  sim::TrialOptions options = trial_options(spec_, *task.scene->spec);
+  sim::TrialOptions options = trial_options(spec_, *task.scene);
   options.clock = clock_for(spec_, task);
 
   TrialScene scene;
@@ -389,6 +395,9 @@ void TrialRunner::run_checked(const TrialTask& task, TrialRow& row) {
   if (video) video->finish(result);
   if (frames) frames->finish();
   if (!task.record) return;
+  if (options.sensors) {
+    write_sensor_files(work_ / "sensors" / stem, *options.sensors, result.sensors);
+  }
   if (spec_.pictures) {
     row.picture = "pictures/" + stem + ".png";
     perception::write_image(work_ / row.picture, draw_trial(scene, result));

@@ -37,6 +37,8 @@ struct LoadedScene {
   FloorPlan plan;
   EpisodeSet episodes;
   std::string episodes_sha256;
+  /// What the spec says, bound to this scene; nullptr: an exact camera alone.
+  std::shared_ptr<const sim::SensorSettings> sensors;
 };
 
 /// Rules of the spec for one scene's episodes.
