@@ -120,8 +120,8 @@ void BM_Scan(benchmark::State& state) {
   for (auto _ : state) {
     const std::vector<float> ranges_m = scan(
         model, scene,
-        [](core::TimeNs) {
-          return core::Pose2{2.0, 2.0, 0.3};
+        [&](core::TimeNs) {
+          return core::Pose2{middle_m.x, middle_m.y, 0.3};
         },
         0, 1, index++);
     for (const float range_m : ranges_m) {
