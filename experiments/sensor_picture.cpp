@@ -24,6 +24,7 @@ constexpr double kLetter_px = 7.0;
 constexpr double kDepth_m = 6.0;        ///< Of the coldest colour.
 constexpr float kErrorShown_m = 0.10F;  ///< Of the fullest colour.
 constexpr double kExposure_s = 0.030, kSweep_s = 0.015;
+constexpr double kNearby_m = 5.0;  ///< Height of the part of the plan that is shown larger.
 const cv::Scalar kScan(40, 40, 220), kSmeared(220, 120, 20);
 
 /// A picture with the words above it.
@@ -143,10 +144,9 @@ void draw_scan(cv::Mat& map, const FloorPlan& plan, double scale, const sim::Lid
   }
 }
 
+/// Two scans of a turning robot on the plan, drawn at that scale.
 cv::Mat scan_map(const sim::World& world, const FloorPlan& plan,
-                 const SensorSheetOptions& options, int width_px, int height_px) {
-  const double scale = std::min(static_cast<double>(width_px) / plan.rgb.width_px(),
-                                static_cast<double>(height_px) / plan.rgb.height_px());
+                 const SensorSheetOptions& options, double scale) {
   cv::Mat map;
   cv::resize(to_bgr(plan.rgb), map, {}, scale, scale, cv::INTER_AREA);
   map = 0.45 * map + 0.55 * cv::Mat(map.size(), CV_8UC3, ink::kPaper);
@@ -169,6 +169,22 @@ cv::Mat scan_map(const sim::World& world, const FloorPlan& plan,
             cvRound(robot.y - 16.0 * std::sin(options.pose.yaw_rad))},
            ink::kStart, 2, cv::LINE_AA);
   return map;
+}
+
+/// The whole plan, and what lies around the robot, larger.
+std::vector<Cell> scan_cells(const sim::World& world, const FloorPlan& plan,
+                             const SensorSheetOptions& options, int width_px, int height_px) {
+  const double whole = std::min(static_cast<double>(width_px) / plan.rgb.width_px(),
+                                static_cast<double>(height_px) / plan.rgb.height_px());
+  const double near = std::min(width_px, height_px) / (kNearby_m * plan.px_per_m);
+  const cv::Mat large = scan_map(world, plan, options, near);
+  const glm::dvec2 robot = near * plan.to_px({options.pose.x_m, options.pose.y_m});
+  const cv::Rect around(cvRound(robot.x) - width_px / 2, cvRound(robot.y) - height_px / 2,
+                        width_px, height_px);
+  return {{"lidar, 720 beams: red all at once", scan_map(world, plan, options, whole)},
+          {print("blue: swept in %.0f ms at %.1f rad/s, drawn from the pose of the first beam",
+                 1e3 * kSweep_s, options.turn_radps),
+           large(around & cv::Rect({0, 0}, large.size())).clone()}};
 }
 
 void place(cv::Mat& sheet, const Cell& cell, int left, int top) {
@@ -200,21 +216,22 @@ core::Image<core::Rgb8> draw_sensor_sheet(core::Renderer& renderer, const sim::W
   const int step_y = options.camera.height_px + kCaption_px + kMargin_px;
   const int columns = static_cast<int>(rows[0].size());
   const int width_px = kMargin_px + columns * step_x;
-  const cv::Mat map =
-      scan_map(world, plan, options, width_px - 2 * kMargin_px, 3 * options.camera.height_px);
-  cv::Mat sheet(kMargin_px + 3 * step_y + map.rows + kCaption_px + kMargin_px, width_px,
-                CV_8UC3, ink::kPaper);
+  const std::vector<Cell> maps =
+      scan_cells(world, plan, options, 2 * step_x - kMargin_px, 2 * options.camera.height_px);
+  cv::Mat sheet(kMargin_px + 3 * step_y +
+                    std::max(maps[0].picture.rows, maps[1].picture.rows) + kCaption_px +
+                    kMargin_px,
+                width_px, CV_8UC3, ink::kPaper);
   for (int row = 0; row < 3; ++row) {
     for (int column = 0; column < columns; ++column) {
       place(sheet, rows[static_cast<std::size_t>(row)][static_cast<std::size_t>(column)],
             kMargin_px + column * step_x, kMargin_px + row * step_y);
     }
   }
-  const std::string words = print(
-      "lidar, 720 beams: red all at once, blue swept in %.0f ms at %.1f rad/s, drawn "
-      "from the pose of the first beam",
-      1e3 * kSweep_s, options.turn_radps);
-  place(sheet, {words, map}, kMargin_px, kMargin_px + 3 * step_y);
+  for (int k = 0; k < 2; ++k) {
+    place(sheet, maps[static_cast<std::size_t>(k)], kMargin_px + 2 * k * step_x,
+          kMargin_px + 3 * step_y);
+  }
   return from_bgr(sheet);
 }
 

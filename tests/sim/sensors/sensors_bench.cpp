@@ -4,9 +4,11 @@
 
 #include "core/random.h"
 #include "sim/procedural_flat.h"
+#include "sim/robot.h"
 #include "sim/sensors/depth_sensor.h"
 #include "sim/sensors/lidar.h"
 #include "sim/sensors/rgb_sensor.h"
+#include "sim/sensors/sensor_suite.h"
 
 namespace segsim::sim {
 namespace {
@@ -120,8 +122,8 @@ void BM_Scan(benchmark::State& state) {
   for (auto _ : state) {
     const std::vector<float> ranges_m = scan(
         model, scene,
-        [](core::TimeNs) {
-          return core::Pose2{2.0, 2.0, 0.3};
+        [&](core::TimeNs) {
+          return core::Pose2{middle_m.x, middle_m.y, 0.3};
         },
         0, 1, index++);
     for (const float range_m : ranges_m) {
@@ -131,6 +133,30 @@ void BM_Scan(benchmark::State& state) {
   if (nearest_m > 30.0) state.SkipWithError("ERROR OCCURRED: nothing was hit");
 }
 BENCHMARK(BM_Scan)->Arg(0)->Arg(1)->Unit(benchmark::kMicrosecond);
+
+/// One step of 5 ms with IMU, odometry, compass (50 Hz) and GPS (40 Hz).
+void BM_SuiteStep(benchmark::State& state) {
+  SensorSettings settings;
+  settings.imu = {{}, 20'000'000, 0, 0};
+  settings.odometry = {OdometryNoise::skid_steered_indoors(), 20'000'000, 0, 0};
+  settings.compass = {{}, 20'000'000, 0, 0};
+  settings.gps = {{}, 25'000'000, 0, 0};
+  const TriangleMesh no_mesh;
+  core::Pose2 pose;
+  SensorSuite suite(settings, no_mesh, LocalFrame({49.9, 8.9, 0.0, 0.0}), pose, 1);
+  core::TimeNs now_ns = 0;
+  for (auto _ : state) {
+    now_ns += 5'000'000;
+    pose = drive_arc(pose, {0.5, 0.3}, 0.005);
+    suite.move_to(now_ns, pose);
+  }
+  const SensorLog log = suite.take_log();
+  if (now_ns > 100'000'000 &&
+      log.imu.size() + 5 < static_cast<std::size_t>(now_ns / 20'000'000)) {
+    state.SkipWithError("ERROR OCCURRED: readings are missing");
+  }
+}
+BENCHMARK(BM_SuiteStep)->Unit(benchmark::kMicrosecond);
 
 }  // namespace
 }  // namespace segsim::sim
