@@ -30,6 +30,7 @@
 #include "sim/odometer.h"
 #include "sim/robot.h"
 #include "sim/timing.h"
+#include "sim/trial_faults.h"
 #include "sim/world.h"
 
 namespace segsim::sim {
@@ -66,6 +67,7 @@ struct TrialOptions {
   ContactResponse contact_response = ContactResponse::kStop;
   std::optional<OdometryNoise> odometry;  ///< None: the robot knows its pose.
   TrialClock clock;                       ///< Lockstep by default.
+  TrialFaults faults;                     ///< None by default.
 };
 
 enum class Outcome : std::uint8_t {
@@ -116,6 +118,7 @@ struct TrialResult {
       0;  ///< Geodesic, at the end; infinity if off the navigable area.
   double sim_s = 0, wall_s = 0;
   int ticks = 0;
+  int frames_dropped = 0;  ///< By faults.
   int contacts = 0;  ///< Separate contacts (0.5 s debounce).
   double contact_s = 0;
   int first_visible_tick = -1, first_detected_tick = -1;
@@ -125,6 +128,10 @@ struct TrialResult {
   std::vector<TickRecord> track;
   core::PolicyView final_view;  ///< In Odom, which equals World with perfect localisation.
   core::Pose2 final_estimate;   ///< Of the robot, in Odom.
+  /// Where the trial ended: where a STOP took effect, or time was over. The last entry of
+  /// `track` is older, by what the last decision took.
+  core::Pose2 final_pose;
+  int final_goal_pixels = 0;  ///< Of the goal instance seen best from there (or last).
   // Mean wall times per image, detector call and decision [ms].
   double render_ms = 0, detect_ms = 0, policy_ms = 0;
   std::vector<ContactRecord> contact_log;  ///< `contacts` of them.

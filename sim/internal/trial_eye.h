@@ -42,6 +42,11 @@ class TrialEye {
 
   /// Takes the next image at that pose. It becomes the newest one.
   Capture& take(core::TimeNs time_ns, const core::Pose2& pose, const core::Pose2& estimate);
+  /// The next image is lost before anybody sees it; it keeps its number.
+  void skip() {
+    ++taken_;
+    ++skipped_;
+  }
   /// Runs the detector on the image, once.
   void detect(Capture& capture);
   /// What the policy is shown. @param pose_at_use  Places the image there, if given (Odom).
@@ -90,7 +95,7 @@ class TrialEye {
   Capture* ready_ = nullptr;
   Capture* in_use_ = nullptr;
   core::Frame look_frame_;
-  std::uint64_t taken_ = 0;
+  std::uint64_t taken_ = 0, skipped_ = 0;
   int detected_ = 0;
   core::TimeNs render_ns_ = 0, detect_ns_ = 0;
   double invalid_share_ = 0.0;
