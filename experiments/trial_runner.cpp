@@ -81,6 +81,7 @@ sim::TrialOptions trial_options(const ExperimentSpec& spec, const SceneSpec& sce
   options.camera_pitch_down_rad = radians(spec.camera.pitch_down_deg);
   options.depth_range_m = spec.camera.depth_range_m;
   if (spec.odometry) options.odometry = sim::OdometryNoise::skid_steered_indoors();
+  options.collision = spec.collision;
   if (spec.slide_on_contact) options.contact_response = sim::ContactResponse::kSlide;
   return options;
 }

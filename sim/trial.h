@@ -52,6 +52,14 @@ struct Episode {
   std::string source;  ///< Of an imported episode: data set, scene, index and hash.
 };
 
+/// What the robot's motion is checked against.
+enum class CollisionMode : std::uint8_t {
+  kFootprint,  ///< The swept rectangle and the mast (sim/collision.h).
+  /// A point on the eroded navigation mesh, as Habitat has it (sim/navmesh_walker.h): turning
+  /// never collides. For comparisons with Habitat's figures.
+  kNavmesh,
+};
+
 struct TrialOptions {
   double control_period_s = 0.1;
   double substep_s = 0.005;
@@ -65,6 +73,7 @@ struct TrialOptions {
   double depth_range_m = 6.0;  ///< Farther depth is not measured (NaN).
   bool stop_on_contact = false;
   ContactResponse contact_response = ContactResponse::kStop;
+  CollisionMode collision = CollisionMode::kFootprint;
   std::optional<OdometryNoise> odometry;  ///< None: the robot knows its pose.
   TrialClock clock;                       ///< Lockstep by default.
   TrialFaults faults;                     ///< None by default.

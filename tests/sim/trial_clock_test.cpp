@@ -508,6 +508,37 @@ TEST_F(TrialClockTest, ABaseThatSlidesGetsFartherThanOneThatStops) {
   EXPECT_GT(slid.track.back().pose.y_m, stopped.track.back().pose.y_m + 0.3);
 }
 
+/// A rectangle can hit while it turns; Habitat's point cannot.
+TEST_F(TrialClockTest, TurningBesideAWallCollidesForAFootprintButNotOnTheNavmesh) {
+  episode_.start = {10.0, 19.74, 0.0};  // 4.5 cm beside the wall at y = 20.
+  options_.time_limit_s = 3.0;
+  const auto turn = [](const auto&) { return command(0.0, 1.0); };
+  EXPECT_GE(run(turn).contacts, 1);
+  options_.collision = CollisionMode::kNavmesh;
+  const TrialResult point = run(turn);
+  EXPECT_EQ(point.contacts, 0);
+  EXPECT_GT(core::wrap_angle_rad(point.final_pose.yaw_rad), 2.0);
+  EXPECT_LT(point.track.front().pose.y_m, 20.0 - robot_.circumscribed_radius_m() + 1e-6)
+      << "it begins on the eroded mesh";
+}
+
+TEST_F(TrialClockTest, OnTheNavmeshARobotStopsAtTheEdgeOrSlidesAlongIt) {
+  episode_.start = {19.0, 10.0, 0.8};
+  options_.collision = CollisionMode::kNavmesh;
+  options_.time_limit_s = 4.0;
+  const auto ahead = [](const auto&) { return command(0.5, 0.0); };
+  const TrialResult stopped = run(ahead);
+  ASSERT_EQ(stopped.contact_log.size(), 1U);
+  EXPECT_NEAR(stopped.contact_log[0].normal.x, -1.0, 0.01);
+  EXPECT_NEAR(stopped.contact_log[0].approach_mps, 0.5 * std::cos(0.8), 0.01);
+  EXPECT_NEAR(stopped.final_pose.x_m, 20.0 - 0.35, 0.06);
+  options_.contact_response = ContactResponse::kSlide;
+  const TrialResult slid = run(ahead);
+  EXPECT_GT(slid.final_pose.y_m, stopped.final_pose.y_m + 0.3);
+  EXPECT_NEAR(slid.final_pose.x_m, stopped.final_pose.x_m, 0.01);
+  expect_same_ticks(slid, run(ahead));
+}
+
 TEST_F(TrialClockTest, RealTimeTakesItsTime) {
   options_.clock.mode = ClockMode::kRealtime;
   options_.time_limit_s = 0.5;
