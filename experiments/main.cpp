@@ -45,6 +45,7 @@ int main(int argc, char** argv) {
   experiments::add_replay_command(app);
   experiments::add_episodes_command(app);
   experiments::add_explain_command(app);
+  experiments::add_trial_command(app);
 
   try {
     app.parse(argc, argv);
