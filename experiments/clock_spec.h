@@ -8,7 +8,7 @@
 ///       budget: ${spec}/../budgets/edge-orin-v1.yaml
 ///       camera: {period_ms: 50, phase_ms: 0, jitter_ms: 2}   # default: every control period
 ///       registration: capture      # or use: labels are placed with the pose of the decision
-///       scale: 1.0                 # measured: how much slower the robot's computer is
+///       scale: 1.0                 # of measured times: how much slower the robot's computer is
 ///
 /// An arm may have a budget of its own and more time for single stages:
 ///

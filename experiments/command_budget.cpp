@@ -35,8 +35,38 @@ struct CheckFlags {
   int items = 2;
 };
 
-/// Timings of all trials of a run (or of one of its arms).
-sim::TimingReport timing_of_run(const fs::path& work, const std::string& arm) {
+/// Deadlines of the budget in place of those with which a trial ran.
+void apply_deadlines(const sim::LatencyBudget& budget, sim::TimingReport& timing) {
+  const auto judge_again = [](sim::StageTiming& stage, core::TimeNs deadline_ns) {
+    sim::StageTiming judged;
+    judged.name = stage.name;
+    judged.deadline_ns = deadline_ns;
+    judged.drops = stage.drops;
+    for (const core::TimeNs response_ns : stage.response.values_ns()) judged.add(response_ns);
+    stage = std::move(judged);
+  };
+  for (sim::StageTiming& stage : timing.stages) {
+    const sim::StageBudget* known = budget.find(stage.name);
+    judge_again(stage, known != nullptr ? known->deadline_ns : 0);
+  }
+  judge_again(timing.end_to_end, budget.end_to_end_deadline_ns);
+}
+
+/// Adds what the budget sets a deadline for and no trial played: it must not go unsaid.
+void add_what_never_ran(const sim::LatencyBudget& budget, sim::TimingReport& timing) {
+  for (const sim::StageBudget& stage : budget.stages) {
+    const bool judged = stage.charge == sim::Charge::kRobot && stage.deadline_ns > 0;
+    if (!judged || timing.find(stage.name) != nullptr) continue;
+    sim::StageTiming missing;
+    missing.name = stage.name;
+    missing.deadline_ns = stage.deadline_ns;
+    timing.stages.push_back(std::move(missing));
+  }
+}
+
+/// Timings of all trials of a run (or of one of its arms), against the budget's deadlines.
+sim::TimingReport timing_of_run(const fs::path& work, const std::string& arm,
+                                const sim::LatencyBudget& budget) {
   const fs::path folder = work / "replays";
   std::vector<fs::path> files;
   std::error_code error;
@@ -47,8 +77,15 @@ sim::TimingReport timing_of_run(const fs::path& work, const std::string& arm) {
   sim::TimingReport timing;
   int used = 0;
   for (const fs::path& file : files) {
-    const ReplayLog log = read_replay_log(file);
+    ReplayLog log = read_replay_log(file);
     if (!arm.empty() && log.arm != arm) continue;
+    if (log.clock_mode == sim::to_string(sim::ClockMode::kLockstep)) {
+      throw core::InputError::expected(
+          file.string(), "a trial in which time passed (clock: virtual, measured, realtime)",
+          "lockstep, where everything takes no time and every deadline holds");
+    }
+    // One by one: a run of misses ends with its trial.
+    apply_deadlines(budget, log.timing);
     timing.append(log.timing);
     ++used;
   }
@@ -74,23 +111,6 @@ sim::TimingReport play(const CheckFlags& flags, const sim::LatencyBudget& budget
   return sim::play_budget(clock, options);
 }
 
-/// Deadlines of the budget in place of those with which the trials ran.
-void apply_deadlines(const sim::LatencyBudget& budget, sim::TimingReport& timing) {
-  const auto judge_again = [](sim::StageTiming& stage, core::TimeNs deadline_ns) {
-    sim::StageTiming judged;
-    judged.name = stage.name;
-    judged.deadline_ns = deadline_ns;
-    judged.drops = stage.drops;
-    for (const core::TimeNs response_ns : stage.response.values_ns()) judged.add(response_ns);
-    stage = std::move(judged);
-  };
-  for (sim::StageTiming& stage : timing.stages) {
-    const sim::StageBudget* known = budget.find(stage.name);
-    judge_again(stage, known != nullptr ? known->deadline_ns : 0);
-  }
-  judge_again(timing.end_to_end, budget.end_to_end_deadline_ns);
-}
-
 void check(const CheckFlags& flags) {
   const BudgetFile file = read_budget_file(flags.budget);
   const double limit =
@@ -99,8 +119,8 @@ void check(const CheckFlags& flags) {
   if (flags.run.empty()) {
     timing = play(flags, file.budget);
   } else {
-    timing = timing_of_run(flags.run, flags.arm);
-    apply_deadlines(file.budget, timing);
+    timing = timing_of_run(flags.run, flags.arm, file.budget);
+    add_what_never_ran(file.budget, timing);
   }
   std::fputs(format_timing(timing).c_str(), stdout);
   if (!flags.json.empty()) {

@@ -39,6 +39,8 @@ void add_replay_command(CLI::App& app);
 void add_episodes_command(CLI::App& app);
 void add_explain_command(CLI::App& app);
 void add_sensors_command(CLI::App& app);
+/// `segsim trial check` and `segsim trial run`.
+void add_trial_command(CLI::App& app);
 /// `segsim table 1` and `segsim table 2`, below `segsim table`.
 void add_panoptic_table(CLI::App& table);
 void add_ablation_table(CLI::App& table);

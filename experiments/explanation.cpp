@@ -159,7 +159,8 @@ std::string end_words(const TrialRow& trial, const TrialLog& log) {
 std::string perception_words(const TrialRow& trial) {
   const Attribution& why = trial.why;
   std::string text = "in view in " + std::to_string(why.visible_frames) + " of " +
-                     std::to_string(trial.ticks) + " images, detected in " +
+                     std::to_string(why.images >= 0 ? why.images : trial.ticks) +
+                     " images, detected in " +
                      std::to_string(why.detected_frames);
   if (why.visible_frames > 0) {
     text += " (recall " +

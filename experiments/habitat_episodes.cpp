@@ -142,18 +142,38 @@ double shortest_path_m(const sim::Episode& episode, const HabitatEpisode& from,
 Json json_vector(const glm::dvec3& p) { return Json::array({p.x, p.y, p.z}); }
 Json json_rotation(const glm::dquat& R) { return Json::array({R.x, R.y, R.z, R.w}); }
 
-/// The goals of one class: each instance with the view points that see it.
-Json json_goals(const sim::Episode& episode, const core::SceneBundle& bundle,
-                const Placement& placement) {
-  std::map<std::uint16_t, std::vector<std::size_t>> points_of;
+/// A place from which an instance is seen, and how well.
+struct GoalPoint {
+  glm::dvec2 p_m{0.0};
+  float iou = 0.0F;
+};
+/// Of one class, over all its episodes: each may see only some of the instances (on its own
+/// island, say), but Habitat keeps one list for the scene.
+struct ClassGoals {
+  std::string class_name, first_episode;
+  std::map<std::uint16_t, std::vector<GoalPoint>> points_of;  ///< By instance.
+};
+
+void add_goals(const sim::Episode& episode, ClassGoals& goals) {
   for (std::size_t k = 0; k < episode.view_points_m.size(); ++k) {
-    points_of[episode.view_point_instance[k]].push_back(k);
+    std::vector<GoalPoint>& points = goals.points_of[episode.view_point_instance[k]];
+    const glm::dvec2& p_m = episode.view_points_m[k];
+    const bool known = std::any_of(points.begin(), points.end(),
+                                   [&](const GoalPoint& other) { return other.p_m == p_m; });
+    if (known) continue;
+    points.push_back({p_m, episode.view_point_iou.empty() ? 0.0F : episode.view_point_iou[k]});
   }
+}
+
+/// Each instance with the view points that see it.
+Json json_goals(const ClassGoals& of_class, const core::SceneBundle& bundle,
+                const Placement& placement) {
   Json goals = Json::array();
-  for (const auto& [id, points] : points_of) {
+  for (const auto& [id, points] : of_class.points_of) {
     const core::SceneInstance* instance = bundle.manifest.find_instance(id);
     if (instance == nullptr) {
-      throw core::InputError::expected(episode.id, "instances of " + bundle.folder.string(),
+      throw core::InputError::expected(of_class.first_episode,
+                                       "instances of " + bundle.folder.string(),
                                        std::to_string(id));
     }
     const glm::dvec3 middle_m = 0.5 * (instance->box_min_m + instance->box_max_m);
@@ -162,18 +182,16 @@ Json json_goals(const sim::Episode& episode, const core::SceneBundle& bundle,
               {"object_id", id},
               {"object_name", instance->name},
               {"object_name_id", nullptr},
-              {"object_category", habitat_category_of_class(episode.class_name)},
+              {"object_category", habitat_category_of_class(of_class.class_name)},
               {"room_id", nullptr},
               {"room_name", nullptr},
               {"view_points", Json::array()}};
-    for (const std::size_t k : points) {
-      const glm::dvec2& p_m = episode.view_points_m[k];
-      const core::Pose2 pose = sim::facing(p_m, instance->box_min_m, instance->box_max_m);
-      const Json state{{"position", json_vector(placement.habitat({p_m, 0.0}))},
+    for (const GoalPoint& point : points) {
+      const core::Pose2 pose =
+          sim::facing(point.p_m, instance->box_min_m, instance->box_max_m);
+      const Json state{{"position", json_vector(placement.habitat({point.p_m, 0.0}))},
                        {"rotation", json_rotation(placement.habitat_rotation(pose.yaw_rad))}};
-      goal["view_points"].push_back(
-          {{"agent_state", state},
-           {"iou", episode.view_point_iou.empty() ? 0.0F : episode.view_point_iou[k]}});
+      goal["view_points"].push_back({{"agent_state", state}, {"iou", point.iou}});
     }
     goals.push_back(std::move(goal));
   }
@@ -282,6 +300,7 @@ fs::path write_habitat(const fs::path& folder, const std::string& split,
   const Placement placement(levelling);
   const std::string scene_file = fs::path(scene_id).filename().string();
   Json category_ids = Json::object(), goals = Json::object(), episodes = Json::array();
+  std::map<std::string, ClassGoals> goals_of;  // By category.
   for (const sim::Episode& episode : set.episodes) {
     if (episode.view_point_instance.size() != episode.view_points_m.size()) {
       throw core::InputError::expected(episode.id, "view points that name their instance",
@@ -290,10 +309,14 @@ fs::path write_habitat(const fs::path& folder, const std::string& split,
     const std::string category = habitat_category_of_class(episode.class_name);
     if (!category_ids.contains(category)) {
       category_ids[category] = category_ids.size();
-      goals[scene_file + "_" + category] = json_goals(episode, bundle, placement);
+      goals_of[category] = {episode.class_name, episode.id, {}};
     }
+    add_goals(episode, goals_of[category]);
     episodes.push_back(
         json_episode(episode, static_cast<int>(episodes.size()), scene_id, placement));
+  }
+  for (const auto& [category, id] : category_ids.items()) {
+    goals[scene_file + "_" + category] = json_goals(goals_of[category], bundle, placement);
   }
   const Json ids{{"category_to_task_category_id", category_ids},
                  {"category_to_scene_annotation_category_id", category_ids}};

@@ -46,6 +46,7 @@ int main(int argc, char** argv) {
   experiments::add_episodes_command(app);
   experiments::add_explain_command(app);
   experiments::add_sensors_command(app);
+  experiments::add_trial_command(app);
 
   try {
     app.parse(argc, argv);

@@ -453,6 +453,14 @@ SourceSpec read_source_spec(const ConfigNode& node, const SpecFolders& folders,
   return read_source(node, Variables(folders, file));
 }
 
+CameraSpec read_camera_spec(const ConfigNode& root) { return read_camera(root); }
+
+sim::CollisionMode read_collision_mode(const ConfigNode& root) {
+  if (!root.has("collision")) return sim::CollisionMode::kFootprint;
+  return static_cast<sim::CollisionMode>(
+      core::choice(root, "collision", {"footprint", "navmesh"}));
+}
+
 fs::path read_spec_path(const ConfigNode& node, const SpecFolders& folders,
                         const fs::path& file) {
   return Variables(folders, file).expand(node);
@@ -488,6 +496,7 @@ ExperimentSpec parse_spec(const std::string& text, const fs::path& origin,
   spec.sensors = read_sensors(root);
   if (root.has("contact"))
     spec.slide_on_contact = core::choice(root, "contact", {"stop", "slide"}) == 1;
+  spec.collision = read_collision_mode(root);
   spec.control_period_s =
       number_within(root, "control_period_s", spec.control_period_s, 0.005, 2.0);
   const double steps = spec.control_period_s / 0.005;

@@ -21,6 +21,7 @@
 #include "nav/policy_factory.h"
 #include "renderer/renderer_backend.h"
 #include "sim/success_profile.h"
+#include "sim/trial.h"
 
 namespace segsim::experiments {
 
@@ -169,6 +170,7 @@ struct ExperimentSpec {
   LocalisationSpec localisation;
   std::optional<sim::SensorSettings> sensors;  ///< None: an exact camera alone.
   bool slide_on_contact = false;               ///< Along the obstacle; else it stops.
+  sim::CollisionMode collision = sim::CollisionMode::kFootprint;
   double control_period_s = 0.1;
   double time_limit_s = 180.0;
   ClockSpec clock;
@@ -212,6 +214,10 @@ struct SpecFolders {
 [[nodiscard]] SourceSpec read_source_spec(const core::ConfigNode& node,
                                           const SpecFolders& folders,
                                           const std::filesystem::path& file);
+/// The `camera:` section of a file; the defaults if it has none.
+[[nodiscard]] CameraSpec read_camera_spec(const core::ConfigNode& root);
+/// The key `collision: footprint | navmesh`; footprint if it is absent.
+[[nodiscard]] sim::CollisionMode read_collision_mode(const core::ConfigNode& root);
 /// A path with its variables replaced.
 [[nodiscard]] std::filesystem::path read_spec_path(const core::ConfigNode& node,
                                                    const SpecFolders& folders,

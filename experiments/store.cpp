@@ -115,6 +115,7 @@ struct Store::Impl {
       }
       execute(kSchema);
       execute(kAttributionSchema);
+      execute(kImagesColumn);
       Statement insert(db, file, "INSERT INTO meta VALUES (?, ?)");
       const std::string now = utc_now();
       insert.bind(kSchemaVersion).bind(now).step();
@@ -127,6 +128,11 @@ struct Store::Impl {
       }
       if (found == kBeforeTuningCost) {
         execute(kTuningCostMigration);
+        found = query_integer("SELECT schema_version FROM meta", -1);
+      }
+      if (found == kBeforeImages) {
+        execute(kImagesColumn);
+        execute("UPDATE meta SET schema_version = 5;");
         found = query_integer("SELECT schema_version FROM meta", -1);
       }
       if (found != kSchemaVersion) {

@@ -108,6 +108,11 @@ std::string format_checks(const std::vector<DeadlineCheck>& checks, double max_m
                           double confidence) {
   std::string text;
   for (const DeadlineCheck& check : checks) {
+    if (check.misses.trials == 0) {
+      text += print("FAILS  %s within %.1f ms: never ran, so there is nothing to judge\n",
+                    check.stage.c_str(), check.deadline_ms);
+      continue;
+    }
     text += print(
         "%s  %s within %.1f ms: missed %d of %d, at most %.3f %% with %.0f %% "
         "confidence (limit %.3f %%), longest run %d\n",

@@ -27,7 +27,7 @@ TrialInsights gain_insights(std::span<const TrialRow* const> trials) {
     if (!trial->counts() || !why.known()) continue;
     ++insights.trials;
     if (!trial->success) ++causes[why.cause];
-    insights.frames += trial->ticks;
+    insights.frames += why.images >= 0 ? why.images : trial->ticks;
     insights.visible_frames += why.visible_frames;
     insights.detected_frames += why.detected_frames;
     insights.false_detections += why.false_detections;

@@ -25,7 +25,7 @@ struct ProfileRate {
 struct TrialInsights {
   int trials = 0;  ///< That enter rates and have an attribution.
   std::vector<std::pair<std::string, int>> causes;  ///< Of failures, most frequent first.
-  // Perception, over all images of all these trials.
+  // Perception, over all images that the policies of these trials decided on.
   int frames = 0, visible_frames = 0, detected_frames = 0;
   int false_detections = 0;
   int saw_goal = 0;                   ///< Trials with the goal in view at some time.

@@ -33,7 +33,7 @@ struct TrialLog {
   std::vector<TickEvidence> evidence;
   std::vector<double> distance_m;  ///< To the nearest view point; infinity off the floor.
   std::vector<JudgedDetection> detections;
-  // The policy's map at the end.
+  // The policy's map at the end, in World.
   std::vector<core::PolicyView::Object> objects;  ///< Of the goal's class.
   std::optional<glm::dvec2> target_m;
 };

@@ -87,6 +87,7 @@ sim::TrialOptions trial_options(const ExperimentSpec& spec, const LoadedScene& l
   }
   options.localiser = spec.localisation.localiser;
   options.sensors = loaded.sensors;
+  options.collision = spec.collision;
   if (spec.slide_on_contact) options.contact_response = sim::ContactResponse::kSlide;
   return options;
 }
@@ -201,9 +202,13 @@ TrialLog make_log(const TrialScene& scene, const sim::TrialOptions& options,
   log.distance_m = std::move(distance_m);
   log.detections = witness.detections();
   for (const core::PolicyView::Object& object : result.final_view.objects) {
-    if (object.class_index == scene.goal_index) log.objects.push_back(object);
+    if (object.class_index != scene.goal_index) continue;
+    log.objects.push_back(object);
+    log.objects.back().position_m = world_from_odom(result, object.position_m);
   }
-  log.target_m = result.final_view.target_m;
+  if (result.final_view.target_m) {
+    log.target_m = world_from_odom(result, *result.final_view.target_m);
+  }
   return log;
 }
 
@@ -374,20 +379,23 @@ void TrialRunner::run_checked(const TrialTask& task, TrialRow& row) {
                                          const std::vector<core::Detection>& detections,
                                          const core::Policy& of) {
     const double tick_index = core::seconds(tick.time_ns) / spec_.control_period_s;
-    witness.add(static_cast<int>(std::lround(tick_index)), frame, detections);
+    const auto image = static_cast<std::uint64_t>(tick.capture_index);
+    witness.add(static_cast<int>(std::lround(tick_index)), frame,
+                tick.fresh ? std::optional(image) : std::nullopt);
     if (video) video->add(tick, frame, detections, of.view());
     if (frames) frames->add(tick, frame);
   };
 
   ReplayLog log = start_log(spec_, task);
-  RecordingDetector detector(*slot.detector, log);
+  RecordingDetector recorded(*slot.detector, log);
+  WitnessedDetector detector(recorded, slot.truth, witness);
   const fs::path log_file = work_ / "replays" / (stem + ".jsonl");
   std::optional<RecordingRenderer> kept_images;
   if (log.images) kept_images.emplace(renderer, replay_images(log_file));
   core::Renderer* const eye = kept_images ? &*kept_images : &renderer;
   sim::TrialResult result =
       sim::run_trial(episode, options, task.scene->world, task.scene->world.robot(), *eye,
-                     detector, *policy, slot.truth, observer);
+                     detector, *policy, &detector, observer);
   if (task.replay_log) write_replay_log(log_file, with_result(std::move(log), result));
   std::vector<double> distance_m;
   row.why = judge_trial(task, episode, scene.goal_index, witness, result, distance_m);

@@ -42,16 +42,18 @@ std::vector<glm::dvec2> places_at_goal(const AttributionContext& context,
 std::optional<glm::dvec2> final_target(const sim::TrialResult& result, int goal_index) {
   if (result.track.empty()) return std::nullopt;
   const sim::TickRecord& last = result.track.back();
+  const auto in_world = [&](const glm::dvec2& p_m) { return world_from_odom(result, p_m); };
   if (last.mode != core::PolicyMode::kNavigate && last.mode != core::PolicyMode::kStop) {
     return std::nullopt;
   }
-  if (result.final_view.target_m) return result.final_view.target_m;
-  const glm::dvec2 robot_m(last.pose.x_m, last.pose.y_m);
+  if (result.final_view.target_m) return in_world(*result.final_view.target_m);
+  const glm::dvec2 robot_m(result.final_pose.x_m, result.final_pose.y_m);
   std::optional<glm::dvec2> best;
   for (const core::PolicyView::Object& object : result.final_view.objects) {
     if (object.class_index != goal_index) continue;
-    if (!best || glm::distance(object.position_m, robot_m) < glm::distance(*best, robot_m)) {
-      best = object.position_m;
+    const glm::dvec2 object_m = in_world(object.position_m);
+    if (!best || glm::distance(object_m, robot_m) < glm::distance(*best, robot_m)) {
+      best = object_m;
     }
   }
   return best;
@@ -82,15 +84,19 @@ int instance_at(const sim::Episode& episode, const sim::DistanceField& to_goal,
 }
 
 void count_perception(const TrialWitness& witness, int visible_px, Attribution& why) {
-  int tick = 0;
-  for (const TickEvidence& e : witness.evidence()) {
-    const bool visible = e.largest_px >= visible_px;
+  why.images = static_cast<int>(witness.images().size());
+  for (const ImageEvidence& image : witness.images()) {
+    const bool visible = image.largest_px >= visible_px;
     why.visible_frames += visible ? 1 : 0;
-    why.detected_frames += visible && e.true_detections > 0 ? 1 : 0;
-    why.true_detections += e.true_detections;
-    why.false_detections += e.false_detections;
-    if (why.first_true_tick < 0 && e.true_detections > 0) why.first_true_tick = tick;
-    ++tick;
+    why.detected_frames += visible && image.true_detections > 0 ? 1 : 0;
+    why.true_detections += image.true_detections;
+    why.false_detections += image.false_detections;
+  }
+  const auto first =
+      std::find_if(witness.evidence().begin(), witness.evidence().end(),
+                   [](const TickEvidence& e) { return e.true_detections > 0; });
+  if (first != witness.evidence().end()) {
+    why.first_true_tick = static_cast<int>(first - witness.evidence().begin());
   }
 }
 
@@ -141,24 +147,72 @@ bool TrialWitness::is_goal(const core::BoxPx& box, const core::Frame& frame,
   return !goals.empty() && area > 0.0 && goal_pixels >= kTrueShare * area;
 }
 
-void TrialWitness::add(int tick, const core::Frame& frame,
-                       std::span<const core::Detection> detections) {
+void TrialWitness::judge(std::uint64_t capture_index, const core::Frame& frame,
+                         std::span<const core::Detection> detections) {
+  const std::vector<Seen> goals = goals_in(frame);
+  ImageEvidence& image = on_their_way_[capture_index] = {};
+  for (const Seen& seen : goals) image.largest_px = std::max(image.largest_px, seen.pixels);
+  for (const core::Detection& detection : detections) {
+    if (goal_index_ < 0 || detection.class_index != goal_index_) continue;
+    const bool right = is_goal(detection.box, frame, goals);
+    ++(right ? image.true_detections : image.false_detections);
+    image.detections.push_back({-1, detection.box, detection.score, right});
+  }
+}
+
+void TrialWitness::add(int tick, const core::Frame& newest,
+                       std::optional<std::uint64_t> decided_on) {
   SEGSIM_CHECK(tick >= static_cast<int>(evidence_.size()), "ticks come in order");
   evidence_.resize(static_cast<std::size_t>(tick));
-  const std::vector<Seen> goals = goals_in(frame);
   TickEvidence evidence;
-  for (const Seen& seen : goals) {
+  for (const Seen& seen : goals_in(newest)) {
     if (seen.pixels <= evidence.largest_px) continue;
     evidence.largest_px = seen.pixels;
     evidence.instance = seen.instance;
   }
-  for (const core::Detection& detection : detections) {
-    if (goal_index_ < 0 || detection.class_index != goal_index_) continue;
-    const bool right = is_goal(detection.box, frame, goals);
-    ++(right ? evidence.true_detections : evidence.false_detections);
-    detections_.push_back({tick, detection.box, detection.score, right});
+  if (decided_on) {
+    ImageEvidence& image = on_their_way_.at(*decided_on);
+    evidence.true_detections = image.true_detections;
+    evidence.false_detections = image.false_detections;
+    for (JudgedDetection& detection : image.detections) {
+      detection.tick = tick;
+      detections_.push_back(detection);
+    }
+    images_.push_back(std::move(image));
+    // Older ones were given up, or a newer one overtook them.
+    on_their_way_.erase(on_their_way_.begin(), on_their_way_.upper_bound(*decided_on));
   }
   evidence_.push_back(evidence);
+}
+
+void WitnessedDetector::begin_episode(std::uint64_t episode_seed) {
+  if (truth_ != nullptr) truth_->begin_episode(episode_seed);
+}
+
+void WitnessedDetector::set_truth(const core::Frame& frame) {
+  frame_ = &frame;
+  if (truth_ != nullptr) truth_->set_truth(frame);
+}
+
+std::vector<core::Detection> WitnessedDetector::detect(const core::Observation& seen) {
+  SEGSIM_CHECK(frame_ != nullptr, "the truth comes before the image");
+  std::vector<core::Detection> detections = inner_.detect(seen);
+  witness_.judge(seen.capture_index, *frame_, detections);
+  frame_ = nullptr;
+  return detections;
+}
+
+glm::dvec2 world_from_odom(const sim::TrialResult& result, const glm::dvec2& p_odom_m) {
+  const core::Pose2 &truth = result.final_pose, &estimate = result.final_estimate;
+  if (truth.x_m == estimate.x_m && truth.y_m == estimate.y_m &&
+      truth.yaw_rad == estimate.yaw_rad) {
+    return p_odom_m;  // Perfect localisation.
+  }
+  const double turn_rad = truth.yaw_rad - estimate.yaw_rad;
+  const double c = std::cos(turn_rad), s = std::sin(turn_rad);
+  const glm::dvec2 offset_m = p_odom_m - glm::dvec2(estimate.x_m, estimate.y_m);
+  return glm::dvec2(truth.x_m, truth.y_m) +
+         glm::dvec2(c * offset_m.x - s * offset_m.y, s * offset_m.x + c * offset_m.y);
 }
 
 Attribution attribute(const AttributionContext& context, const sim::TrialResult& result,
@@ -179,7 +233,8 @@ Attribution attribute(const AttributionContext& context, const sim::TrialResult&
   for (const core::PolicyView::Object& object : result.final_view.objects) {
     if (object.class_index != context.goal_index) continue;
     const bool right = distance_to_goal_box_m(*context.manifest, class_id,
-                                              object.position_m) <= kCloudReach_m;
+                                              world_from_odom(result, object.position_m)) <=
+                       kCloudReach_m;
     ++(right ? why.true_clouds : why.false_clouds);
   }
 
@@ -204,12 +259,11 @@ Attribution attribute(const AttributionContext& context, const sim::TrialResult&
   why.decisive_tick = verdict.decisive_tick;
 
   if (!result.track.empty()) {
-    const core::Pose2& end = result.track.back().pose;
-    const glm::dvec2 end_m(end.x_m, end.y_m);
+    // The last tick is older than a STOP that took its time to reach the wheels.
+    const glm::dvec2 end_m(result.final_pose.x_m, result.final_pose.y_m);
     why.stopped =
         result.track.back().mode == core::PolicyMode::kStop || !result.stop_reason.empty();
-    why.final_visible_px =
-        witness.evidence().empty() ? 0 : witness.evidence().back().largest_px;
+    why.final_visible_px = result.final_goal_pixels;
     why.planar_m = finite(planar_to_view_point_m(episode, end_m));
     const sim::DistanceField to_object =
         context.world->distance_to(places_at_goal(context, class_id));

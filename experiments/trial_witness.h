@@ -6,6 +6,7 @@
 /// does not know.
 
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <span>
 #include <string>
@@ -25,10 +26,11 @@ namespace segsim::experiments {
 struct Attribution {
   std::string cause;  ///< to_string(Cause); empty: the trial is older than attribution.
   int inevitable_tick = -1, decisive_tick = -1;
-  // Perception.
+  // Perception: of the images that the policy decided on, each counted once.
+  int images = -1;          ///< Their number; -1: not known (trials of older versions).
   int visible_frames = 0;   ///< With the goal in view.
   int detected_frames = 0;  ///< Of these, with a true detection: recall is the quotient.
-  int true_detections = 0, false_detections = 0;  ///< Of the goal's class, over all frames.
+  int true_detections = 0, false_detections = 0;  ///< Of the goal's class, over all images.
   int first_true_tick = -1;                       ///< First true detection.
   int true_clouds = 0, false_clouds = 0;          ///< Objects in the policy's map at the end.
   // The end, for success rules other than the run's own (sim/success_profile.h).
@@ -44,7 +46,7 @@ struct Attribution {
 
 /// One detection of the goal's class.
 struct JudgedDetection {
-  int tick = 0;
+  int tick = 0;  ///< At which the policy took it in.
   core::BoxPx box;
   float score = 0.0F;
   bool is_goal = false;
@@ -59,18 +61,31 @@ inline constexpr double kTrueShare = 0.5;
 /// object of its map if it lies so near.
 inline constexpr double kTargetReach_m = 1.0, kCloudReach_m = 0.5;
 
+/// What the detector made of one image.
+struct ImageEvidence {
+  int largest_px = 0;  ///< Of the goal instance seen best in that image.
+  int true_detections = 0, false_detections = 0;
+  std::vector<JudgedDetection> detections;  ///< Of the goal's class; no tick yet.
+};
+
 class TrialWitness {
  public:
   /// @param goal_index  Of the goal among the detector's classes; -1: it has none.
   TrialWitness(const core::SceneManifest& manifest, const sim::Episode& episode,
                int goal_index);
 
-  /// To be called at most once per tick, in order, with labels in the frame. A tick that was
-  /// left out saw nothing. With simulated latency the detections in use are older than the
-  /// frame, so on a turning robot they are judged against a scene that has moved.
-  void add(int tick, const core::Frame& frame, std::span<const core::Detection> detections);
+  /// The detector's answer to an image, with the labels of that image.
+  void judge(std::uint64_t capture_index, const core::Frame& frame,
+             std::span<const core::Detection> detections);
+  /// To be called at most once per tick, in order. A tick that was left out saw nothing.
+  /// @param newest  What the camera saw last, with labels.
+  /// @param decided_on  The image that the policy took in at this tick, which is older if
+  /// perception takes time; none if it had no new one. Was judged before.
+  void add(int tick, const core::Frame& newest, std::optional<std::uint64_t> decided_on);
 
   [[nodiscard]] const std::vector<TickEvidence>& evidence() const { return evidence_; }
+  /// The images that the policy decided on, in that order.
+  [[nodiscard]] const std::vector<ImageEvidence>& images() const { return images_; }
   [[nodiscard]] const std::vector<JudgedDetection>& detections() const { return detections_; }
 
  private:
@@ -87,6 +102,29 @@ class TrialWitness {
   int goal_index_;
   std::vector<TickEvidence> evidence_;
   std::vector<JudgedDetection> detections_;
+  std::vector<ImageEvidence> images_;
+  std::map<std::uint64_t, ImageEvidence> on_their_way_;  ///< By capture.
+};
+
+/// Stands before a detector and its sink of ground truth, and has the witness judge each
+/// answer by the labels of its own image.
+class WitnessedDetector final : public core::Detector, public sim::GroundTruthSink {
+ public:
+  /// @param truth  Of the detector; may be null.
+  WitnessedDetector(core::Detector& inner, sim::GroundTruthSink* truth, TrialWitness& witness)
+      : inner_(inner), truth_(truth), witness_(witness) {}
+  [[nodiscard]] const std::vector<std::string>& class_names() const override {
+    return inner_.class_names();
+  }
+  void begin_episode(std::uint64_t episode_seed) override;
+  void set_truth(const core::Frame& frame) override;
+  [[nodiscard]] std::vector<core::Detection> detect(const core::Observation& seen) override;
+
+ private:
+  core::Detector& inner_;
+  sim::GroundTruthSink* truth_;
+  TrialWitness& witness_;
+  const core::Frame* frame_ = nullptr;  ///< Of the call of detect() that follows.
 };
 
 /// What attribution needs besides the witness; borrowed.
@@ -98,6 +136,11 @@ struct AttributionContext {
   int goal_index = -1;
   double time_limit_s = 0.0;
 };
+
+/// A place of the policy's map (Odom) in World. Odometry drifts; the transform is that of the
+/// end, so this is where the robot would arrive if it drove there now.
+[[nodiscard]] glm::dvec2 world_from_odom(const sim::TrialResult& result,
+                                         const glm::dvec2& p_odom_m);
 
 /// Everything there is to say about a finished trial, and the distance to the goal at each
 /// tick.

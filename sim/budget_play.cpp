@@ -37,7 +37,7 @@ TimingReport play_budget(const TrialClock& clock, const BudgetPlayOptions& optio
        now_ns += options.control_period_ns, ++tick) {
     for (; camera.time_of(next_capture, options.seed) <= now_ns; ++next_capture) {
       const core::TimeNs at_ns = camera.time_of(next_capture, options.seed);
-      schedule.advance_to(at_ns);
+      schedule.advance_to(at_ns - 1);  // As a trial does: the image is among the choices.
       schedule.capture(at_ns, next_capture);
     }
     schedule.advance_to(now_ns);

@@ -43,7 +43,8 @@ struct TrialClock {
   LatencyBudget budget;  ///< Not used in lockstep.
   SensorRate camera;
   Registration registration = Registration::kCapture;
-  double measured_scale = 1.0;  ///< kMeasured: how much slower the robot's computer is.
+  /// kMeasured, kRealtime: by how much the robot's computer is slower than this one.
+  double measured_scale = 1.0;
 
   /// The budget that is played: empty in lockstep; with the measured stages ("detect",
   /// "policy", and "render" if charged to the robot) in measured and realtime mode.

@@ -18,6 +18,7 @@
 #include "core/check.h"
 #include "core/error.h"
 #include "core/file_io.h"
+#include "sim/internal/navmesh_access.h"
 
 namespace segsim::sim {
 namespace {
@@ -346,6 +347,10 @@ Navmesh Navmesh::load(const std::filesystem::path& file) {
   return Navmesh(std::make_unique<Impl>(
       settings,
       std::vector<unsigned char>(text.begin() + static_cast<std::ptrdiff_t>(at), text.end())));
+}
+
+const dtNavMesh& internal::NavmeshAccess::mesh(const Navmesh& navmesh) {
+  return *navmesh.impl_->mesh;
 }
 
 const NavmeshSettings& Navmesh::settings() const { return impl_->settings; }

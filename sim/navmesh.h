@@ -42,6 +42,10 @@ struct NavPath {
   double length_m = 0.0;              ///< In 3-D.
 };
 
+namespace internal {
+struct NavmeshAccess;
+}
+
 class Navmesh {
  public:
   /// @throws core::InputError if the mesh holds no walkable area for these settings.
@@ -70,6 +74,7 @@ class Navmesh {
                                                  const glm::dvec3& to_m) const;
 
  private:
+  friend struct internal::NavmeshAccess;
   struct Impl;
   explicit Navmesh(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;

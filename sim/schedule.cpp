@@ -121,6 +121,7 @@ void Schedule::give_up(const Job& job) {
 
 void Schedule::start(const Job& job, core::TimeNs now_ns) {
   const StageBudget& stage = budget_.stages[job.stage];
+  job_begins_ns_ = now_ns;
   const core::TimeNs duration_ns = work_(stage, job.index);
   SEGSIM_CHECK(duration_ns >= 0, stage.name);
   if (!stage.on.empty()) usage_[stage.on].busy_ns += duration_ns;

@@ -45,11 +45,16 @@ class Schedule {
   /// @param budget  Without a problem(). Stages charged to sim are not played.
   Schedule(LatencyBudget budget, Work work);
 
-  /// An image is taken at that time. Not before what was already played; indices ascend.
+  /// An image is taken at that time. Not before what was already played; indices ascend. What
+  /// happens at this very moment should not have been played either (advance_to one nanosecond
+  /// less), or a server that becomes free now chooses without this image.
   void capture(core::TimeNs time_ns, std::uint64_t index);
   /// The policy starts on the tick as soon as its resource is free. Only if not deciding().
   void decide(core::TimeNs time_ns, std::uint64_t tick);
   [[nodiscard]] bool deciding() const { return deciding_; }
+
+  /// For Work: when the job begins whose duration it is asked for.
+  [[nodiscard]] core::TimeNs job_begins_ns() const { return job_begins_ns_; }
 
   /// Plays everything up to and including that time.
   void advance_to(core::TimeNs time_ns);
@@ -62,7 +67,8 @@ class Schedule {
     return std::exchange(dropped_, {});
   }
 
-  /// Stages and resources of the report; jobs in flight are not in it.
+  /// Stages and resources of the report. Jobs in flight have no response yet, but the whole
+  /// time that they will take is in their resource's busy_ns, which can so exceed the span.
   void report(TimingReport& report) const;
 
  private:
@@ -117,7 +123,7 @@ class Schedule {
   std::map<std::uint64_t, Image> images_;  ///< In flight.
   std::priority_queue<Event, std::vector<Event>, std::greater<>> events_;
   std::uint64_t events_made_ = 0;
-  core::TimeNs now_ns_ = 0;
+  core::TimeNs now_ns_ = 0, job_begins_ns_ = 0;
   bool deciding_ = false;
   std::vector<Result> results_;
   std::vector<Effect> effects_;

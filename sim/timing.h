@@ -46,7 +46,7 @@ struct StageTiming {
 
 struct ResourceTiming {
   int servers = 1;
-  core::TimeNs busy_ns = 0;
+  core::TimeNs busy_ns = 0;  ///< Sum over jobs that began, each with all of its time.
 };
 
 /// Of one trial, or of several.

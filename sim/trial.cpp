@@ -75,7 +75,8 @@ class Loop {
         schedule_(budget_, [this](const StageBudget& stage,
                                   std::uint64_t index) { return work(stage, index); }),
         period_ns_(std::llround(options.control_period_s * 1e9)),
-        camera_(options.clock.camera) {
+        camera_(options.clock.camera),
+        frames_to_drop_(options.faults.frame_drops) {
     // A scripted drive has no goal, and no use for the distances to it.
     if (!episode.view_points_m.empty()) {
       to_goal_.emplace(world.distance_to(episode.view_points_m));
@@ -120,10 +121,13 @@ class Loop {
       }
       items = static_cast<int>(capture.detections.size());
     }
+    // In both modes that measure. In realtime a factor makes the robot's computer slower than
+    // this one, and the world still keeps to the wall clock.
     const auto scaled_ns = static_cast<core::TimeNs>(static_cast<double>(measured_ns) *
                                                      options_.clock.measured_scale);
     const core::TimeNs duration_ns =
-        stage.duration.draw(stage.name, episode_.seed, index, items, scaled_ns);
+        stage.duration.draw(stage.name, episode_.seed, index, items, scaled_ns) +
+        options_.faults.added_ns(stage.name, schedule_.job_begins_ns());
     result_.trace.add(stage.name, index, duration_ns);
     return duration_ns;
   }
@@ -132,15 +136,34 @@ class Loop {
   bool play_until(core::TimeNs time_ns) {
     while (camera_.time_of(next_capture_, episode_.seed) <= time_ns) {
       const core::TimeNs capture_ns = camera_.time_of(next_capture_, episode_.seed);
-      if (!compute_until(capture_ns)) return false;
+      // Only what comes before: a server that becomes free at the moment of the exposure
+      // chooses among all images, this one too.
+      if (!compute_until(capture_ns - 1) || !drive_to(capture_ns)) return false;
+      ++next_capture_;
+      if (is_dropped(capture_ns)) {
+        eye_.skip();
+        continue;
+      }
       schedule_.capture(
           capture_ns,
           eye_.take(capture_ns, drive_.pose(), drive_.estimate(), drive_.velocity()).index);
-      ++next_capture_;
     }
-    return compute_until(time_ns);
+    return compute_until(time_ns) && drive_to(time_ns);
   }
 
+  /// Whether a fault takes the image of that time away.
+  bool is_dropped(core::TimeNs capture_ns) {
+    bool dropped = false;
+    for (FrameDropFault& fault : frames_to_drop_) {
+      if (capture_ns < fault.from_ns || fault.count == 0) continue;
+      --fault.count;
+      dropped = true;
+    }
+    result_.frames_dropped += dropped ? 1 : 0;
+    return dropped;
+  }
+
+  /// Computes up to that time; drives as far as the last command that came into effect.
   bool compute_until(core::TimeNs time_ns) {
     schedule_.advance_to(time_ns);
     for (const std::uint64_t index : schedule_.take_dropped()) eye_.dropped(index);
@@ -148,7 +171,7 @@ class Loop {
     for (const Schedule::Effect& effect : schedule_.take_effects()) {
       if (!drive_to(effect.time_ns) || !apply(effect)) return false;
     }
-    return drive_to(time_ns);
+    return true;
   }
 
   bool drive_to(core::TimeNs time_ns) {
@@ -204,6 +227,7 @@ class Loop {
                               ? newest->goal
                               : eye_.look(drive_.pose());
     result_.stop_reason = reason;
+    result_.final_goal_pixels = view.largest_instance;
     result_.outcome = classify_stop(reason, distance_m(), eye_.goal_visible(view), options_);
   }
 
@@ -290,12 +314,15 @@ class Loop {
     return answer(budget_.on_max_age, {});
   }
 
-  /// The robot goes on until its STOP reaches the wheels.
+  /// The robot goes on until its STOP reaches the wheels: tick for tick as before, but nothing
+  /// is decided any more.
   bool stop_decided_without_effect(int tick, core::TimeNs now_ns) {
     if (!decision_.stop) return false;
     for (core::TimeNs t = now_ns; pending_.contains(static_cast<std::uint64_t>(tick));) {
       t += period_ns_;
       if (!play_until(t)) break;
+      if (sends_again_) drive_.send_again();
+      if (!check_age(t - eye_.in_use()->time_ns)) break;
     }
     return true;
   }
@@ -334,6 +361,10 @@ class Loop {
     result_.policy_ms = decisions_ == 0 ? 0.0 : ms_from_ns(policy_sum_ns_) / decisions_;
     result_.final_view = policy_.view();
     result_.final_estimate = drive_.estimate();
+    result_.final_pose = drive_.pose();
+    if (result_.stop_reason.empty() && eye_.newest() != nullptr) {
+      result_.final_goal_pixels = eye_.newest()->goal.largest_instance;
+    }
     schedule_.report(result_.timing);
     result_.timing.span_ns = drive_.time_ns();
     result_.path_m = drive_.path_m();
@@ -368,6 +399,7 @@ class Loop {
   core::TimeNs period_ns_;
   SensorRate camera_;
   Pacer pacer_;
+  std::vector<FrameDropFault> frames_to_drop_;  ///< Counts are what is left.
   std::uint64_t next_capture_ = 0;
   core::Decision decision_{{}, core::PolicyMode::kInitialize, false, {}};
   core::TimeNs policy_ns_ = 0, policy_sum_ns_ = 0;

@@ -32,6 +32,7 @@
 #include "sim/sensors/localiser.h"
 #include "sim/sensors/sensor_suite.h"
 #include "sim/timing.h"
+#include "sim/trial_faults.h"
 #include "sim/world.h"
 
 namespace segsim::sim {
@@ -53,6 +54,14 @@ struct Episode {
   std::string source;  ///< Of an imported episode: data set, scene, index and hash.
 };
 
+/// What the robot's motion is checked against.
+enum class CollisionMode : std::uint8_t {
+  kFootprint,  ///< The swept rectangle and the mast (sim/collision.h).
+  /// A point on the eroded navigation mesh, as Habitat has it (sim/navmesh_walker.h): turning
+  /// never collides. For comparisons with Habitat's figures.
+  kNavmesh,
+};
+
 struct TrialOptions {
   double control_period_s = 0.1;
   double substep_s = 0.005;
@@ -66,11 +75,13 @@ struct TrialOptions {
   double depth_range_m = 6.0;  ///< Farther depth is not measured (NaN).
   bool stop_on_contact = false;
   ContactResponse contact_response = ContactResponse::kStop;
+  CollisionMode collision = CollisionMode::kFootprint;
   std::optional<OdometryNoise> odometry;    ///< What the robot believes is odometry ...
   std::optional<LocaliserModel> localiser;  ///< ... or this; with neither it knows its pose.
   /// nullptr: exact images, and no sensor but the camera.
   std::shared_ptr<const SensorSettings> sensors;
-  TrialClock clock;  ///< Lockstep by default.
+  TrialClock clock;    ///< Lockstep by default.
+  TrialFaults faults;  ///< None by default.
 };
 
 enum class Outcome : std::uint8_t {
@@ -121,7 +132,8 @@ struct TrialResult {
       0;  ///< Geodesic, at the end; infinity if off the navigable area.
   double sim_s = 0, wall_s = 0;
   int ticks = 0;
-  int contacts = 0;  ///< Separate contacts (0.5 s debounce).
+  int frames_dropped = 0;  ///< By faults.
+  int contacts = 0;        ///< Separate contacts (0.5 s debounce).
   double contact_s = 0;
   int first_visible_tick = -1, first_detected_tick = -1;
   double invalid_pixel_fraction = 0;  ///< Mean share of pixels with alpha < 0.5.
@@ -130,6 +142,10 @@ struct TrialResult {
   std::vector<TickRecord> track;
   core::PolicyView final_view;  ///< In Odom, which equals World with perfect localisation.
   core::Pose2 final_estimate;   ///< Of the robot, in Odom.
+  /// Where the trial ended: where a STOP took effect, or time was over. The last entry of
+  /// `track` is older, by what the last decision took.
+  core::Pose2 final_pose;
+  int final_goal_pixels = 0;  ///< Of the goal instance seen best from there (or last).
   // Mean wall times per image, detector call and decision [ms].
   double render_ms = 0, detect_ms = 0, policy_ms = 0;
   std::vector<ContactRecord> contact_log;  ///< `contacts` of them.

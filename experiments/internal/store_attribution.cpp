@@ -33,7 +33,7 @@ void insert_attribution(sqlite3* db, const std::filesystem::path& file, std::int
   if (!why.known()) return;
   Statement insert(db, file,
                    "INSERT INTO attribution VALUES "
-                   "(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+                   "(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
   insert.bind(trial_id).bind(why.cause).bind(why.inevitable_tick).bind(why.decisive_tick);
   insert.bind(why.visible_frames).bind(why.detected_frames).bind(why.true_detections);
   insert.bind(why.false_detections).bind(why.first_true_tick).bind(why.true_clouds);
@@ -42,7 +42,7 @@ void insert_attribution(sqlite3* db, const std::filesystem::path& file, std::int
   bind_optional(insert, why.planar_m);
   bind_optional(insert, why.shortest_object_m);
   insert.bind(why.collision_ticks).bind(why.off_navmesh_ticks).bind(why.reached_instance);
-  insert.bind(trial.log).step();
+  insert.bind(trial.log).bind(why.images).step();
 }
 
 void read_attributions(sqlite3* db, const std::filesystem::path& file, std::int64_t run_id,
@@ -73,6 +73,7 @@ void read_attributions(sqlite3* db, const std::filesystem::path& file, std::int6
       *column = select.small_integer();
     }
     found->second->log = select.text();
+    why.images = select.small_integer();
   }
 }
 

@@ -35,6 +35,13 @@ ALTER TABLE scene ADD COLUMN oracle_episodes INTEGER NOT NULL DEFAULT -1;
 UPDATE meta SET schema_version = 3;
 )sql";
 
+/// From version 4 to 5, and after kAttributionSchema in a new file: over how many images
+/// perception was counted.
+inline constexpr int kBeforeImages = 4;
+inline constexpr const char* kImagesColumn = R"sql(
+ALTER TABLE attribution ADD COLUMN images INTEGER NOT NULL DEFAULT -1;
+)sql";
+
 /// Before the failed trial itself is removed.
 void remove_attribution_of_failed(sqlite3* db, const std::filesystem::path& file,
                                   std::int64_t run_id, const TrialRow& trial);

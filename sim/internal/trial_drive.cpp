@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include <glm/geometric.hpp>
+
 #include "core/check.h"
 #include "core/error.h"
 
@@ -36,7 +38,16 @@ TrialDrive::TrialDrive(const Episode& episode, const TrialOptions& options, cons
   const core::TimeNs period_ns = std::llround(options.control_period_s * 1e9);
   SEGSIM_CHECK(substep_ns_ > 0 && period_ns > 0 && period_ns % substep_ns_ == 0,
                "the control period is a whole number of substeps");
-  if (world.collision().collides(episode.start)) {
+  if (options.collision == CollisionMode::kNavmesh) {
+    const glm::dvec3 start_m(episode.start.x_m, episode.start.y_m, 0.0);
+    walker_ = NavmeshWalker::place(world.navmesh(), start_m);
+    if (!walker_) {
+      throw core::InputError::expected("episode " + episode.id,
+                                       "a start on the navigation mesh", "none near it");
+    }
+    const glm::dvec3& p_m = walker_->position_m();
+    robot_.set_pose({p_m.x, p_m.y, episode.start.yaw_rad});
+  } else if (world.collision().collides(episode.start)) {
     throw core::InputError::expected("episode " + episode.id, "a free start", "a collision");
   }
   SEGSIM_CHECK(!options.odometry || !options.localiser, "one kind of localisation");
@@ -64,8 +75,7 @@ bool TrialDrive::drive_to(core::TimeNs time_ns) {
     const double step_s = step_ns == substep_ns_ ? options_.substep_s : core::seconds(step_ns);
     const core::Pose2 before = robot_.state().pose;
     const core::VelocityCommand velocity = robot_.update_velocity(step_s);
-    const MoveResult moved =
-        world_.collision().move(before, velocity, step_s, options_.contact_response);
+    const MoveResult moved = move(velocity, step_s);
     path_m_ += std::hypot(moved.pose.x_m - before.x_m, moved.pose.y_m - before.y_m);
     robot_.set_pose(moved.pose);
     now_ns_ = next_ns;
@@ -78,6 +88,35 @@ bool TrialDrive::drive_to(core::TimeNs time_ns) {
     }
   }
   return true;
+}
+
+MoveResult TrialDrive::move(const core::VelocityCommand& velocity, double step_s) {
+  const core::Pose2& from = robot_.state().pose;
+  if (!walker_) {
+    const bool repeated =
+        moved_ && moved_->from.x_m == from.x_m && moved_->from.y_m == from.y_m &&
+        moved_->from.yaw_rad == from.yaw_rad &&
+        moved_->velocity.forward_mps == velocity.forward_mps &&
+        moved_->velocity.turn_radps == velocity.turn_radps && moved_->step_s == step_s;
+    if (!repeated) {
+      moved_ =
+          Moved{from, velocity, step_s,
+                world_.collision().move(from, velocity, step_s, options_.contact_response)};
+    }
+    return moved_->result;
+  }
+  const core::Pose2 wanted = drive_arc(from, velocity, step_s);
+  const NavmeshWalker::Step step =
+      walker_->walk({wanted.x_m, wanted.y_m}, options_.contact_response);
+  MoveResult result;
+  result.pose = {step.position_m.x, step.position_m.y, wanted.yaw_rad};
+  if (step.wall_normal) {
+    const glm::dvec2 motion_m(wanted.x_m - from.x_m, wanted.y_m - from.y_m);
+    const double approach_m = -glm::dot(motion_m, *step.wall_normal);
+    result.contact = Contact{glm::dvec2(step.position_m), *step.wall_normal,
+                             std::max(0.0, approach_m) / step_s};
+  }
+  return result;
 }
 
 void TrialDrive::note_contact(const Contact& contact, core::TimeNs step_ns) {

@@ -7,6 +7,7 @@
 #include <optional>
 #include <vector>
 
+#include "sim/navmesh_walker.h"
 #include "sim/trial.h"
 
 namespace segsim::sim::internal {
@@ -47,11 +48,22 @@ class TrialDrive {
   }
 
  private:
+  /// One substep, in the world of the options' collision mode.
+  [[nodiscard]] MoveResult move(const core::VelocityCommand& velocity, double step_s);
   void note_contact(const Contact& contact, core::TimeNs step_ns);
 
   const TrialOptions& options_;
   const World& world_;
   Robot robot_;
+  /// The last motion: a base that pushes on a wall repeats it exactly, substep after substep.
+  struct Moved {
+    core::Pose2 from;
+    core::VelocityCommand velocity;
+    double step_s = 0.0;
+    MoveResult result;
+  };
+  std::optional<Moved> moved_;
+  std::optional<NavmeshWalker> walker_;  ///< Of CollisionMode::kNavmesh.
   std::optional<Odometer> odometer_;
   std::optional<Localiser> localiser_;
   std::optional<SensorSuite> sensors_;

@@ -225,10 +225,11 @@ void TrialEye::report(TrialResult& result) const {
   const auto mean_ms = [](core::TimeNs sum_ns, std::uint64_t count) {
     return count == 0 ? 0.0 : ms_from_ns(sum_ns) / static_cast<double>(count);
   };
-  result.render_ms = mean_ms(render_ns_, taken_);
+  const std::uint64_t images = taken_ - skipped_;
+  result.render_ms = mean_ms(render_ns_, images);
   result.detect_ms = mean_ms(detect_ns_, static_cast<std::uint64_t>(detected_));
   result.invalid_pixel_fraction =
-      taken_ == 0 ? 0.0 : invalid_share_ / static_cast<double>(taken_);
+      images == 0 ? 0.0 : invalid_share_ / static_cast<double>(images);
 }
 
 }  // namespace segsim::sim::internal

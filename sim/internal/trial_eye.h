@@ -45,6 +45,11 @@ class TrialEye {
   /// @param velocity  Of the base: what blurs the exposure.
   Capture& take(core::TimeNs time_ns, const core::Pose2& pose, const core::Pose2& estimate,
                 const core::VelocityCommand& velocity);
+  /// The next image is lost before anybody sees it; it keeps its number.
+  void skip() {
+    ++taken_;
+    ++skipped_;
+  }
   /// Runs the detector on the image, once.
   void detect(Capture& capture);
   /// What the policy is shown. @param pose_at_use  Places the image there, if given (Odom).
@@ -101,7 +106,7 @@ class TrialEye {
   std::uint64_t seed_;
   DepthModel depth_model_;
   std::vector<Reading<RenderValidity>> validity_;
-  std::uint64_t taken_ = 0;
+  std::uint64_t taken_ = 0, skipped_ = 0;
   int detected_ = 0;
   core::TimeNs render_ns_ = 0, detect_ns_ = 0;
   double invalid_share_ = 0.0;

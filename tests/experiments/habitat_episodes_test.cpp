@@ -235,6 +235,33 @@ TEST_F(HabitatRoundTrip, GivesBackTheSameTasks) {
   }
 }
 
+TEST_F(HabitatRoundTrip, GoalsAreThoseOfAllEpisodesOfACategory) {
+  const TemporaryFolder folder("union");
+  const core::SceneBundle bundle =
+      core::load_bundle(TinyScene().write(folder.path() / "tiny"));
+  const sim::World world = sim::World::load(bundle, sim::RobotModel::jackal_gentle());
+  // The first couch episode knows one view point, the second that one and another.
+  EpisodeSet set = generate(bundle, world);
+  std::erase_if(set.episodes,
+                [](const sim::Episode& e) { return e.class_name != "couch"; });
+  ASSERT_GE(set.episodes.size(), 2U);
+  set.episodes.resize(2);
+  for (std::size_t n = 0; n < 2; ++n) {
+    sim::Episode& episode = set.episodes[n];
+    ASSERT_GE(episode.view_points_m.size(), 2U);
+    episode.view_points_m.resize(n + 1);
+    episode.view_point_instance.resize(n + 1);
+    episode.view_point_iou.resize(n + 1);
+  }
+  (void)write_habitat(folder.path() / "out", "mini", "x/tiny.glb", set, bundle, {});
+  const HabitatDataset dataset = read_habitat(folder.path() / "out" / "mini.json.gz");
+  std::size_t points = 0;
+  for (const HabitatGoal& goal : dataset.scenes[0].goals.at("sofa")) {
+    points += goal.view_points.size();
+  }
+  EXPECT_EQ(points, 2U);
+}
+
 TEST_F(HabitatRoundTrip, WhatTheSceneLacksIsRefused) {
   const TemporaryFolder folder("lacks");
   const core::SceneBundle bundle =

@@ -1,4 +1,5 @@
 // Trials in virtual time through the whole chain: run, record, replay, sweep.
+#include <algorithm>
 #include <fstream>
 
 #include <gmock/gmock.h>
@@ -221,6 +222,76 @@ TEST_F(ReplayTest, BudgetCheckJudgesARun) {
   EXPECT_THAT(segsim("budget check " + budget + " --seconds 120"),
               HasSubstr("deadlines do not hold"));
   EXPECT_THAT(segsim("budget check " + budget + " --run " + budget), HasSubstr("replay logs"));
+}
+
+TEST_F(ReplayTest, BudgetCheckSaysWhatItCannotJudge) {
+  const std::string work = (folder_->path() / "work").string();
+  // A stage that no trial played has a deadline.
+  std::ofstream(folder_->path() / "more.yaml")
+      << "schema: segsim.budget/1\nid: more\nresources: {gpu: 1}\nstages:\n"
+         "  detect: {on: gpu, ms: 1, deadline_ms: 60000}\n"
+         "  track: {on: gpu, after: detect, ms: 1, deadline_ms: 10}\n";
+  testing::internal::CaptureStdout();
+  const std::string verdict =
+      segsim("budget check " + (folder_->path() / "more.yaml").string() + " --run " + work +
+             " --max-miss-rate 1");
+  EXPECT_THAT(testing::internal::GetCapturedStdout(),
+              HasSubstr("track within 10.0 ms: never ran"));
+  EXPECT_THAT(verdict, HasSubstr("1 of 2 deadlines do not hold"));
+  // In lockstep nothing takes time.
+  std::string text = kSpec;
+  text.replace(text.find("clock:"), text.find("arms:") - text.find("clock:"), "");
+  text.replace(text.find(", add_ms: {detect: 300}"), 23, "");
+  (void)run("lockstep", 1, text);
+  EXPECT_THAT(segsim("budget check " + (folder_->path() / "edge.yaml").string() + " --run " +
+                     (folder_->path() / "lockstep").string()),
+              testing::AllOf(HasSubstr("input:"), HasSubstr("lockstep")));
+}
+
+TEST_F(ReplayTest, ARunOfMissesEndsWithItsTrial) {
+  // Every end-to-end deadline of 1 ms is missed, so the longest run is that of one trial.
+  std::ofstream(folder_->path() / "none.yaml")
+      << "schema: segsim.budget/1\nid: none\nresources: {gpu: 1}\nstages:\n"
+         "  detect: {on: gpu, ms: 1}\nend_to_end: {deadline_ms: 1}\n";
+  int longest = 0;
+  for (const auto& entry :
+       fs::recursive_directory_iterator(folder_->path() / "work/replays")) {
+    if (entry.path().extension() != ".jsonl") continue;
+    const ReplayLog one = read_replay_log(entry.path());
+    longest = std::max(longest, one.timing.end_to_end.response.count());
+  }
+  const std::string json = (folder_->path() / "none.json").string();
+  testing::internal::CaptureStdout();
+  (void)segsim("budget check " + (folder_->path() / "none.yaml").string() + " --run " +
+               (folder_->path() / "work").string() + " --json " + json);
+  (void)testing::internal::GetCapturedStdout();
+  const std::string text = core::read_file(json);
+  EXPECT_THAT(text, HasSubstr("\"longest_miss_run\": " + std::to_string(longest)));
+}
+
+TEST_F(ReplayTest, DetectionsInUseForSeveralTicksAreCountedOnce) {
+  // Images every 150 ms, ticks every 250 ms, 300 ms more per image: most ticks bring no news.
+  const Store store(folder_->path() / "work" / "results.sqlite");
+  bool some_without_news = false;
+  for (const TrialRow& row : store.trials(1)) {
+    const std::string episode = row.episode.substr(row.episode.find('/') + 1);
+    std::string stem = episode;
+    std::replace(stem.begin(), stem.end(), '/', '-');
+    const ReplayLog one = read_replay_log(folder_->path() / "work/replays/tiny" /
+                                          (stem + "." + row.arm + ".jsonl"));
+    const auto fresh = std::count_if(one.ticks.begin(), one.ticks.end(),
+                                     [](const sim::TickRecord& tick) { return tick.fresh; });
+    EXPECT_EQ(row.why.images, fresh);
+    some_without_news |= row.why.images < row.ticks;
+    int detections = 0;
+    for (const sim::TickRecord& tick : one.ticks) {
+      detections += tick.fresh ? tick.detections_of_goal : 0;
+    }
+    EXPECT_EQ(row.why.true_detections + row.why.false_detections, detections);
+    // An oracle with boxes of the very image errs in nothing, however late it is.
+    EXPECT_EQ(row.why.false_detections, 0);
+  }
+  EXPECT_TRUE(some_without_news);
 }
 
 TEST_F(ReplayTest, ATraceOfALogIsABudgetsTrace) {

@@ -230,6 +230,7 @@ TEST_F(StoreTest, AttributionIsReadBackAndGoesWithItsTrial) {
   trial.why.cause = "false_positive";
   trial.why.inevitable_tick = 16;
   trial.why.decisive_tick = 9;
+  trial.why.images = 40;
   trial.why.visible_frames = 5;
   trial.why.detected_frames = 4;
   trial.why.true_detections = 6;
@@ -257,8 +258,8 @@ TEST_F(StoreTest, AttributionIsReadBackAndGoesWithItsTrial) {
       why.inevitable_tick, why.decisive_tick,    why.visible_frames,  why.detected_frames,
       why.true_detections, why.false_detections, why.first_true_tick, why.true_clouds,
       why.false_clouds,    why.final_visible_px, why.collision_ticks, why.off_navmesh_ticks,
-      why.reached_instance};
-  EXPECT_EQ(numbers, (std::vector<int>{16, 9, 5, 4, 6, 7, 3, 1, 2, 77, 8, 11, 12}));
+      why.reached_instance, why.images};
+  EXPECT_EQ(numbers, (std::vector<int>{16, 9, 5, 4, 6, 7, 3, 1, 2, 77, 8, 11, 12, 40}));
   EXPECT_TRUE(why.stopped);
   EXPECT_EQ(why.object_m, 0.0);
   EXPECT_FALSE(why.planar_m.has_value());
@@ -273,7 +274,7 @@ TEST_F(StoreTest, AFileOfVersion2IsBroughtUpToDate) {
     id = begin(store);
     store.add_trial(id, a_trial("before", "b/chair/00", true));
   }
-  // What versions 3 and 4 added is taken away again.
+  // What versions 3 to 5 added is taken away again.
   sqlite3* db = nullptr;
   ASSERT_EQ(sqlite3_open(file_.c_str(), &db), SQLITE_OK);
   ASSERT_EQ(sqlite3_exec(db,

@@ -39,7 +39,9 @@ TEST(TimingReport, ADeadlineHoldsIfTheUpperBoundDoes) {
   checks = check_deadlines(report_of(500, 4), 0.01);
   EXPECT_FALSE(checks[0].holds);
   EXPECT_EQ(checks[0].longest_run, 4);
-  EXPECT_FALSE(check_deadlines(report_of(0, 0), 1.0)[0].holds) << "nothing is no proof";
+  const std::vector<DeadlineCheck> nothing = check_deadlines(report_of(0, 0), 1.0);
+  EXPECT_FALSE(nothing[0].holds) << "nothing is no proof";
+  EXPECT_THAT(format_checks(nothing, 1.0), HasSubstr("detect within 50.0 ms: never ran"));
   EXPECT_THAT(format_checks(checks, 0.01), HasSubstr("FAILS  detect within 50.0 ms"));
 }
 
@@ -61,6 +63,23 @@ TEST(TimingReport, ReportsAddUp) {
   EXPECT_EQ(sum.stages[0].misses, 3);
   EXPECT_EQ(sum.stages[0].longest_miss_run, 2) << "a run ends with its trial";
   EXPECT_EQ(sum.span_ns, 2000);
+}
+
+TEST(BudgetPlay, AServerThatBecomesFreeTakesTheImageOfThatMoment) {
+  sim::TrialClock clock;
+  clock.mode = sim::ClockMode::kVirtual;
+  clock.budget.resources = {{"gpu", 1}};
+  clock.budget.stages.emplace_back();
+  clock.budget.stages[0].name = "detect";
+  clock.budget.stages[0].on = "gpu";
+  clock.budget.stages[0].duration.a_ms = 100;
+  sim::BudgetPlayOptions options;
+  options.control_period_ns = 50'000'000;
+  options.duration_ns = 2 * core::kNsPerSecond;
+  const sim::TimingReport timing = sim::play_budget(clock, options);
+  EXPECT_EQ(timing.find("detect")->response.max(), 100'000'000) << "no image waited";
+  EXPECT_EQ(timing.age.percentile(0.0), 100'000'000);
+  EXPECT_EQ(timing.age.max(), 150'000'000);
 }
 
 TEST(BudgetPlay, WorkedTimelineAges) {

@@ -52,11 +52,19 @@ sim::Episode couch_episode() {
   return episode;
 }
 
+/// A tick at which the policy decides on what the camera just saw.
+void look(TrialWitness& witness, int tick, const core::Frame& frame,
+          std::span<const core::Detection> detections) {
+  const auto index = static_cast<std::uint64_t>(tick);
+  witness.judge(index, frame, detections);
+  witness.add(tick, frame, index);
+}
+
 TEST(TrialWitness, CountsTheInstanceSeenBest) {
   TrialWitness witness(two_couches(), couch_episode(), 0);
-  witness.add(0, Labels().frame(), {});
-  witness.add(1, Labels().box(0, 0, 4, 4, kCouch, 1).box(20, 5, 30, 10, kCouch, 2).frame(),
-              {});
+  look(witness, 0, Labels().frame(), {});
+  look(witness, 1, Labels().box(0, 0, 4, 4, kCouch, 1).box(20, 5, 30, 10, kCouch, 2).frame(),
+       {});
   ASSERT_EQ(witness.evidence().size(), 2U);
   EXPECT_EQ(witness.evidence()[0].largest_px, 0);
   EXPECT_EQ(witness.evidence()[1].largest_px, 50);
@@ -66,7 +74,7 @@ TEST(TrialWitness, CountsTheInstanceSeenBest) {
 TEST(TrialWitness, TicksWithoutAnImageSawNothing) {
   TrialWitness witness(two_couches(), couch_episode(), 0);
   const core::Detection detections[] = {{0, 0.5F, {10, 10, 20, 20}}};
-  witness.add(3, Labels().box(10, 10, 20, 20, kCouch, 1).frame(), detections);
+  look(witness, 3, Labels().box(10, 10, 20, 20, kCouch, 1).frame(), detections);
   ASSERT_EQ(witness.evidence().size(), 4U);
   EXPECT_EQ(witness.evidence()[2].largest_px, 0);
   EXPECT_EQ(witness.evidence()[3].largest_px, 100);
@@ -92,7 +100,7 @@ TEST(TrialWitness, JudgesDetectionsByTheLabels) {
   for (const auto& c : cases) {
     TrialWitness witness(two_couches(), couch_episode(), 3);
     const core::Detection detections[] = {{3, 0.5F, c.box}, {1, 0.9F, {10, 10, 20, 20}}};
-    witness.add(0, labels.frame(), detections);
+    look(witness, 0, labels.frame(), detections);
     ASSERT_EQ(witness.detections().size(), 1U);  // The other is of another class.
     EXPECT_EQ(witness.detections()[0].is_goal, c.is_goal) << c.box.x0 << " " << c.box.y0;
     EXPECT_EQ(witness.evidence()[0].true_detections, c.is_goal ? 1 : 0);
@@ -100,17 +108,39 @@ TEST(TrialWitness, JudgesDetectionsByTheLabels) {
   }
 }
 
+/// The robot turns: when the answer is there, the couch has moved on in the image.
+TEST(TrialWitness, LateAnswersAreJudgedByTheirOwnImageAndCountedOnce) {
+  TrialWitness witness(two_couches(), couch_episode(), 0);
+  const Labels then = Labels().box(10, 10, 20, 20, kCouch, 1);
+  const Labels now = Labels().box(28, 10, 38, 20, kCouch, 1);
+  const core::Detection detections[] = {{0, 0.9F, {10, 10, 20, 20}}};
+  witness.judge(7, then.frame(), detections);
+  witness.add(0, now.frame(), std::nullopt);
+  witness.add(1, now.frame(), 7);
+  witness.add(2, now.frame(), std::nullopt);  // Still in use.
+  ASSERT_EQ(witness.images().size(), 1U);
+  EXPECT_EQ(witness.images()[0].true_detections, 1);
+  EXPECT_EQ(witness.images()[0].false_detections, 0);
+  EXPECT_EQ(witness.images()[0].largest_px, 100);
+  ASSERT_EQ(witness.detections().size(), 1U);
+  EXPECT_EQ(witness.detections()[0].tick, 1);
+  EXPECT_EQ(witness.evidence()[0].true_detections, 0);
+  EXPECT_EQ(witness.evidence()[1].true_detections, 1);
+  EXPECT_EQ(witness.evidence()[2].true_detections, 0);
+  EXPECT_EQ(witness.evidence()[2].largest_px, 100);
+}
+
 TEST(TrialWitness, AClassThatTheDetectorOrTheSceneLacks) {
   TrialWitness unnamed(two_couches(), couch_episode(), -1);
   const core::Detection detections[] = {{-1, 0.5F, {10, 10, 20, 20}}};
-  unnamed.add(0, Labels().box(10, 10, 20, 20, kCouch, 1).frame(), detections);
+  look(unnamed, 0, Labels().box(10, 10, 20, 20, kCouch, 1).frame(), detections);
   EXPECT_TRUE(unnamed.detections().empty());
   EXPECT_EQ(unnamed.evidence()[0].largest_px, 100);
   sim::Episode toilet;
   toilet.class_name = "toilet";
   TrialWitness absent(two_couches(), toilet, 0);
   const core::Detection toilets[] = {{0, 0.5F, {10, 10, 20, 20}}};
-  absent.add(0, Labels().frame(), toilets);
+  look(absent, 0, Labels().frame(), toilets);
   EXPECT_EQ(absent.evidence()[0].false_detections, 1);
   EXPECT_EQ(absent.evidence()[0].largest_px, 0);
 }
@@ -145,8 +175,9 @@ class AttributeTest : public testing::Test {
     tick.pose = pose;
     tick.mode = mode;
     result_.track.push_back(tick);
+    result_.final_pose = result_.final_estimate = pose;
     const Labels nothing;
-    witness_.add(static_cast<int>(result_.track.size()) - 1, nothing.frame(), {});
+    look(witness_, static_cast<int>(result_.track.size()) - 1, nothing.frame(), {});
   }
   [[nodiscard]] Attribution attributed() {
     const AttributionContext context{world_, &world_->manifest(), &episode_, &profile_, 0,
@@ -172,6 +203,33 @@ TEST_F(AttributeTest, TargetsNearAGoalBoxAreTrue) {
   EXPECT_EQ(attributed().cause, "false_positive");
 }
 
+/// The robot believes to be 2 m further along x, and turned by 90 degrees.
+TEST_F(AttributeTest, PlacesOfThePolicysMapAreBroughtIntoTheWorld) {
+  const core::Pose2 truth = result_.final_pose;
+  result_.final_estimate = {truth.x_m + 2.0, truth.y_m,
+                            truth.yaw_rad + 0.5 * 3.14159265358979};
+  const auto in_odom = [&](const glm::dvec2& p_m) {
+    return glm::dvec2(truth.x_m + 2.0 - (p_m.y - truth.y_m), truth.y_m + (p_m.x - truth.x_m));
+  };
+  const glm::dvec2 couch_m(2.5, -2.0);
+  EXPECT_NEAR(glm::distance(world_from_odom(result_, in_odom(couch_m)), couch_m), 0.0, 1e-9);
+  result_.final_view.target_m = in_odom({2.0, -0.6});
+  result_.final_view.objects = {{in_odom(couch_m), 0, 0.9F}, {couch_m, 0, 0.9F}};
+  const Attribution why = attributed();
+  EXPECT_EQ(why.cause, "bad_stop_true_positive");
+  EXPECT_EQ(why.true_clouds, 1);
+  EXPECT_EQ(why.false_clouds, 1);
+}
+
+TEST_F(AttributeTest, TheEndIsWhereTheStopTookEffect) {
+  result_.final_pose = {3.0, -0.9, 0.0};  // It rolled on until it stood beside the couch.
+  result_.final_goal_pixels = 321;
+  const Attribution why = attributed();
+  EXPECT_EQ(why.object_m, 0.0);
+  EXPECT_NEAR(*why.planar_m, 0.4, 1e-9);
+  EXPECT_EQ(why.final_visible_px, 321);
+}
+
 TEST_F(AttributeTest, WithoutATargetTheNearestObjectCounts) {
   result_.final_view.objects = {
       {{2.5, -2.0}, 0, 0.9F}, {{1.2, 1.4}, 0, 0.5F}, {{1.3, 1.0}, 5, 0.5F}};
@@ -195,17 +253,17 @@ TEST_F(AttributeTest, DistancesOfTheEnd) {
   EXPECT_EQ(why.off_navmesh_ticks, 0);
   add_tick({40.0, 0.0, 0.0}, core::PolicyMode::kStop);
   EXPECT_EQ(attributed().off_navmesh_ticks, 1);
-  result_.track.back().pose = {3.0, -0.9, 0.0};  // Beside the couch.
+  result_.final_pose = {3.0, -0.9, 0.0};  // Beside the couch.
   EXPECT_EQ(attributed().object_m, 0.0);
 }
 
 TEST_F(AttributeTest, TheInstanceThatWasReached) {
   result_.success = true;
   result_.outcome = sim::Outcome::kSuccess;
-  result_.track.back().pose = {3.0, -0.4, 0.0};
+  result_.final_pose = {3.0, -0.4, 0.0};
   EXPECT_EQ(attributed().reached_instance, 7);
   EXPECT_EQ(attributed().cause, "did_not_fail");
-  result_.track.back().pose = {2.3, -0.95, 0.0};
+  result_.final_pose = {2.3, -0.95, 0.0};
   EXPECT_EQ(attributed().reached_instance, 1);
 }
 
@@ -216,11 +274,11 @@ TEST_F(AttributeTest, ContactsAndSightingsAreCounted) {
   const core::Detection wrong[] = {{0, 0.9F, {30, 10, 39, 20}}};
   add_tick({1.5, 1.0, 0.0}, core::PolicyMode::kNavigate);
   TrialWitness witness(world_->manifest(), episode_, 0);
-  witness.add(0, Labels().frame(), wrong);
-  witness.add(1, couch.frame(), {});
-  witness.add(2, couch.frame(), right);
-  witness.add(3, couch.frame(), wrong);
-  witness.add(4, Labels().frame(), {});
+  look(witness, 0, Labels().frame(), wrong);
+  look(witness, 1, couch.frame(), {});
+  look(witness, 2, couch.frame(), right);
+  look(witness, 3, couch.frame(), wrong);
+  look(witness, 4, Labels().frame(), {});
   const AttributionContext context{world_, &world_->manifest(), &episode_, &profile_, 0, 60.0};
   const Attribution why = attribute(context, result_, witness);
   EXPECT_EQ(why.collision_ticks, 2);

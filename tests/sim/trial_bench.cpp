@@ -1,5 +1,6 @@
 // What the simulator itself costs: one substep of 5 ms, and a scripted drive without camera.
 // SEGSIM_BENCH_MESH names a collision mesh (collision.ply of a bundle); default: flat 3.
+#include <cmath>
 #include <cstdlib>
 
 #include <benchmark/benchmark.h>
@@ -131,6 +132,44 @@ void BM_ScriptedDrive(benchmark::State& state) {
   state.counters["real_time_factor"] =
       benchmark::Counter(simulated_s, benchmark::Counter::kIsRate);
 }
+/// Straight on, whatever is in the way; argument: with a turn, or without.
+class Pusher final : public core::Policy {
+ public:
+  explicit Pusher(double turn_radps) : turn_radps_(turn_radps) {}
+  void reset(const core::ObjectGoal&, std::uint64_t) override {}
+  core::Decision decide(const core::Observation& seen,
+                        std::span<const core::Detection>) override {
+    const double turn = turn_radps_ * std::cos(core::seconds(seen.capture_time_ns));
+    return {{0.5, turn}, core::PolicyMode::kExplore, false, {}};
+  }
+  core::PolicyView view() const override { return {}; }
+
+ private:
+  double turn_radps_;
+};
+
+void BM_PushingDrive(benchmark::State& state) {
+  const World& world = bench_world();
+  Episode episode;
+  episode.class_name = "couch";
+  episode.start = free_start();
+  TrialOptions options;
+  options.time_limit_s = 60.0;
+  NoRenderer renderer;
+  NoDetector detector;
+  Pusher policy(static_cast<double>(state.range(0)));
+  double simulated_s = 0.0;
+  for (auto _ : state) {
+    const TrialResult result =
+        run_trial(episode, options, world, world.robot(), renderer, detector, policy, nullptr);
+    if (result.contact_s < 20.0) state.SkipWithError("ERROR OCCURRED: it did not push");
+    simulated_s += result.sim_s;
+  }
+  state.counters["real_time_factor"] =
+      benchmark::Counter(simulated_s, benchmark::Counter::kIsRate);
+}
+BENCHMARK(BM_PushingDrive)->Arg(0)->Arg(1)->Unit(benchmark::kMillisecond);
+
 BENCHMARK(BM_ScriptedDrive)->ArgsProduct({{0, 1}, {0, 1}})->Unit(benchmark::kMillisecond);
 
 }  // namespace

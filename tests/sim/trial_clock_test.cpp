@@ -357,6 +357,103 @@ TEST_F(TrialClockTest, AStopIsJudgedWhereTheRobotIsWhenItTakesEffect) {
   EXPECT_LT(late.distance_to_goal_m, 0.5);
 }
 
+TEST_F(TrialClockTest, TheEndIsWhereTheStopTookEffectNotWhereItWasDecided) {
+  episode_.start = {10.0, 10.0, 0.0};
+  episode_.view_points_m = {{12.0, 10.0}};
+  const auto until = [](const core::Observation& seen) {
+    core::Decision decision = command(0.8, 0.0);
+    decision.stop = seen.T_odom_robot.translation_m().x > 10.9;
+    if (decision.stop) decision.stop_reason = "goal_reached";
+    return decision;
+  };
+  play(0, 0, 1000, 0);
+  const TrialResult late = run(until);
+  // A second at full speed: the base does not run into its command timeout of 0.25 s, since
+  // the last command is sent again until the STOP is due.
+  EXPECT_NEAR(late.final_pose.x_m - late.track.back().pose.x_m, 0.8, 1e-6);
+  EXPECT_NEAR(late.sim_s - core::seconds(late.track.back().time_ns), 1.0, 1e-9);
+  EXPECT_NEAR(glm::distance(glm::dvec2(late.final_pose.x_m, late.final_pose.y_m),
+                            episode_.view_points_m[0]),
+              late.distance_to_goal_m, 0.03);
+  // Without latency they are the same.
+  play(0, 0, 0, 0);
+  const TrialResult at_once = run(until);
+  EXPECT_EQ(at_once.final_pose.x_m, at_once.track.back().pose.x_m);
+}
+
+TEST_F(TrialClockTest, AnImageTooOldStopsTheRobotAlsoWhileItsStopIsOnTheWay) {
+  const auto until = [](const core::Observation& seen) {
+    core::Decision decision = command(0.8, 0.0);
+    decision.stop = core::seconds(seen.capture_time_ns) > 1.0;
+    if (decision.stop) decision.stop_reason = "goal_reached";
+    return decision;
+  };
+  // Only the decision to stop, of tick 11, takes a second.
+  play(0, 0, 0, 0);
+  auto trace = std::make_shared<LatencyTrace>();
+  for (std::uint64_t tick = 0; tick < 12; ++tick) {
+    trace->add("policy", tick, tick < 11 ? 0 : 1000 * kMs);
+  }
+  options_.clock.budget = with_trace(options_.clock.budget, trace);
+  const TrialResult rolls = run(until);
+  options_.clock.budget.max_age_ns = 500 * kMs;
+  options_.clock.budget.on_max_age = OnMiss::kZeroCommand;
+  // Stopped at 1.7 s instead of 2.1 s, with 2 m/s^2.
+  EXPECT_NEAR(rolls.path_m - run(until).path_m, 0.8 * 0.4 - 0.16, 0.01);
+}
+
+/// Without a capture latency, images arrive at the very moment at which a server of 50 ms jobs
+/// becomes free. It takes the newest, so nothing waits.
+TEST_F(TrialClockTest, AServerThatBecomesFreeTakesTheImageOfThatMoment) {
+  play(0, 100, 0, 0);
+  options_.control_period_s = 0.05;
+  options_.time_limit_s = 2.0;
+  const TrialResult result = run(weave);
+  for (const TickRecord& tick : result.track) {
+    if (tick.capture_index < 0) continue;
+    // 0 at 100, 100 at 200, ...: the image between is displaced by that of the moment.
+    ASSERT_EQ(tick.capture_index % 2, 0) << tick.time_ns / kMs << " ms";
+    EXPECT_EQ(tick.age_ns, (tick.time_ns / kMs % 100 == 0 ? 100 : 150) * kMs);
+  }
+  EXPECT_EQ(result.timing.find("detect")->response.max(), 100 * kMs) << "no image waited";
+}
+
+TEST_F(TrialClockTest, AStageIsSlowerWhileAFaultLasts) {
+  play(0, 30, 0, 0);
+  options_.control_period_s = 0.05;
+  options_.time_limit_s = 4.0;
+  options_.faults.latencies = {{"detect", 1000 * kMs, 2000 * kMs, 200 * kMs}};
+  const TrialResult result = run(weave);
+  for (const TickRecord& tick : result.track) {
+    const core::TimeNs t = tick.time_ns / kMs;
+    if (t >= 100 && t <= 1000) {
+      ASSERT_EQ(tick.age_ns, 50 * kMs) << t << " ms";
+    }
+    if (t >= 1300 && t < 2200) {
+      ASSERT_GE(tick.age_ns, 250 * kMs) << t << " ms";
+    }
+    if (t >= 2400) {
+      ASSERT_EQ(tick.age_ns, 50 * kMs) << t << " ms";
+    }
+  }
+  EXPECT_GE(result.timing.find("detect")->response.max(), 230 * kMs) << "images wait, too";
+}
+
+TEST_F(TrialClockTest, DroppedFramesAreMissingAndShiftNoOther) {
+  options_.time_limit_s = 3.0;
+  options_.clock.camera = {100 * kMs, 0, 20 * kMs};
+  play(0, 0, 0, 0);
+  const TrialResult whole = run(weave);
+  options_.faults.frame_drops = {{1000 * kMs, 6}};
+  const TrialResult result = run(weave);
+  EXPECT_EQ(result.frames_dropped, 6);
+  EXPECT_EQ(result.timing.age.max() / (100 * kMs), 6);
+  ASSERT_EQ(result.track.size(), whole.track.size());
+  // The camera's jitter is keyed by the image's number, so later images are those of before.
+  EXPECT_EQ(result.track.back().capture_index, whole.track.back().capture_index);
+  EXPECT_EQ(result.track.back().age_ns, whole.track.back().age_ns);
+}
+
 TEST_F(TrialClockTest, ASlowCameraIsAskedOnlyWhenItSamples) {
   options_.clock.camera = {300 * kMs, 0, 0};
   options_.time_limit_s = 3.0;
@@ -409,6 +506,37 @@ TEST_F(TrialClockTest, ABaseThatSlidesGetsFartherThanOneThatStops) {
   EXPECT_EQ(stopped.contact_log.size(), 1U);
   EXPECT_EQ(slid.contact_log.size(), 1U);
   EXPECT_GT(slid.track.back().pose.y_m, stopped.track.back().pose.y_m + 0.3);
+}
+
+/// A rectangle can hit while it turns; Habitat's point cannot.
+TEST_F(TrialClockTest, TurningBesideAWallCollidesForAFootprintButNotOnTheNavmesh) {
+  episode_.start = {10.0, 19.74, 0.0};  // 4.5 cm beside the wall at y = 20.
+  options_.time_limit_s = 3.0;
+  const auto turn = [](const auto&) { return command(0.0, 1.0); };
+  EXPECT_GE(run(turn).contacts, 1);
+  options_.collision = CollisionMode::kNavmesh;
+  const TrialResult point = run(turn);
+  EXPECT_EQ(point.contacts, 0);
+  EXPECT_GT(core::wrap_angle_rad(point.final_pose.yaw_rad), 2.0);
+  EXPECT_LT(point.track.front().pose.y_m, 20.0 - robot_.circumscribed_radius_m() + 1e-6)
+      << "it begins on the eroded mesh";
+}
+
+TEST_F(TrialClockTest, OnTheNavmeshARobotStopsAtTheEdgeOrSlidesAlongIt) {
+  episode_.start = {19.0, 10.0, 0.8};
+  options_.collision = CollisionMode::kNavmesh;
+  options_.time_limit_s = 4.0;
+  const auto ahead = [](const auto&) { return command(0.5, 0.0); };
+  const TrialResult stopped = run(ahead);
+  ASSERT_EQ(stopped.contact_log.size(), 1U);
+  EXPECT_NEAR(stopped.contact_log[0].normal.x, -1.0, 0.01);
+  EXPECT_NEAR(stopped.contact_log[0].approach_mps, 0.5 * std::cos(0.8), 0.01);
+  EXPECT_NEAR(stopped.final_pose.x_m, 20.0 - 0.35, 0.06);
+  options_.contact_response = ContactResponse::kSlide;
+  const TrialResult slid = run(ahead);
+  EXPECT_GT(slid.final_pose.y_m, stopped.final_pose.y_m + 0.3);
+  EXPECT_NEAR(slid.final_pose.x_m, stopped.final_pose.x_m, 0.01);
+  expect_same_ticks(slid, run(ahead));
 }
 
 TEST_F(TrialClockTest, RealTimeTakesItsTime) {
