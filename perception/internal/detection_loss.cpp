@@ -3,69 +3,18 @@
 #include <numbers>
 
 #include "perception/internal/ciou.h"
+#include "perception/internal/loss_targets.h"
 
 namespace segsim::perception {
 namespace {
 
-/// Targets of a batch: dense for classes, one row per positive anchor for boxes.
-struct Targets {
-  torch::Tensor score, class_weight;  ///< [batch, anchors, classes]
-  torch::Tensor row;                  ///< [positives], index into batch * anchors
-  torch::Tensor anchor;               ///< [positives], index into anchors
-  torch::Tensor box;                  ///< [positives, 4] pixels
-  torch::Tensor weight;               ///< [positives] target score
-  double score_sum = 0.0;
-};
-
-Targets make_targets(const RawOutput& output, const Anchors& anchors,
-                     const std::vector<std::vector<LabeledBox>>& truth,
-                     const AssignerRule& rule) {
-  torch::NoGradGuard no_grad;
-  const auto scores = output.classes.sigmoid().to(torch::kCPU).contiguous();
-  const auto boxes = decode_boxes(output.box, anchors).to(torch::kCPU).contiguous();
-  const auto centres = anchors.centre_px.to(torch::kCPU).contiguous();
-  const int64_t batch = scores.size(0), count = scores.size(1), classes = scores.size(2);
-  auto score = torch::zeros({batch, count, classes}, torch::kFloat32);
-  auto class_weight = torch::ones({batch, count, classes}, torch::kFloat32);
-  std::vector<int64_t> rows, anchor_of_row;
-  std::vector<float> box, weight;
-  Targets targets;
-  const auto span_of = [](const torch::Tensor& tensor, int64_t offset, int64_t size) {
-    return std::span<const float>(tensor.data_ptr<float>() + offset,
-                                  static_cast<std::size_t>(size));
-  };
-  for (int64_t image = 0; image < batch; ++image) {
-    const auto& objects = truth[static_cast<std::size_t>(image)];
-    const Assignment assigned =
-        assign_anchors({static_cast<int>(classes), span_of(centres, 0, count * 2),
-                        span_of(scores, image * count * classes, count * classes),
-                        span_of(boxes, image * count * 4, count * 4), objects},
-                       rule);
-    float* weight_out = class_weight.data_ptr<float>() + image * count * classes;
-    for (std::size_t i = 0; i < assigned.class_weight.size(); ++i) {
-      weight_out[i] = static_cast<float>(assigned.class_weight[i]);
-    }
-    for (int64_t a = 0; a < count; ++a) {
-      const int object = assigned.box_of_anchor[static_cast<std::size_t>(a)];
-      if (object < 0) continue;
-      const LabeledBox& label = objects[static_cast<std::size_t>(object)];
-      const float target = assigned.target_score[static_cast<std::size_t>(a)];
-      score.data_ptr<float>()[(image * count + a) * classes + label.class_index] = target;
-      rows.push_back(image * count + a);
-      anchor_of_row.push_back(a);
-      box.insert(box.end(), {label.box.x0, label.box.y0, label.box.x1, label.box.y1});
-      weight.push_back(target);
-      targets.score_sum += target;
-    }
-  }
-  const auto device = output.box.device();
-  targets.score = score.to(device);
-  targets.class_weight = class_weight.to(device);
-  targets.row = torch::tensor(rows, torch::kInt64).to(device);
-  targets.anchor = torch::tensor(anchor_of_row, torch::kInt64).to(device);
-  targets.box = torch::tensor(box, torch::kFloat32).view({-1, 4}).to(device);
-  targets.weight = torch::tensor(weight, torch::kFloat32).to(device);
-  return targets;
+LossTargets make_targets(const RawOutput& output, const Anchors& anchors,
+                         const std::vector<std::vector<LabeledBox>>& truth,
+                         const AssignerRule& rule) {
+  const torch::NoGradGuard no_grad;
+  const auto scores = output.classes.sigmoid(), boxes = decode_boxes(output.box, anchors);
+  return boxes.is_cpu() ? targets_on_host(scores, boxes, anchors, truth, rule)
+                        : targets_on_device(scores, boxes, anchors, truth, rule);
 }
 
 }  // namespace
@@ -102,7 +51,7 @@ torch::Tensor bin_loss_rows(const torch::Tensor& logits, const torch::Tensor& di
 LossParts detection_loss(const RawOutput& output, const Anchors& anchors,
                          const std::vector<std::vector<LabeledBox>>& truth,
                          const AssignerRule& rule) {
-  const Targets targets = make_targets(output, anchors, truth, rule);
+  const LossTargets targets = make_targets(output, anchors, truth, rule);
   const double divisor = std::max(targets.score_sum, 1.0);
 
   // max(x, 0) - x y + log(1 + e^-|x|), summed over the entries that are judged.

@@ -1,7 +1,9 @@
 #include "perception/internal/inference.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
 
 #include "core/check.h"
 #include "perception/internal/autocast.h"
@@ -27,6 +29,29 @@ core::BoxPx decode(const float* centre_px, float stride_px, const float* logits)
   };
   return {centre_px[0] - side(0), centre_px[1] - side(1), centre_px[0] + side(2),
           centre_px[1] + side(3)};
+}
+
+/// Red, green, blue of each pixel over 255. @returns the end of what was written.
+float* to_unit_range(const core::Image<core::Rgb8>& square, float* out) {
+  std::array<float, 256> level;
+  for (std::size_t i = 0; i < level.size(); ++i) level[i] = static_cast<float>(i) / 255.0F;
+  for (const core::Rgb8 pixel : square.pixels()) {
+    out[0] = level[pixel.r];
+    out[1] = level[pixel.g];
+    out[2] = level[pixel.b];
+    out += 3;
+  }
+  return out;
+}
+
+/// A logit below which no score reaches the threshold, so that the many low ones need no
+/// exponential. The margins are far above what rounding a score or a logit may change.
+float surely_low_logit(float score_threshold) {
+  constexpr double kLogitMargin = 1e-3, kScoreMargin = 1e-6;
+  const double t = double{score_threshold} - kScoreMargin;
+  if (!(t > 0.0)) return -std::numeric_limits<float>::infinity();
+  if (t >= 1.0) return std::numeric_limits<float>::infinity();
+  return static_cast<float>(std::log(t / (1.0 - t)) - kLogitMargin);
 }
 
 /// Each output pixel is the mean of the input over its extent.
@@ -76,19 +101,13 @@ Inference::Inference(InferenceNetwork network, int input_px, const torch::Device
 torch::Tensor Inference::upload(std::span<const core::Image<core::Rgb8>> squares) {
   SEGSIM_CHECK(!squares.empty(), "no image");
   const auto images = static_cast<int64_t>(squares.size());
-  const std::size_t count = squares[0].size();
   if (device_.is_cpu()) {
-    auto tensor = torch::empty({images, 3, input_px_, input_px_}, torch::kFloat32);
+    // Channels innermost, as oneDNN wants them (onednn.h) and as the pixels already lie.
+    auto tensor = torch::empty({images, 3, input_px_, input_px_},
+                               torch::TensorOptions(torch::kFloat32)
+                                   .memory_format(torch::MemoryFormat::ChannelsLast));
     float* out = tensor.data_ptr<float>();
-    for (const auto& square : squares) {
-      for (std::size_t i = 0; i < count; ++i) {
-        const core::Rgb8 pixel = square.data()[i];
-        out[i] = static_cast<float>(pixel.r) / 255.0F;
-        out[count + i] = static_cast<float>(pixel.g) / 255.0F;
-        out[2 * count + i] = static_cast<float>(pixel.b) / 255.0F;
-      }
-      out += 3 * count;
-    }
+    for (const auto& square : squares) out = to_unit_range(square, out);
     return tensor;
   }
   // Bytes through page-locked memory: a quarter of the floats, and the copy needs no detour.
@@ -96,6 +115,7 @@ torch::Tensor Inference::upload(std::span<const core::Image<core::Rgb8>> squares
     staging_ = torch::empty({images, input_px_, input_px_, 3},
                             torch::TensorOptions(torch::kUInt8).pinned_memory(true));
   }
+  const std::size_t count = squares[0].size();
   auto* bytes = staging_.data_ptr<std::uint8_t>();
   for (const auto& square : squares) {
     static_assert(sizeof(core::Rgb8) == 3);
@@ -191,12 +211,14 @@ std::vector<Candidates> candidates_on_host(const RawOutput& output, const Anchor
   const float* class_logits = classes.data_ptr<float>();
   const float* centres = anchors.centre_px.data_ptr<float>();
   const float* strides = anchors.stride_px.data_ptr<float>();
+  const float low = surely_low_logit(score_threshold);
   std::vector<Candidates> found(static_cast<std::size_t>(images));
   for (int64_t image = 0; image < images; ++image) {
     for (int64_t a = 0; a < count; ++a, box_logits += 4 * kRegBins, class_logits += names) {
       bool decoded = false;
       core::BoxPx corners;
       for (int64_t c = 0; c < names; ++c) {
+        if (class_logits[c] < low) continue;
         const float score = 1.0F / (1.0F + std::exp(-class_logits[c]));
         if (!(score >= score_threshold)) continue;
         if (!decoded) corners = decode(centres + 2 * a, strides[a], box_logits);

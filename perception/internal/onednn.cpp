@@ -9,6 +9,8 @@
 
 #include <array>
 #include <map>
+#include <string_view>
+#include <unordered_map>
 #include <utility>
 
 namespace segsim::perception {
@@ -29,20 +31,24 @@ torch::Tensor convolve(const torch::Tensor& x, const torch::Tensor& weight,
 #ifdef SEGSIM_ONEDNN
 
 struct FoldedConvolution::Prepared {
+  using Key = std::array<std::int64_t, 4>;
   struct Primitive {
     dnnl::convolution_forward convolution;
     dnnl::memory::desc source, target;
     dnnl::memory weight;
+    bool quick = true;  ///< Not oneDNN's reference code, which is a hundred times slower.
   };
 
-  const Primitive& for_input(const FoldedConvolution& layer, const torch::Tensor& x) {
-    const std::array<std::int64_t, 3> size{x.size(0), x.size(2), x.size(3)};
-    const auto found = primitives.find(size);
+  /// @param adds  Whether the result is added to what the target holds.
+  const Primitive& for_input(const FoldedConvolution& layer, const torch::Tensor& x,
+                             bool adds) {
+    const Key key{x.size(0), x.size(2), x.size(3), adds ? 1 : 0};
+    const auto found = primitives.find(key);
     if (found != primitives.end()) return found->second;
-    return primitives.emplace(size, make(layer, x)).first->second;
+    return primitives.emplace(key, make(layer, x, adds)).first->second;
   }
 
-  Primitive make(const FoldedConvolution& layer, const torch::Tensor& x) {
+  Primitive make(const FoldedConvolution& layer, const torch::Tensor& x, bool adds) {
     using dnnl::memory;
     using tag = memory::format_tag;
     constexpr auto kFloat = memory::data_type::f32;
@@ -65,36 +71,34 @@ struct FoldedConvolution::Prepared {
                                               strides, padding, padding)
             : dnnl::convolution_forward::desc(kKind, kDirect, source, any_weight, target,
                                               strides, padding, padding);
-    dnnl::primitive_attr attributes;
+    dnnl::post_ops operations;
     if (layer.activate_) {
-      dnnl::post_ops operations;
       operations.append_eltwise(1.0F, dnnl::algorithm::eltwise_swish, 1.0F, 0.0F);
-      attributes.set_post_ops(operations);
     }
+    if (adds) operations.append_sum(1.0F);
+    dnnl::primitive_attr attributes;
+    attributes.set_post_ops(operations);
     const dnnl::convolution_forward::primitive_desc chosen(description, attributes, engine);
     memory plain({shape, kFloat, g == 1 ? tag::oihw : tag::goihw}, engine,
                  layer.weight_.data_ptr());
     memory weight(chosen.weights_desc(), engine);
     dnnl::reorder(plain, weight).execute(stream, plain, weight);
     stream.wait();
-    return {dnnl::convolution_forward(chosen), source, target, std::move(weight)};
+    const bool quick = std::string_view(chosen.impl_info_str()).rfind("ref", 0) != 0;
+    return {dnnl::convolution_forward(chosen), source, target, std::move(weight), quick};
   }
 
   dnnl::engine engine{dnnl::engine::kind::cpu, 0};
   dnnl::stream stream{engine};
-  std::map<std::array<std::int64_t, 3>, Primitive> primitives;
+  std::map<Key, Primitive> primitives;
 };
 
 namespace {
 
-torch::Tensor run_primitive(const torch::Tensor& x, const torch::Tensor& bias,
-                            const dnnl::memory::desc& source, const dnnl::memory::desc& target,
-                            const dnnl::memory& weight,
-                            const dnnl::convolution_forward& convolution,
-                            const dnnl::engine& engine, dnnl::stream& stream) {
-  auto y = torch::empty(
-      target.dims(),
-      torch::TensorOptions(torch::kFloat32).memory_format(torch::MemoryFormat::ChannelsLast));
+void run_primitive(const torch::Tensor& x, const torch::Tensor& bias, const torch::Tensor& y,
+                   const dnnl::memory::desc& source, const dnnl::memory::desc& target,
+                   const dnnl::memory& weight, const dnnl::convolution_forward& convolution,
+                   const dnnl::engine& engine, dnnl::stream& stream) {
   std::unordered_map<int, dnnl::memory> arguments{
       {DNNL_ARG_SRC, dnnl::memory(source, engine, x.data_ptr())},
       {DNNL_ARG_WEIGHTS, weight},
@@ -106,10 +110,26 @@ torch::Tensor run_primitive(const torch::Tensor& x, const torch::Tensor& bias,
   }
   convolution.execute(stream, arguments);
   stream.wait();
-  return y;
 }
 
 }  // namespace
+
+/// @param base  Undefined, or what the result is added to, in place.
+torch::Tensor FoldedConvolution::run_directly(const torch::Tensor& x,
+                                              const torch::Tensor& base) {
+  constexpr auto kChannelsLast = torch::MemoryFormat::ChannelsLast;
+  if (prepared_ == nullptr) prepared_ = std::make_unique<Prepared>();
+  const auto input = x.contiguous(kChannelsLast);
+  const Prepared::Primitive& p = prepared_->for_input(*this, input, base.defined());
+  const auto y =
+      base.defined()
+          ? base
+          : torch::empty(p.target.dims(),
+                         torch::TensorOptions(torch::kFloat32).memory_format(kChannelsLast));
+  run_primitive(input, bias_, y, p.source, p.target, p.weight, p.convolution,
+                prepared_->engine, prepared_->stream);
+  return y;
+}
 
 #else
 
@@ -132,16 +152,23 @@ FoldedConvolution::FoldedConvolution(torch::Tensor weight, torch::Tensor bias,
 
 torch::Tensor FoldedConvolution::run(const torch::Tensor& x) {
 #ifdef SEGSIM_ONEDNN
-  if (runs_on_onednn(x)) {
-    if (prepared_ == nullptr) prepared_ = std::make_unique<Prepared>();
-    const auto input = x.contiguous(torch::MemoryFormat::ChannelsLast);
-    const Prepared::Primitive& p = prepared_->for_input(*this, input);
-    return run_primitive(input, bias_, p.source, p.target, p.weight, p.convolution,
-                         prepared_->engine, prepared_->stream);
-  }
+  if (runs_on_onednn(x)) return run_directly(x, {});
 #endif
   auto y = convolve(x, weight_, bias_, stride_, groups_);
   return activate_ ? torch::silu_(y) : y;
+}
+
+torch::Tensor FoldedConvolution::run_onto(const torch::Tensor& base, const torch::Tensor& x) {
+#ifdef SEGSIM_ONEDNN
+  constexpr auto kChannelsLast = torch::MemoryFormat::ChannelsLast;
+  if (runs_on_onednn(x) && base.is_contiguous(kChannelsLast)) {
+    const auto input = x.contiguous(kChannelsLast);
+    if (prepared_ == nullptr) prepared_ = std::make_unique<Prepared>();
+    // Without AVX-512 a sum behind an activation is nothing that oneDNN has code for.
+    if (prepared_->for_input(*this, input, true).quick) return run_directly(input, base);
+  }
+#endif
+  return base + run(x);
 }
 
 }  // namespace segsim::perception

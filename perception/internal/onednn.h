@@ -40,9 +40,13 @@ class FoldedConvolution {
   [[nodiscard]] std::int64_t macs_per_value() const { return weight_[0].numel(); }
   /// One thread at a time.
   [[nodiscard]] torch::Tensor run(const torch::Tensor& x);
+  /// base + run(x), in the memory of `base` where that is possible.
+  [[nodiscard]] torch::Tensor run_onto(const torch::Tensor& base, const torch::Tensor& x);
 
  private:
   struct Prepared;
+  torch::Tensor run_directly(const torch::Tensor& x, const torch::Tensor& base);
+
   torch::Tensor weight_, bias_;
   std::int64_t stride_ = 1, groups_ = 1;
   bool activate_ = false;

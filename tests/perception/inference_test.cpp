@@ -9,6 +9,7 @@
 
 #include "core/random.h"
 #include "perception/detector.h"
+#include "perception/internal/onednn_attention.h"
 #include "perception/internal/trainable_network.h"
 #include "perception/weights_file.h"
 #include "test_folder.h"
@@ -154,7 +155,7 @@ TEST(Candidates, AreTheSameByTensorsAndByLoops) {
   const int64_t count = anchors.stride_px.numel();
   const RawOutput raw{torch::randn({2, count, 4 * kRegBins}) * 3.0,
                       torch::randn({2, count, 3}) * 2.0};
-  for (const float threshold : {0.7F, 0.0F, 1.0F}) {
+  for (const float threshold : {0.7F, 0.99F, 0.02F, 0.0F, 1.0F}) {
     const auto loops = candidates_on_host(raw, anchors, threshold);
     const auto tensors = candidates_on_device(raw, anchors, threshold);
     ASSERT_EQ(loops.size(), 2U);
@@ -195,6 +196,11 @@ TEST_P(FoldedConvolutionCases, AgreesWithLibtorch) {
         const torch::NoGradGuard no_grad;
         EXPECT_TRUE(torch::allclose(with.run(x), expected, 1e-4, 1e-4));
         EXPECT_TRUE(torch::allclose(without.run(x), plain, 1e-4, 1e-4));
+        const auto base = torch::randn(expected.sizes());
+        const auto inner = base.contiguous(torch::MemoryFormat::ChannelsLast).clone();
+        const torch::Tensor sum = base + expected, plain_sum = base + plain;
+        EXPECT_TRUE(torch::allclose(with.run_onto(base.clone(), x), sum, 1e-4, 1e-4));
+        EXPECT_TRUE(torch::allclose(without.run_onto(inner, x), plain_sum, 1e-4, 1e-4));
       }
       EXPECT_TRUE(torch::allclose(with.run(x), expected, 1e-4, 1e-4));  // With gradients.
     }
@@ -206,6 +212,42 @@ INSTANTIATE_TEST_SUITE_P(Kernels, FoldedConvolutionCases,
                                          ConvolutionCase{3, 2, 1}, ConvolutionCase{5, 1, 1},
                                          ConvolutionCase{7, 1, 12}, ConvolutionCase{3, 2, 12},
                                          ConvolutionCase{3, 1, 4}));
+
+TEST(BandAttention, AgreesWithItsFormula) {
+  constexpr int kHeads = 3, kHeadChannels = 8, kBands = 2;
+  constexpr int64_t kChannels = kHeads * kHeadChannels;
+  BandAttention attention(kHeads, kHeadChannels, kBands);
+  const torch::NoGradGuard no_grad;
+  torch::manual_seed(6);
+  for (const auto& [height, width] : {std::pair<int64_t, int64_t>{4, 5}, {6, 3}, {2, 1}}) {
+    const auto qk = torch::randn({2, 2 * kChannels, height, width}) * 2.0;
+    const auto v = torch::randn({2, kChannels, height, width});
+    if (!BandAttention::available(v)) GTEST_SKIP() << "built without oneDNN";
+    const int64_t tokens = height * width / kBands;
+    auto wanted = torch::empty({2, kChannels, height * width});
+    for (int64_t image = 0; image < 2; ++image) {
+      for (int64_t group = 0; group < kBands * kHeads; ++group) {
+        const int64_t channel = group % kHeads * kHeadChannels,
+                      first = group / kHeads * tokens;
+        const auto part = [&](const torch::Tensor& map, int64_t from) {
+          return map[image].flatten(1).narrow(0, from, kHeadChannels).narrow(1, first, tokens);
+        };
+        const auto q = part(qk, channel), k = part(qk, kChannels + channel);
+        const auto weights = (q.t().mm(k) / std::sqrt(double{kHeadChannels})).softmax(1);
+        wanted[image]
+            .narrow(0, channel, kHeadChannels)
+            .narrow(1, first, tokens)
+            .copy_(part(v, channel).mm(weights.t()));
+      }
+    }
+    const auto found = attention.run(qk, v).flatten(2);
+    EXPECT_LE((found - wanted).abs().max().item<double>(), 1e-5) << height << " x " << width;
+    // Channels innermost.
+    const auto inner = attention.run(qk.contiguous(torch::MemoryFormat::ChannelsLast),
+                                     v.contiguous(torch::MemoryFormat::ChannelsLast));
+    EXPECT_TRUE(torch::equal(inner.flatten(2), found));
+  }
+}
 
 TEST(FoldedConvolution, IsEmptyUntilOneIsAssigned) {
   FoldedConvolution folded;

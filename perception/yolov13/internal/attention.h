@@ -10,6 +10,7 @@
 ///     A2C2f           y0 = cv1 x; n pairs of AttentionBlocks; cv2(cat of all), for large
 ///                     scales as residual x + gamma * cv2(...)
 
+#include "perception/internal/onednn_attention.h"
 #include "perception/yolov13/internal/blocks.h"
 
 namespace segsim::perception::yolov13 {
@@ -24,7 +25,11 @@ class AreaAttention final : public Block {
   torch::Tensor forward(const torch::Tensor& x) override;
 
  private:
+  /// What the tokens of `v` make of each other, [batch, channels, h, w].
+  torch::Tensor attend(const torch::Tensor& qk, const torch::Tensor& v);
+
   int heads_, area_;
+  BandAttention attention_;
   std::shared_ptr<Conv> qk_, v_, proj_, pe_;
 };
 
@@ -35,7 +40,7 @@ class AttentionBlock final : public Block {
 
  private:
   std::shared_ptr<AreaAttention> attention_;
-  std::shared_ptr<Chain> mlp_;
+  std::shared_ptr<Conv> widen_, narrow_;  ///< The MLP.
 };
 
 class A2C2f final : public Block {

@@ -67,6 +67,8 @@ class Conv final : public FoldingBlock {
  public:
   Conv(int in, int out, int kernel, int stride = 1, int groups = 1, bool activate = true);
   torch::Tensor forward(const torch::Tensor& x) override;
+  /// base + forward(x); once folded in the memory of `base`, which nobody else may need then.
+  torch::Tensor forward_onto(const torch::Tensor& base, const torch::Tensor& x);
   void fold() override;
 
  private:
@@ -80,6 +82,8 @@ class DsConv final : public FoldingBlock {
  public:
   DsConv(int in, int out, int kernel, int stride = 1);
   torch::Tensor forward(const torch::Tensor& x) override;
+  /// As Conv::forward_onto().
+  torch::Tensor forward_onto(const torch::Tensor& base, const torch::Tensor& x);
   void fold() override;
 
  private:
@@ -105,6 +109,8 @@ class DsBottleneck final : public Block {
   /// Input and output have `channels` each; the second kernel is `kernel`.
   DsBottleneck(int channels, int kernel);
   torch::Tensor forward(const torch::Tensor& x) override;
+  /// The same; may use the memory of `x`, which nobody else may need.
+  torch::Tensor forward_over(const torch::Tensor& x);
 
  private:
   std::shared_ptr<DsConv> first_, second_;
@@ -118,7 +124,7 @@ class DsC3k final : public Block {
 
  private:
   std::shared_ptr<Conv> cv1_, cv2_, cv3_;
-  std::shared_ptr<Chain> inner_;
+  std::vector<std::shared_ptr<DsBottleneck>> inner_;
 };
 
 class DsC3k2 final : public Block {

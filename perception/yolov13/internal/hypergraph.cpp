@@ -16,6 +16,20 @@ torch::Tensor run_linear(torch::nn::Linear& layer, const torch::Tensor& x) {
   return y;
 }
 
+/// The same for many tokens [batch, tokens, channels]: once folded by oneDNN, for which they
+/// are a map with its channels innermost (onednn.h says why not by the BLAS library).
+torch::Tensor run_linear(torch::nn::Linear& layer, FoldedConvolution& folded,
+                         const torch::Tensor& tokens) {
+  if (folded.empty()) return run_linear(layer, tokens);
+  const auto y = folded.run(tokens.transpose(1, 2).unsqueeze(3));
+  MacCounter::add(y.numel() * folded.macs_per_value());
+  return y.squeeze(3).transpose(1, 2);
+}
+
+FoldedConvolution fold_linear(const torch::nn::Linear& layer) {
+  return {layer->weight.unsqueeze(2).unsqueeze(3), layer->bias, 1, 1, false};
+}
+
 /// x Phi(x), exact. Training writes it out: the derivative of libtorch 1.13's own GELU, in
 /// float on the CPU, is memory that nobody has written wherever the incoming one is laid out
 /// in another order (here: always, tokens are columns of the map), at times a NaN.
@@ -49,10 +63,13 @@ torch::Tensor HyperedgeGenerator::forward(const torch::Tensor& tokens) {
   // The mean over heads of products of 16 channels is one product of all channels, divided by
   // the number of heads.
   const double heads = static_cast<double>(channels_) / kHyperHeadChannels;
-  const auto logits = torch::bmm(run_linear(projection_, tokens), prototypes.transpose(1, 2)) /
+  const auto logits = torch::bmm(run_linear(projection_, folded_projection_, tokens),
+                                 prototypes.transpose(1, 2)) /
                       (heads * std::sqrt(double{kHyperHeadChannels}));
   return torch::dropout(logits, kDropout, is_training()).softmax(1);
 }
+
+void HyperedgeGenerator::fold() { folded_projection_ = fold_linear(projection_); }
 
 HypergraphConv::HypergraphConv(int channels, int hyperedges) {
   generator_ = register_module("edge_generator",
@@ -67,7 +84,13 @@ torch::Tensor HypergraphConv::forward(const torch::Tensor& tokens) {
   const auto participation = generator_->forward(tokens);
   const auto edges =
       exact_gelu(run_linear(edge_, torch::bmm(participation.transpose(1, 2), tokens)));
-  return exact_gelu(run_linear(node_, torch::bmm(participation, edges))) + tokens;
+  return exact_gelu(run_linear(node_, folded_node_, torch::bmm(participation, edges))) +
+         tokens;
+}
+
+void HypergraphConv::fold() {
+  generator_->fold();
+  folded_node_ = fold_linear(node_);
 }
 
 C3AH::C3AH(int channels, int hyperedges) {
@@ -125,6 +148,8 @@ torch::Tensor DownsampleConv::forward(const torch::Tensor& x) {
 Tunnel::Tunnel() { gate_ = register_parameter("gate", torch::zeros({})); }
 
 torch::Tensor Tunnel::forward(const torch::Tensor& a, const torch::Tensor& b) {
+  // In one pass over the maps; autocast would make float32 of both.
+  if (runs_on_onednn(a)) return torch::addcmul(a, b, gate_);
   return a + gate_ * b;
 }
 

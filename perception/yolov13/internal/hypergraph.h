@@ -26,11 +26,14 @@ class HyperedgeGenerator final : public torch::nn::Module {
   /// @param tokens  [batch, tokens, channels]. @returns [batch, tokens, hyperedges], sums to 1
   /// over the tokens.
   torch::Tensor forward(const torch::Tensor& tokens);
+  /// Prepares for inference; cannot be undone.
+  void fold();
 
  private:
   int channels_, hyperedges_;
   torch::Tensor prototypes_;  ///< [hyperedges, channels]
   torch::nn::Linear context_{nullptr}, projection_{nullptr};
+  FoldedConvolution folded_projection_;
 };
 
 class HypergraphConv final : public torch::nn::Module {
@@ -38,17 +41,21 @@ class HypergraphConv final : public torch::nn::Module {
   HypergraphConv(int channels, int hyperedges);
   /// [batch, tokens, channels] -> the same.
   torch::Tensor forward(const torch::Tensor& tokens);
+  /// Prepares for inference; cannot be undone.
+  void fold();
 
  private:
   std::shared_ptr<HyperedgeGenerator> generator_;
   torch::nn::Linear edge_{nullptr}, node_{nullptr};
+  FoldedConvolution folded_node_;
 };
 
-class C3AH final : public Block {
+class C3AH final : public FoldingBlock {
  public:
   /// @param channels  A multiple of kHyperHeadChannels, in, out and between.
   C3AH(int channels, int hyperedges);
   torch::Tensor forward(const torch::Tensor& x) override;
+  void fold() override { hypergraph_->fold(); }
 
  private:
   std::shared_ptr<Conv> cv1_, cv2_, cv3_;
