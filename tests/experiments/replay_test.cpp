@@ -151,6 +151,31 @@ TEST_F(ReplayTest, AllTrialsReplayEqual) {
   EXPECT_EQ(replay(folder_->path() / "work" / "replays"), "");
 }
 
+TEST_F(ReplayTest, AHundredTrialsReplayEqual) {
+  std::string text = kSpec;
+  const auto replace = [&text](const std::string& from, const std::string& to) {
+    const std::size_t at = text.find(from);
+    ASSERT_NE(at, std::string::npos) << from;
+    text.replace(at, from.size(), to);
+  };
+  // Short ones with few pixels: what counts is that so many different ones are equal.
+  replace("episodes: 4", "episodes: 25");
+  replace("time_limit_s: 40", "time_limit_s: 5\nrepetitions: 2");
+  replace("width: 96, height: 72", "width: 40, height: 30");
+  replace("visible_pixels: 30", "visible_pixels: 10");
+  replace("images: true", "images: false");
+  ASSERT_EQ(run("hundred", 2, text).trials_run, 100);
+  testing::internal::CaptureStdout();
+  EXPECT_EQ(replay(folder_->path() / "hundred" / "replays"), "");
+  const std::string out = testing::internal::GetCapturedStdout();
+  std::size_t equal = 0;
+  for (std::size_t at = out.find(": equal"); at != std::string::npos;
+       at = out.find(": equal", at + 1)) {
+    ++equal;
+  }
+  EXPECT_EQ(equal, 100U);
+}
+
 TEST_F(ReplayTest, PerceptionFromTheLogNeedsNeitherRendererNorWeights) {
   EXPECT_EQ(replay(folder_->path() / "work" / "replays", "--verify --from-log"), "");
 }

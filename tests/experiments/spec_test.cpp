@@ -128,6 +128,14 @@ TEST(Spec, FramesAreRecordedOnRequest) {
   EXPECT_THAT(error_of(text + "frames: {of: all, every: 1}\n"), HasSubstr("every_s"));
 }
 
+TEST(Spec, WhatMotionIsCheckedAgainst) {
+  SpecFolders folders;
+  folders.data = "data";
+  EXPECT_EQ(parse_spec(kSpec, "two.yaml", folders).collision, sim::CollisionMode::kFootprint);
+  const std::string text = std::string(kSpec) + "collision: navmesh\n";
+  EXPECT_EQ(parse_spec(text, "two.yaml", folders).collision, sim::CollisionMode::kNavmesh);
+}
+
 TEST(Spec, SuccessProfilesByName) {
   const std::string line =
       "success: {profile: segsim-object, distance_m: 0.8, visible_pixels: 25}";
@@ -219,6 +227,9 @@ TEST(Spec, AWrongTypeOrValueIsNamedWithItsLine) {
   EXPECT_THAT(error_of(with(kSpec, "[flat-1], v", "[flat-2], v")), HasSubstr("near: flat-1"));
   EXPECT_THAT(error_of(with(kSpec, "robot: jackal-gentle", "robot: jakal")),
               AllOf(HasSubstr(":24"), HasSubstr("jackal")));
+  EXPECT_THAT(
+      error_of(with(kSpec, "robot: jackal-gentle", "collision: navmsh\nrobot: jackal-gentle")),
+      AllOf(HasSubstr(":24"), HasSubstr("near: navmesh")));
   EXPECT_THAT(error_of(with(kSpec, "name: after", "name: before")), HasSubstr("a new name"));
   EXPECT_THAT(error_of(with(kSpec, "name: flat-1", "name: flat/1")), HasSubstr("letters"));
   EXPECT_THAT(error_of(with(kSpec, "control_period_s: 0.2", "control_period_s: 0.033")),

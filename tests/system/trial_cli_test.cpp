@@ -26,18 +26,20 @@ std::string read(const fs::path& file) {
 
 class TrialCli : public ::testing::Test {
  protected:
-  /// An example with one text replaced, beside its budgets.
+  /// An example with one text replaced, among copies of the files that it names.
   [[nodiscard]] fs::path changed(const std::string& example, const std::string& from,
                                  const std::string& to) const {
     std::string text = read(fs::path(SEGSIM_TRIALS) / example);
     const std::size_t at = text.find(from);
     EXPECT_NE(at, std::string::npos) << from;
     text.replace(at, from.size(), to);
+    for (const char* part : {"trials", "budgets"}) {
+      if (fs::exists(folder_ / part)) continue;
+      fs::copy(fs::path(SEGSIM_TRIALS).parent_path() / part, folder_ / part,
+               fs::copy_options::recursive);
+    }
     const fs::path file = folder_ / "trials" / example;
-    fs::create_directories(file.parent_path());
     std::ofstream(file) << text;
-    const fs::path budgets = fs::path(SEGSIM_TRIALS).parent_path() / "budgets";
-    if (!fs::exists(folder_ / "budgets")) fs::copy(budgets, folder_ / "budgets");
     return file;
   }
 
