@@ -116,7 +116,9 @@ Verdict judge_give_up(const FailureFacts& facts) {
   if (reason == "deadline" || reason == "deadline_abort") {
     return {Cause::kDeadlineAbort, -1, -1};
   }
-  if (reason == "no_frontier_left") return judge_search(facts, Cause::kNoFrontierLeft);
+  // "nothing_new": it went in circles.
+  if (reason == "no_frontier_left" || reason == "nothing_new")
+    return judge_search(facts, Cause::kNoFrontierLeft);
   return {Cause::kGaveUp, -1, -1};
 }
 

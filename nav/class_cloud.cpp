@@ -8,6 +8,7 @@
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <glm/mat3x3.hpp>
+#include <glm/vector_relational.hpp>
 
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
@@ -19,6 +20,10 @@ namespace segsim::nav {
 namespace {
 
 constexpr double kImageWidth_px = 640.0, kImageArea_px2 = 640.0 * 480.0;
+// As in nav/object_map.cpp: a box is this uncertain, or by this share of its size; a point is
+// in view if the depth there agrees.
+constexpr float kCarveMargin_px = 3.0F, kCarveMargin = 0.1F;
+constexpr double kCarveDepth_m = 0.15, kCarveNearest_m = 0.2;
 
 core::Image<std::uint8_t> eroded(const core::Image<std::uint8_t>& mask, int passes) {
   core::Image<std::uint8_t> result = mask;
@@ -64,6 +69,7 @@ ClassCloud::ClassCloud(const ClassCloudOptions& options, const VlfmRules& rules,
 
 void ClassCloud::reset(std::uint64_t seed) {
   points_.clear();
+  fresh_m_.clear();
   voxels_.clear();
   last_target_m_.reset();
   random_ = core::RandomStream(seed, "class_cloud");
@@ -105,13 +111,17 @@ std::vector<glm::vec3> ClassCloud::masked_points(const core::Observation& observ
   }
   const auto T = observation.T_odom_camera();
   const glm::dmat3 R = glm::mat3_cast(T.rotation());
+  const double lowest_m = options_.floor_m > 0.0
+                              ? observation.T_odom_robot.translation_m().z + options_.floor_m
+                              : -1e18;
   std::vector<glm::vec3> points;
   points.reserve(pixels.size());
   for (const auto& [x, y] : pixels) {
     const float measured = depth_m(x, y);
     const double depth = static_cast<double>(measured > 0.0F ? std::min(measured, far) : far);
-    points.emplace_back(R * observation.intrinsics.back_project({x + 0.5, y + 0.5}, depth) +
-                        T.translation_m());
+    const glm::dvec3 p =
+        R * observation.intrinsics.back_project({x + 0.5, y + 0.5}, depth) + T.translation_m();
+    if (p.z >= lowest_m) points.emplace_back(p);
   }
   return points;
 }
@@ -136,6 +146,12 @@ bool ClassCloud::add(const core::Observation& observation,
     return glm::distance(glm::dvec3(p), eye) < options_.too_close_m;
   });
   if (near) return false;
+  glm::vec3 low = cluster.front(), high = low;
+  for (const glm::vec3& p : cluster) {
+    low = glm::min(low, p);
+    high = glm::max(high, p);
+  }
+  fresh_m_.emplace_back(low, high);
   const bool at_edge = cut_by_side_edge(mask, options_);
   const std::uint64_t second_class = new_id();
   const double trusted_m = options_.trusted_share * options_.max_depth_m;
@@ -165,6 +181,40 @@ void ClassCloud::recount_voxels() {
   voxels_.clear();
   if (rules_.published(Quirk::kEndlessClouds)) return;
   for (const CloudPoint& point : points_) voxels_.insert(voxel_key(point, options_.voxel_m));
+}
+
+void ClassCloud::carve(const core::Observation& observation,
+                       std::span<const core::BoxPx> boxes) {
+  const std::vector<std::pair<glm::vec3, glm::vec3>> fresh_m = std::exchange(fresh_m_, {});
+  if (options_.carve_m <= 0.0 || fresh_m.empty()) return;
+  const auto T_camera_odom = observation.T_odom_camera().inverse();
+  const core::Image<float>& depth_m = *observation.depth_m;
+  const auto reach_m = static_cast<float>(options_.carve_m);
+  const auto covered = [&](const glm::vec2& px) {
+    return std::any_of(boxes.begin(), boxes.end(), [&](const core::BoxPx& box) {
+      const float dx = std::max(kCarveMargin_px, kCarveMargin * box.width_px());
+      const float dy = std::max(kCarveMargin_px, kCarveMargin * box.height_px());
+      return px.x >= box.x0 - dx && px.x <= box.x1 + dx && px.y >= box.y0 - dy &&
+             px.y <= box.y1 + dy;
+    });
+  };
+  const auto wrong = [&](const CloudPoint& point) {
+    const glm::vec3& at = point.p_odom_m;
+    const bool beside_fresh =
+        std::any_of(fresh_m.begin(), fresh_m.end(), [&](const auto& extent) {
+          return glm::all(glm::greaterThanEqual(at, extent.first - reach_m)) &&
+                 glm::all(glm::lessThanEqual(at, extent.second + reach_m));
+        });
+    if (!beside_fresh) return false;
+    const glm::dvec3 p =
+        (T_camera_odom * core::Point<core::frame::Odom>{glm::dvec3(at)}).xyz_m;
+    if (p.z < kCarveNearest_m) return false;
+    const glm::vec2 px(observation.intrinsics.project(p));
+    const int x = static_cast<int>(std::floor(px.x)), y = static_cast<int>(std::floor(px.y));
+    if (!depth_m.contains(x, y) || covered(px)) return false;
+    return std::abs(static_cast<double>(depth_m(x, y)) - p.z) < kCarveDepth_m;
+  };
+  if (std::erase_if(points_, wrong) > 0) recount_voxels();
 }
 
 void ClassCloud::refute_second_class(const core::Observation& observation) {

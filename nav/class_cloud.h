@@ -12,7 +12,9 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <unordered_set>
+#include <utility>
 #include <vector>
 
 #include <glm/vec3.hpp>
@@ -36,6 +38,11 @@ struct ClassCloudOptions {
   double refute_share = 0.5;  ///< Of max_depth_m.
   double voxel_m = 0.02;      ///< Fixed Q11: one point per voxel and detection class.
   std::size_t most_points = 2'000'000;  ///< Published Q11 grows for ever; here up to this.
+  /// Not in VLFM (0: as there): lower points are floor, not object.
+  double floor_m = 0.0;
+  /// Not in VLFM (0: as there): points this near to a new detection and in plain view, yet
+  /// beside every box of the class, were taken for the object by mistake and are deleted.
+  double carve_m = 0.0;
   // Hysteresis of the target.
   double keep_below_m = 0.1;  ///< Smaller moves keep the previous target ...
   double keep_far_below_m = 0.5,
@@ -57,6 +64,9 @@ class ClassCloud {
   void reset(std::uint64_t seed);
   /// Adds one detection. @return  Whether anything of it was kept.
   bool add(const core::Observation& observation, const core::Image<std::uint8_t>& mask);
+  /// To be called after the detections of an image were added, with their boxes; see
+  /// ClassCloudOptions::carve_m.
+  void carve(const core::Observation& observation, std::span<const core::BoxPx> boxes);
   /// To be called after the detections of an image were added: deletes second-class detections
   /// of which a point lies within range and opening of the camera now.
   void refute_second_class(const core::Observation& observation);
@@ -81,6 +91,8 @@ class ClassCloud {
   std::optional<glm::dvec3> last_target_m_;
   core::RandomStream random_;
   std::uint64_t detections_ = 0;
+  /// Extents of the clusters of one image.
+  std::vector<std::pair<glm::vec3, glm::vec3>> fresh_m_;
 };
 
 }  // namespace segsim::nav

@@ -11,6 +11,7 @@ constexpr float kBin_m = 0.1F;
 constexpr std::size_t kBins = 200;  // 20 m; farther depth counts into the last.
 constexpr std::size_t kGapBins = 3;
 constexpr double kNearShare = 0.25;
+constexpr float kCoreShare = 0.65F;  // Of the box's sides: its edges show what stands around.
 
 std::size_t bin_of(float depth_m) {
   return std::min(static_cast<std::size_t>(std::min(depth_m, 1e3F) / kBin_m), kBins - 1);
@@ -51,14 +52,22 @@ class DepthSegmenter final : public Segmenter {
     const int y0 = edge(box.y0, depth_m.height_px()), y1 = edge(box.y1, depth_m.height_px());
     std::array<std::size_t, kBins> histogram{};
     std::size_t total = 0;
-    for (int y = y0; y < y1; ++y) {
-      for (int x = x0; x < x1; ++x) {
-        const float depth = depth_m(x, y);
-        if (!(depth > 0.0F)) continue;
-        ++histogram[bin_of(depth)];
-        ++total;
+    const auto count = [&](const core::BoxPx& part) {
+      for (int y = edge(part.y0, depth_m.height_px()); y < edge(part.y1, depth_m.height_px());
+           ++y) {
+        for (int x = edge(part.x0, depth_m.width_px()); x < edge(part.x1, depth_m.width_px());
+             ++x) {
+          const float depth = depth_m(x, y);
+          if (!(depth > 0.0F)) continue;
+          ++histogram[bin_of(depth)];
+          ++total;
+        }
       }
-    }
+    };
+    const float dx = 0.5F * (1.0F - kCoreShare) * box.width_px();
+    const float dy = 0.5F * (1.0F - kCoreShare) * box.height_px();
+    count({box.x0 + dx, box.y0 + dy, box.x1 - dx, box.y1 - dy});
+    if (total == 0) count(box);  // Tiny, or all holes in the middle.
     const Layer layer = total > 0 ? choose_layer(histogram, total) : Layer{};
     for (int y = y0; y < y1; ++y) {
       for (int x = x0; x < x1; ++x) {

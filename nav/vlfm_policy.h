@@ -63,11 +63,19 @@ struct VlfmOptions {
   /// Not in VLFM: drive to a place that nav/approach.h chooses (these distances from the
   /// object's surface, open floor between) and look there, instead of stopping where the
   /// radius is crossed; an object that is not seen again gets one more look from farther away.
+  /// The cloud is kept clean for it: no floor, and nothing that a later view contradicts.
   bool approach = true;
   double approach_min_m = 0.5, approach_max_m = 0.75;
+  double approach_floor_m = 0.06, approach_carve_m = 1.0;  ///< ClassCloudOptions.
   /// Not in VLFM: so many places that were seen only from afar are visited, with a turn
   /// around, when no frontier is left.
   int sweep_places = 4;
+  /// Not in VLFM: without anything new from near for so long the search is given up
+  /// ("nothing_new"): a goal behind glass, a camera that shows no depth. Needs the sweep.
+  double give_up_s = 45.0;
+  /// Not in VLFM: with this inflation the search goes on once, when nothing else is left; as
+  /// FrontierPolicyOptions::tight_radius_m. Needs the sweep, too.
+  double tight_radius_m = 0.28;
 
   CostMapOptions cost;
   DiscreteMotionOptions actions;
@@ -93,8 +101,8 @@ struct VlfmOptions {
 /// m and mast.
 [[nodiscard]] VlfmOptions vlfm_for_jackal(const VlfmRules& rules, double camera_height_m);
 
-/// Stop reasons: "goal_reached", "no_frontier_left", "pointnav_stop" (Q5), "map_exhausted"
-/// (Q9), "stuck" (Q6).
+/// Stop reasons: "goal_reached", "no_frontier_left", "nothing_new", "pointnav_stop" (Q5),
+/// "map_exhausted" (Q9), "stuck" (Q6).
 /// @throws ContractViolation for options out of range.
 [[nodiscard]] std::unique_ptr<core::Policy> make_vlfm_policy(const VlfmOptions& options);
 

@@ -40,6 +40,11 @@ VlfmOptions completed(VlfmOptions options) {
     options.local = make_grid_local_policy(local);
   }
   SEGSIM_CHECK(options.stop_radius_m > 0.0 && options.spin_turns >= 0, "stop radius, turns");
+  SEGSIM_CHECK(options.give_up_s > 0.0, "give_up_s");
+  if (options.approach) {
+    options.cloud.floor_m = options.approach_floor_m;
+    options.cloud.carve_m = options.approach_carve_m;
+  }
   return options;
 }
 
@@ -92,17 +97,24 @@ void VlfmSearch::update_maps(const Now& now) {
   values_.update(*now.observation,
                  options_.scorer->score(*now.observation, now.detections, goal_.class_name));
   if (options_.sweep_places > 0) note_near_cells(now);
+  std::vector<core::BoxPx> boxes;
   for (const core::Detection& detection : now.detections) {
     if (goal_.class_index < 0 || detection.class_index != goal_.class_index) continue;
+    boxes.push_back(detection.box);
     if (static_cast<double>(detection.score) < options_.min_score) continue;
     cloud_.add(*now.observation, options_.segmenter->segment(*now.observation, detection.box));
   }
+  cloud_.carve(*now.observation, boxes);
   cloud_.refute_second_class(*now.observation);
 }
 
 core::VelocityCommand VlfmSearch::act(const Now& now) {
   if (obstacles_.exhausted()) {
     stop("map_exhausted");
+    return {};
+  }
+  if (nothing_new(now)) {
+    stop("nothing_new");
     return {};
   }
   if (recovering_) return recover(now);
@@ -192,7 +204,7 @@ core::VelocityCommand VlfmSearch::explore(const Now& now) {
   if (sweep_spinning_) return spin_for_sweep(now);
   if (!target_m_) {
     if (const auto place_m = next_sweep_place(now)) return sweep_to(now, *place_m);
-    stop("no_frontier_left");
+    if (!squeeze_through()) stop("no_frontier_left");
     return {};
   }
   sweep_m_.reset();

@@ -12,7 +12,9 @@ namespace {
 constexpr double kSamePlace_m = 0.05;
 constexpr double kBackSpeed_mps = 0.2;
 constexpr double kRecoverPhase_s = 3.0;
-constexpr double kFelt_m = 0.10;  // Radius of what was felt, not seen.
+// Radius of what was felt, not seen; more each time around the same place.
+constexpr double kFelt_m = 0.10, kFeltMore_m = 0.05, kFeltMost_m = 0.25;
+constexpr double kFeltNear_m = 0.5;
 
 }  // namespace
 
@@ -47,6 +49,10 @@ bool VlfmSearch::replan_due(const Now& now) const {
 void VlfmSearch::refresh_cost_map() {
   CostMapOptions cost = options_.cost;
   cost.cross_unknown = true;
+  if (tight_) {
+    cost.robot_radius_m = std::min(cost.robot_radius_m, options_.tight_radius_m);
+    cost.margin_m = 0.0;
+  }
   const GridFrame& frame = obstacles_.frame();
   CellBox active = obstacles_.observed();
   if (active.empty()) {  // Nothing yet.
@@ -104,8 +110,15 @@ void VlfmSearch::begin_recovery(const Now& now) {
       random.uniform(options_.recover_turn_min_rad, options_.recover_turn_max_rad);
   recovery_yaw_rad_ = now.pose.yaw_rad + (random.chance(0.5) ? turn : -turn);
   const glm::dvec2 ahead(std::cos(now.pose.yaw_rad), std::sin(now.pose.yaw_rad));
+  const auto before = std::count_if(
+      stuck_places_m_.begin(), stuck_places_m_.end(), [&](const glm::dvec2& place_m) {
+        return glm::distance(place_m, now.position_m) < kFeltNear_m;
+      });
+  const double felt_m =
+      std::min(kFelt_m + kFeltMore_m * static_cast<double>(before), kFeltMost_m);
   obstacles_.mark_blocked_disc(
-      now.position_m + (options_.obstacles.robot_radius_m + 0.05) * ahead, kFelt_m);
+      now.position_m + (options_.obstacles.robot_radius_m + 0.05) * ahead, felt_m);
+  stuck_places_m_.push_back(now.position_m);
   ++recoveries_;
   recovering_ = true;
   recovery_turning_ = false;

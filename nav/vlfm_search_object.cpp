@@ -19,6 +19,7 @@ constexpr double kInside_m = 0.15;      // A place this much nearer than a radiu
 constexpr double kBeyondWeight = 1000.0;
 constexpr double kObjectRadius_m = 0.8;  // The cloud holds all objects of the class.
 constexpr double kFarLook_m = 1.1;
+constexpr double kBehind_m = 0.6;  // An object that begins this far behind is elsewhere.
 constexpr double kSamePlace_m = 0.3;
 constexpr core::TimeNs kPostpone_ns = 15 * core::kNsPerSecond;
 
@@ -163,6 +164,31 @@ core::VelocityCommand VlfmSearch::navigate(const Now& now, const glm::dvec3& obj
   return drive(now, *target_m_, false);
 }
 
+/// Whether what the box shows begins where the object was thought to be; else something stood
+/// before the object when it was mapped.
+bool VlfmSearch::at_its_place(const Now& now, const core::BoxPx& box,
+                              const glm::dvec3& object_m) const {
+  if (!options_.approach) return true;
+  const core::Image<float>& depth_m = *now.observation->depth_m;
+  const core::Image<std::uint8_t> mask = options_.segmenter->segment(*now.observation, box);
+  const auto T = now.observation->T_odom_camera();
+  std::vector<double> away_m;
+  for (int y = 0; y < mask.height_px(); y += 2) {
+    for (int x = 0; x < mask.width_px(); x += 2) {
+      if (mask(x, y) == 0 || !(depth_m(x, y) > 0.0F)) continue;
+      const glm::dvec3 p =
+          T.rotation() * now.observation->intrinsics.back_project(
+                             {x + 0.5, y + 0.5}, static_cast<double>(depth_m(x, y))) +
+          T.translation_m();
+      away_m.push_back(glm::distance(glm::dvec2(p), now.position_m));
+    }
+  }
+  if (away_m.empty()) return true;  // Too near to measure, or a hole.
+  const auto front = away_m.begin() + static_cast<std::ptrdiff_t>(away_m.size() / 10);
+  std::nth_element(away_m.begin(), front, away_m.end());
+  return *front < glm::distance(glm::dvec2(object_m), now.position_m) + kBehind_m;
+}
+
 bool VlfmSearch::seen_now(const Now& now, const glm::dvec3& object_m) const {
   const glm::dvec3 p =
       (now.observation->T_odom_camera().inverse() * core::Point<core::frame::Odom>{object_m})
@@ -175,7 +201,8 @@ bool VlfmSearch::seen_now(const Now& now, const glm::dvec3& object_m) const {
                        return d.class_index == goal_.class_index &&
                               static_cast<double>(d.score) >= options_.min_score &&
                               u > static_cast<double>(d.box.x0) - margin &&
-                              u < static_cast<double>(d.box.x1) + margin;
+                              u < static_cast<double>(d.box.x1) + margin &&
+                              at_its_place(now, d.box, object_m);
                      });
 }
 

@@ -53,6 +53,34 @@ void VlfmSearch::note_near_cells(const Now& now) {
   }
 }
 
+/// Nothing is left to do. Once the search goes on where the robot fits only just: beside a
+/// table the full inflation encloses it.
+bool VlfmSearch::squeeze_through() {
+  if (tight_ || options_.sweep_places <= 0) return false;
+  tight_ = true;
+  vetoed_m_.clear();
+  swept_m_.clear();
+  postponed_until_ns_ = 0;
+  planned_ns_ = -1;
+  chooser_.reset();
+  // What was put off may be in view.
+  sweep_spinning_ = true;
+  turns_ = 0;
+  spun_rad_ = 0.0;
+  return true;
+}
+
+/// Whether the search goes in circles: it may have a goal in sight that no way leads to, or a
+/// camera that measures nothing.
+bool VlfmSearch::nothing_new(const Now& now) {
+  if (options_.sweep_places <= 0) return false;
+  if (!news_ns_ || seen_near_.size() > news_) {
+    news_ = seen_near_.size();
+    news_ns_ = now.time_ns;
+  }
+  return core::seconds(now.time_ns - *news_ns_) > options_.give_up_s;
+}
+
 /// The reachable place around which most was seen only from afar.
 std::optional<glm::dvec2> VlfmSearch::next_sweep_place(const Now& now) {
   if (sweep_m_) return sweep_m_;

@@ -46,11 +46,15 @@ class VlfmSearch final : public core::Policy {
   std::optional<glm::dvec2> approach_place(const Now& now, const glm::dvec2& object_m);
   core::VelocityCommand approach(const Now& now, const glm::dvec3& object_m);
   [[nodiscard]] bool seen_now(const Now& now, const glm::dvec3& object_m) const;
+  [[nodiscard]] bool at_its_place(const Now& now, const core::BoxPx& box,
+                                  const glm::dvec3& object_m) const;
   [[nodiscard]] bool vetoed(const glm::dvec2& place_m) const;
   void stop(const std::string& reason);
 
   // vlfm_sweep.cpp: what is left when no frontier is.
   void note_near_cells(const Now& now);
+  [[nodiscard]] bool nothing_new(const Now& now);
+  [[nodiscard]] bool squeeze_through();
   std::optional<glm::dvec2> next_sweep_place(const Now& now);
   [[nodiscard]] bool swept(const glm::dvec2& place_m) const;
   core::VelocityCommand sweep_to(const Now& now, const glm::dvec2& place_m);
@@ -100,13 +104,17 @@ class VlfmSearch final : public core::Policy {
   std::vector<glm::dvec2> swept_m_;
   core::TimeNs sweep_since_ns_ = 0;
   int sweeps_ = 0;
+  std::size_t news_ = 0;  ///< Of seen_near_, when it grew last.
+  std::optional<core::TimeNs> news_ns_;
   bool sweep_spinning_ = false;
+  bool tight_ = false;  ///< Nothing was left with the full inflation.
 
   bool recovering_ = false, recovery_turning_ = false;
   core::Pose2 recovery_start_;
   core::TimeNs recovery_since_ns_ = 0;
   double recovery_yaw_rad_ = 0.0;
   int recoveries_ = 0;
+  std::vector<glm::dvec2> stuck_places_m_;
 };
 
 }  // namespace segsim::nav::internal

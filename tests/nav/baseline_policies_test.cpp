@@ -4,6 +4,7 @@
 
 #include "core/check.h"
 #include "tests/nav/box_world.h"
+#include "tests/nav/test_view.h"
 
 namespace segsim::nav {
 namespace {
@@ -36,6 +37,31 @@ TEST(BaselinePolicies, OraclePathDrivesItsWayAndLooksForTheGoal) {
   const SimulationResult result = run_episode(world, {8.5, 4.0, 0.0}, small_camera(), *policy);
   EXPECT_TRUE(result.success()) << result.stop_reason << " " << result.to_object_m;
   EXPECT_EQ(result.contacts, 0);
+}
+
+/// Held where it stands, it backs out; then it drives the same way at a walk, until it is
+/// away.
+TEST(BaselinePolicies, AfterItWasHeldTheOracleIsCareful) {
+  auto policy = make_oracle_path_policy([](const glm::dvec2& from) {
+    return std::vector<glm::dvec2>{from, {8.0, 0.0}};
+  });
+  policy->reset({"thing", 0}, 1);
+  TestView view({}, 3.0F, 1.1);
+  core::TimeNs time_ns = 0;
+  const auto speed_mps = [&](double x_m) {
+    view.move_to({x_m, 0.0, 0.0});
+    view.observation.capture_time_ns = time_ns += core::kNsPerSecond / 4;
+    return policy->decide(view.observation, {}).command.forward_mps;
+  };
+  EXPECT_GT(speed_mps(0.0), 0.4);
+  double back_mps = 0.0;
+  for (int k = 0; k < 8; ++k) back_mps = std::min(back_mps, speed_mps(0.1));
+  EXPECT_LT(back_mps, 0.0);
+  double x_m = 0.1;
+  for (; speed_mps(x_m) < 0.0; x_m -= 0.03) {
+  }
+  for (; x_m < 1.3; x_m += 0.07) EXPECT_LE(speed_mps(x_m), 0.3 + 1e-9) << x_m;
+  EXPECT_GT(speed_mps(2.0), 0.4);
 }
 
 TEST(BaselinePolicies, WithoutAWayTheOracleSaysSo) {

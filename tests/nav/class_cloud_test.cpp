@@ -1,7 +1,9 @@
 #include "nav/class_cloud.h"
 
+#include <algorithm>
 #include <bit>
 #include <set>
+#include <vector>
 
 #include <gtest/gtest.h>
 #include <glm/geometric.hpp>
@@ -184,6 +186,76 @@ TEST(ClassCloud, TrustedPointsFirst) {
   scene.object(280, 200, 360, 280, 4.0F);
   ASSERT_TRUE(cloud.add(scene.observation, scene.mask));
   EXPECT_NEAR(cloud.target_m({0.0, 0.0}).value().x, 4.0, 0.05);
+}
+
+/// What a first view took for the object, a second one shows beside the box.
+TEST(ClassCloud, CarvingRemovesWhatALaterViewShowsBesideTheBox) {
+  for (const double carve_m : {0.0, 1.0}) {
+    ClassCloudOptions options;
+    options.carve_m = carve_m;
+    ClassCloud cloud(options);
+    Scene scene;
+    // One surface at 2 m: the object and what stands beside it, in one mask.
+    scene.object(240, 200, 400, 280, 2.0F);
+    ASSERT_TRUE(cloud.add(scene.observation, scene.mask));
+    cloud.carve(scene.observation, std::vector<core::BoxPx>{{240, 200, 400, 280}});
+    const auto beside = [&] {  // Left of the image's middle is y > 0.
+      return std::count_if(cloud.points().begin(), cloud.points().end(),
+                           [](const CloudPoint& p) { return p.p_odom_m.y > 0.1F; });
+    };
+    const auto before = beside();
+    ASSERT_GT(before, 0);
+    // Now the detector knows better; the depth is the same.
+    scene.object(320, 200, 400, 280, 2.0F);
+    ASSERT_TRUE(cloud.add(scene.observation, scene.mask));
+    cloud.carve(scene.observation, std::vector<core::BoxPx>{{320, 200, 400, 280}});
+    EXPECT_EQ(beside(), carve_m > 0.0 ? 0 : before);
+    EXPECT_FALSE(cloud.points().empty());
+  }
+}
+
+TEST(ClassCloud, CarvingSparesWhatIsHiddenOrFarAway) {
+  ClassCloudOptions options;
+  options.carve_m = 0.5;
+  ClassCloud cloud(options);
+  Scene scene;
+  scene.object(100, 200, 200, 280, 2.0F);  // 1 m beside the next one.
+  ASSERT_TRUE(cloud.add(scene.observation, scene.mask));
+  cloud.carve(scene.observation, std::vector<core::BoxPx>{{100, 200, 200, 280}});
+  const std::size_t other = cloud.points().size();
+  scene.object(400, 200, 480, 280, 2.0F);
+  ASSERT_TRUE(cloud.add(scene.observation, scene.mask));
+  cloud.carve(scene.observation, std::vector<core::BoxPx>{{400, 200, 480, 280}});
+  const std::size_t both = cloud.points().size();
+  EXPECT_GT(both, other);
+  // Something stands before the first one's left half now: not in plain view.
+  Scene hidden;
+  hidden.object(100, 200, 480, 280, 1.2F);
+  hidden.object(400, 200, 480, 280, 2.0F);
+  ASSERT_TRUE(cloud.add(hidden.observation, hidden.mask));
+  cloud.carve(hidden.observation, std::vector<core::BoxPx>{{400, 200, 480, 280}});
+  EXPECT_GE(cloud.points().size(), both);
+}
+
+TEST(ClassCloud, FloorIsNoObject) {
+  for (const double floor_m : {0.0, 0.06}) {
+    ClassCloudOptions options;
+    options.floor_m = floor_m;
+    ClassCloud cloud(options);
+    Scene scene;
+    // The camera is 0.88 m up: from row 240 + 0.88 / 2 * 388 = 411 on, 2 m away is below the
+    // floor.
+    scene.object(280, 300, 360, 430, 2.0F);
+    ASSERT_TRUE(cloud.add(scene.observation, scene.mask));
+    const auto low = std::min_element(
+        cloud.points().begin(), cloud.points().end(),
+        [](const CloudPoint& a, const CloudPoint& b) { return a.p_odom_m.z < b.p_odom_m.z; });
+    if (floor_m > 0.0) {
+      EXPECT_GE(low->p_odom_m.z, 0.06F);
+    } else {
+      EXPECT_LT(low->p_odom_m.z, 0.0F);
+    }
+  }
 }
 
 }  // namespace

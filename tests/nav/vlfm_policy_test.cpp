@@ -185,6 +185,42 @@ TEST(VlfmPolicy, StuckIsNoticedOnlyWhenFixed) {  // Q6
   }
 }
 
+/// The object is in view and no way leads to it: glass that the camera does not see.
+TEST(VlfmPolicy, AGoalBehindGlassIsGivenUp) {
+  BoxWorld world;
+  WorldBuilder b;
+  b.wall_x(0, 0, 4);
+  b.wall_x(6, 0, 4);
+  b.wall_y(0, 0, 6);
+  b.wall_y(4, 0, 6);
+  world = b.world;
+  world.object = Box{{5.2, 1.7, 0.0}, {5.7, 2.3, 0.9}};
+  world.invisible.push_back({{3.6, 0.0, 0.0}, {3.7, 4.0, 2.0}});
+  SimulationOptions camera = small_camera(3);
+  camera.time_limit_s = 400.0;
+  auto policy = make_vlfm_policy(vlfm_for_jackal(VlfmRules(), kMast_m));
+  const SimulationResult result = run_episode(world, {1.2, 2.0, 0.0}, camera, *policy);
+  EXPECT_THAT(result.stop_reason, testing::AnyOf("nothing_new", "no_frontier_left", "stuck"));
+  EXPECT_GT(result.to_object_m, 1.0);
+}
+
+/// Everything within reach of the eyes is black: no depth at all.
+TEST(VlfmPolicy, ACameraWithoutDepthEndsTheSearch) {
+  for (const double give_up_s : {10.0, 1e6}) {
+    VlfmOptions options = vlfm_for_jackal(VlfmRules(), kMast_m);
+    options.give_up_s = give_up_s;
+    auto policy = make_vlfm_policy(options);
+    policy->reset({"thing", 0}, 1);
+    TestView view({}, kNan, kMast_m);
+    core::Decision decision;
+    for (int k = 0; k < 60 && !decision.stop; ++k) {  // 15 s.
+      view.observation.capture_time_ns = k * core::kNsPerSecond / 4;
+      decision = policy->decide(view.observation, {});
+    }
+    EXPECT_EQ(decision.stop_reason, give_up_s < 100.0 ? "nothing_new" : "");
+  }
+}
+
 TEST(VlfmPolicy, LeavingTheMapEndsTheEpisodeAsPublished) {  // Q9
   for (const Rule rule : {Rule::kVlfm, Rule::kFixed}) {
     auto policy = make_vlfm_policy(vlfm_for_jackal(with(Quirk::kMapEdge, rule), kMast_m));
