@@ -15,6 +15,7 @@
 #include "experiments/frame_recorder.h"
 #include "experiments/internal/formatted.h"
 #include "experiments/internal/script_metrics.h"
+#include "experiments/sensor_files.h"
 #include "experiments/trial_video.h"
 #include "experiments/trial_witness.h"
 #include "perception/detector.h"
@@ -43,7 +44,12 @@ sim::TrialOptions trial_options(const BoundScript& bound) {
   options.depth_range_m = script.camera.depth_range_m;
   if (script.slide_on_contact) options.contact_response = sim::ContactResponse::kSlide;
   options.collision = script.collision;
-  if (script.odometry) options.odometry = sim::OdometryNoise::skid_steered_indoors();
+  if (script.localisation.odometry) {
+    options.odometry = sim::OdometryNoise::skid_steered_indoors();
+  }
+  options.localiser = script.localisation.localiser;
+  if (script.sensors)
+    options.sensors = bind_sensors(*script.sensors, bound.bundle, bound.world);
   options.clock = trial_clock(script.clock, {});
   options.faults = script.faults;
   return options;
@@ -297,14 +303,17 @@ ScriptedResult run_script(BoundScript& bound, const fs::path& folder) {
                                          const core::Policy& policy) {
     watcher.see(tick, frame, detections, policy);
   };
+  const sim::TrialOptions options = trial_options(bound);
   ScriptedResult result;
-  result.trial =
-      sim::run_trial(episode, trial_options(bound), bound.world, bound.world.robot(),
-                     *bound.renderer, *eyes.detector, driver, eyes.truth, observer);
+  result.trial = sim::run_trial(episode, options, bound.world, bound.world.robot(),
+                                *bound.renderer, *eyes.detector, driver, eyes.truth, observer);
   result.steps = driver.records();
   result.finds = watcher.finish(result.trial);
   measure(bound, goals, result);
   write_records(bound, result, folder);
+  if (options.sensors) {
+    write_sensor_files(folder / "sensors", *options.sensors, result.trial.sensors);
+  }
   return result;
 }
 

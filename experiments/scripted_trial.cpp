@@ -275,9 +275,8 @@ ScriptedTrial parse_scripted_trial(const std::string& text, const fs::path& orig
   if (root.has("detector") && root.text("detector") != "oracle") {
     trial.weights = reader.path(root.child("detector"));
   }
-  if (root.has("localisation")) {
-    trial.odometry = core::choice(root, "localisation", {"perfect", "odom"}) == 1;
-  }
+  trial.localisation = read_localisation(root);
+  trial.sensors = read_sensors(root);
   if (root.has("contact")) {
     trial.slide_on_contact = core::choice(root, "contact", {"stop", "slide"}) == 1;
   }

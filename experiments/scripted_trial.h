@@ -29,6 +29,7 @@
 
 #include "core/frames.h"
 #include "experiments/clock_spec.h"
+#include "experiments/sensor_spec.h"
 #include "experiments/spec.h"
 #include "nav/policy_factory.h"
 #include "sim/geodesy.h"
@@ -101,7 +102,8 @@ struct ScriptedTrial {
                                ///< from north, clockwise [rad].
   CameraSpec camera;
   std::filesystem::path weights;  ///< Of the detector; empty: the oracle.
-  bool odometry = false;
+  LocalisationSpec localisation;
+  std::optional<sim::SensorSettings> sensors;  ///< None: an exact camera alone.
   bool slide_on_contact = false;
   sim::CollisionMode collision = sim::CollisionMode::kFootprint;
   std::vector<ScriptStep> steps;

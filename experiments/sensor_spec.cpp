@@ -219,7 +219,9 @@ std::shared_ptr<const sim::SensorSettings> bind_sensors(sim::SensorSettings sett
                                                         const core::SceneBundle& bundle,
                                                         const sim::World& world) {
   if (settings.lidar) settings.rays = sim::make_ray_scene(world.mesh());
-  const core::BundleParts parts = core::load_bundle_parts(bundle.folder);
+  // A world of meshes has no folder, and was not reconstructed from any views.
+  const core::BundleParts parts =
+      bundle.folder.empty() ? core::BundleParts{} : core::load_bundle_parts(bundle.folder);
   if (!parts.cameras.name.empty()) {
     settings.training_views = std::make_shared<const std::vector<core::CameraPose>>(
         core::read_camera_path(bundle.folder / parts.cameras.name).poses());

@@ -39,7 +39,7 @@ struct LocalisationSpec {
 [[nodiscard]] LocalisationSpec read_localisation(const core::ConfigNode& root);
 
 /// The settings with what they need of a scene: rays against its collision mesh, the views of
-/// its recording (if the bundle kept them).
+/// its recording (if the bundle kept them; one without a folder has none).
 [[nodiscard]] std::shared_ptr<const sim::SensorSettings> bind_sensors(
     sim::SensorSettings settings, const core::SceneBundle& bundle, const sim::World& world);
 

@@ -13,6 +13,7 @@
 #include "experiments/gzip_file.h"
 #include "experiments/replay_log.h"
 #include "experiments/run.h"
+#include "experiments/scripted_run.h"
 #include "experiments/sensor_files.h"
 #include "experiments/store.h"
 #include "tests/error_message.h"
@@ -235,6 +236,34 @@ TEST_F(SensorRun, ReplaysEqualAndNamesTheSensorThatDiffers) {
   EXPECT_THAT(testing::internal::GetCapturedStdout(),
               HasSubstr("differs in the readings of imu"));
   EXPECT_THAT(message, HasSubstr("1 of 1"));
+}
+
+TEST_F(SensorRun, ScriptedTrialsHaveThemToo) {
+  const std::string script = R"(schema: segsim.trial/1
+scene: tiny
+seed: 17
+start: {pose: [-2.5, -1.2, 0.0]}
+camera: {width: 64, height: 48}
+steps:
+  - cmd:  {v: 0.3, w: 0.4, for_s: 2.0}
+  - hold: {for_s: 0.5}
+)";
+  const auto drive = [&script](const std::string& name, const std::string& more) {
+    const ScriptedTrial trial = parse_scripted_trial(
+        script + more, folder_->path() / (name + ".yaml"), folder_->path());
+    BoundScript bound = bind_script(trial);
+    return run_script(bound, folder_->path() / name);
+  };
+  const ScriptedResult plain = drive("plain", "");
+  const ScriptedResult sensed = drive("sensed", "sensors: {imu: {}, gps: {}}\n");
+  EXPECT_EQ(sensed.trial.state_hash, plain.trial.state_hash);
+  EXPECT_FALSE(fs::exists(folder_->path() / "plain" / "sensors"));
+  const auto imu = lines_of(core::read_file(folder_->path() / "sensed/sensors/imu.csv"));
+  EXPECT_EQ(imu.size() - 1, sensed.trial.sensors.imu.size());
+  EXPECT_GT(imu.size(), 100U);
+  const ScriptedResult lost = drive("lost", "localisation: noisy\n");
+  EXPECT_NE(lost.trial.final_estimate.x_m, lost.trial.track.back().pose.x_m);
+  EXPECT_EQ(plain.trial.final_estimate.x_m, plain.trial.track.back().pose.x_m);
 }
 
 TEST(SensorFiles, OfAnEarlierTrialGo) {
