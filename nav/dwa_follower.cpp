@@ -139,38 +139,9 @@ DwaFollower::DwaFollower(const DwaOptions& options) : options_(options) {
 }
 
 void DwaFollower::clear() {
-  path_ = {};
+  set_path({});
   last_ = {};
   blocked_ = false;
-}
-
-glm::dvec2 DwaFollower::lookahead_point(const glm::dvec2& position_m) const {
-  const auto& points = path_.points_m;
-  double best_m = 1e18, at_m = 0.0, nearest_m = 0.0;
-  for (std::size_t k = 0; k + 1 < points.size(); ++k) {
-    const glm::dvec2 along = points[k + 1] - points[k];
-    const double length_m = glm::length(along);
-    const double t =
-        length_m > 0.0
-            ? std::clamp(glm::dot(position_m - points[k], along) / (length_m * length_m), 0.0,
-                         1.0)
-            : 0.0;
-    const double away_m = glm::distance(points[k] + t * along, position_m);
-    if (away_m < best_m - 1e-9) {
-      best_m = away_m;
-      nearest_m = at_m + t * length_m;
-    }
-    at_m += length_m;
-  }
-  double left_m = nearest_m + options_.lookahead_m;
-  for (std::size_t k = 0; k + 1 < points.size(); ++k) {
-    const double length_m = glm::distance(points[k], points[k + 1]);
-    if (length_m >= left_m) {
-      return points[k] + (points[k + 1] - points[k]) * (left_m / length_m);
-    }
-    left_m -= length_m;
-  }
-  return points.back();
 }
 
 core::VelocityCommand DwaFollower::follow(const core::Pose2& pose, const CostMap& map) {
@@ -180,7 +151,8 @@ core::VelocityCommand DwaFollower::follow(const core::Pose2& pose, const CostMap
       glm::distance(path_.points_m.back(), position) <= options_.goal_tolerance_m) {
     return last_ = {};
   }
-  const glm::dvec2 towards_m = lookahead_point(position);
+  const glm::dvec2 towards_m =
+      progress_.point_ahead(path_.points_m, position, options_.lookahead_m);
   const DwaCandidate* best = nullptr;
   const std::vector<DwaCandidate> candidates =
       dwa_candidates(pose, last_, towards_m, path_.points_m, map, options_);

@@ -20,6 +20,7 @@
 #include "core/stages.h"
 #include "nav/cost_map.h"
 #include "nav/grid_planner.h"
+#include "nav/path_progress.h"
 
 namespace segsim::nav {
 
@@ -63,7 +64,10 @@ class DwaFollower {
  public:
   /// @throws ContractViolation for options out of range.
   explicit DwaFollower(const DwaOptions& options = {});
-  void set_path(const Path& path) { path_ = path; }
+  void set_path(const Path& path) {
+    path_ = path;
+    progress_.reset();
+  }
   void clear();
   /// The best admissible velocity; a turn on the spot towards the path where none leads on.
   /// `blocked()` tells whether nothing but turning was left.
@@ -72,10 +76,9 @@ class DwaFollower {
   [[nodiscard]] bool blocked() const { return blocked_; }
 
  private:
-  [[nodiscard]] glm::dvec2 lookahead_point(const glm::dvec2& position_m) const;
-
   DwaOptions options_;
   Path path_;
+  PathProgress progress_;
   core::VelocityCommand last_;
   bool blocked_ = false;
 };

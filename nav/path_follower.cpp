@@ -10,7 +10,6 @@
 namespace segsim::nav {
 namespace {
 
-constexpr double kSearchAhead_m = 1.0;  // How far along the path the nearest point may jump.
 constexpr double kSimulationStep_s = 0.1;
 constexpr double kMinTurn_radps = 0.15;  // Slower turns take for ever to end.
 
@@ -48,8 +47,7 @@ PathFollower::PathFollower(const FollowerOptions& options)
 
 void PathFollower::set_path(const Path& path) {
   path_ = path;
-  segment_ = 0;
-  segment_t_ = 0.0;
+  progress_.reset();
   blocked_ = false;
   window_.set_path(path);
 }
@@ -62,42 +60,6 @@ void PathFollower::clear() {
 bool PathFollower::arrived(const core::Pose2& pose) const {
   return has_path() && glm::distance(path_.points_m.back(), glm::dvec2(pose.x_m, pose.y_m)) <=
                            options_.goal_tolerance_m;
-}
-
-glm::dvec2 PathFollower::lookahead_point(const glm::dvec2& position_m) {
-  const auto& points = path_.points_m;
-  // Nearest point from the last one on.
-  double best_m = 1e18, ahead_m = 0.0;
-  std::size_t best_segment = segment_;
-  double best_t = segment_t_;
-  for (std::size_t k = segment_; k + 1 < points.size() && ahead_m < kSearchAhead_m; ++k) {
-    const glm::dvec2 along = points[k + 1] - points[k];
-    const double length2 = glm::dot(along, along);
-    const double from = k == segment_ ? segment_t_ : 0.0;
-    const double t =
-        length2 > 0.0
-            ? std::clamp(glm::dot(position_m - points[k], along) / length2, from, 1.0)
-            : 1.0;
-    const double distance_m = glm::distance(position_m, points[k] + t * along);
-    if (distance_m < best_m - 1e-9) {
-      best_m = distance_m;
-      best_segment = k;
-      best_t = t;
-    }
-    ahead_m += (1.0 - from) * std::sqrt(length2);
-  }
-  segment_ = best_segment;
-  segment_t_ = best_t;
-  // From there along the path.
-  double left_m = options_.lookahead_m;
-  for (std::size_t k = segment_; k + 1 < points.size(); ++k) {
-    const glm::dvec2 from =
-        k == segment_ ? points[k] + segment_t_ * (points[k + 1] - points[k]) : points[k];
-    const double length_m = glm::distance(from, points[k + 1]);
-    if (length_m >= left_m) return from + (points[k + 1] - from) * (left_m / length_m);
-    left_m -= length_m;
-  }
-  return points.back();
 }
 
 bool PathFollower::safe(const core::Pose2& pose, const core::VelocityCommand& command,
@@ -138,7 +100,8 @@ core::VelocityCommand PathFollower::follow(const core::Pose2& pose, const CostMa
     return command;
   }
   const glm::dvec2 position(pose.x_m, pose.y_m);
-  const glm::dvec2 offset = lookahead_point(position) - position;
+  const glm::dvec2 offset =
+      progress_.point_ahead(path_.points_m, position, options_.lookahead_m) - position;
   const double distance_m = std::max(glm::length(offset), 1e-3);
   const double heading = std::atan2(offset.y, offset.x);
   const double error = core::wrap_angle_rad(heading - pose.yaw_rad);

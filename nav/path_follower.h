@@ -11,6 +11,7 @@
 #include "nav/cost_map.h"
 #include "nav/dwa_follower.h"
 #include "nav/grid_planner.h"
+#include "nav/path_progress.h"
 
 namespace segsim::nav {
 
@@ -61,14 +62,10 @@ class PathFollower {
                           const core::VelocityCommand& command, const CostMap& map) const;
 
  private:
-  /// Point on the path `lookahead_m` beyond the nearest one; advances monotonically.
-  glm::dvec2 lookahead_point(const glm::dvec2& position_m);
-
   FollowerOptions options_;
   DwaFollower window_;
   Path path_;
-  std::size_t segment_ = 0;  ///< Where the nearest point was found last.
-  double segment_t_ = 0.0;
+  PathProgress progress_;
   bool blocked_ = false;
 };
 

@@ -56,7 +56,8 @@ class SearchPolicy final : public core::Policy {
   /// What is tried, in this order, when no frontier is left.
   enum class Effort : std::uint8_t { kNormal, kTight, kBold, kSweep, kBoldAgain };
 
-  // search_policy.cpp: the frame of every decision, exploring, recovering.
+  // search_policy.cpp: the frame of every decision, maps and targets, recovering;
+  // search_policy_explore.cpp: looking around and exploring.
   core::VelocityCommand act(const Now& now);
   core::VelocityCommand spin(const Now& now);
   core::VelocityCommand explore(const Now& now);
