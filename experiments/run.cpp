@@ -289,10 +289,9 @@ std::string success_in_words(const ExperimentSpec& spec) {
 
 void write_tables(const fs::path& work, const ResultTable& table,
                   const std::vector<TrialRow>& trials) {
-  write_text(work / "table.txt", format_table(table, TableFormat::kText));
-  write_text(work / "table.md", format_table(table, TableFormat::kMarkdown));
-  write_text(work / "table.csv", format_table(table, TableFormat::kCsv));
-  write_text(work / "table.json", format_table(table, TableFormat::kJson));
+  for (const auto& [ending, format] : table_files()) {
+    write_text(work / ("table" + ending), format_table(table, format));
+  }
   core::write_file_atomically(work / "trials.csv",
                               [&](std::ostream& out) { write_trials_csv(out, trials); });
 }
