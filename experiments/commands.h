@@ -48,5 +48,6 @@ void add_navigation_table(CLI::App& table);
 void add_all_tables(CLI::App& table);
 void add_compare_command(CLI::App& app);
 void add_plan_command(CLI::App& app);
+void add_export_command(CLI::App& app);
 
 }  // namespace segsim::experiments
