@@ -49,5 +49,6 @@ void add_all_tables(CLI::App& table);
 void add_compare_command(CLI::App& app);
 void add_plan_command(CLI::App& app);
 void add_export_command(CLI::App& app);
+void add_report_command(CLI::App& app);
 
 }  // namespace segsim::experiments

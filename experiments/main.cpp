@@ -48,6 +48,7 @@ int main(int argc, char** argv) {
   experiments::add_compare_command(app);
   experiments::add_plan_command(app);
   experiments::add_export_command(app);
+  experiments::add_report_command(app);
   experiments::add_sensors_command(app);
   experiments::add_trial_command(app);
 
