@@ -259,6 +259,7 @@ void add_curves_bench(CLI::App& bench) {
 struct AblationFlags {
   BenchSceneOptions scene;
   std::string size = "1296x968", format = "text";
+  std::filesystem::path output;
   int threads = 0, repeat = 3;
 };
 
@@ -278,6 +279,13 @@ void print_ablation(const AblationFlags& flags) {
   const std::vector<BenchResult> results =
       run_cases(scene, cases, flags.repeat, [&](int done, int) { progress.update(done); });
   progress.finish();
+  if (!flags.output.empty()) {
+    for (const auto& [ending, form] : table_files()) {
+      core::write_file_atomically(flags.output / ("table2" + ending), [&](std::ostream& out) {
+        out << ablation_table(provenance, rows, results, form);
+      });
+    }
+  }
   std::fputs(ablation_table(provenance, rows, results, format).c_str(), stdout);
 }
 
@@ -304,8 +312,10 @@ void add_ablation_table(CLI::App& table) {
   command->add_option("--repeat", flags->repeat, "Measured passes over the path")
       ->check(CLI::Range(1, 1000000))
       ->capture_default_str();
-  command->add_option("--format", flags->format, "text | md | csv | json")
+  command->add_option("--format", flags->format, "text | md | tex | csv | json")
       ->capture_default_str();
+  command->add_option("-o,--output", flags->output,
+                      "Folder for table2.txt, .md, .tex, .csv and .json");
   command->callback([flags] { print_ablation(*flags); });
 }
 

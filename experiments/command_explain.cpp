@@ -10,7 +10,7 @@
 #include "experiments/explanation.h"
 #include "experiments/floor_plan.h"
 #include "experiments/scene_surfels.h"
-#include "experiments/store.h"
+#include "experiments/stored_run.h"
 #include "perception/image_file.h"
 #include "renderer/cpu_renderer.h"
 
@@ -25,22 +25,6 @@ struct Flags {
   std::int64_t run_id = 0;
   bool pictures = true;
 };
-
-/// All rows of the chosen run.
-std::vector<TrialRow> rows_of(const Flags& flags, const fs::path& file) {
-  if (!fs::exists(file)) {
-    throw core::InputError::expected(file.string(), "a results database", "none");
-  }
-  const Store store(file);
-  const std::vector<RunRow> runs = store.runs();
-  if (runs.empty()) throw core::InputError::expected(file.string(), "a run", "none");
-  const std::int64_t id = flags.run_id == 0 ? runs.back().run_id : flags.run_id;
-  for (const RunRow& run : runs) {
-    if (run.run_id == id) return store.trials(id);
-  }
-  throw core::InputError::expected("--run", "1 to " + std::to_string(runs.back().run_id),
-                                   std::to_string(id));
-}
 
 void list_failures(const std::vector<TrialRow>& rows) {
   std::printf("%6s  %-32s %-18s %-24s %s\n", "trial", "episode", "arm", "cause", "outcome");
@@ -99,9 +83,8 @@ void draw(const Flags& flags, const fs::path& folder, const TrialRow& row,
 }
 
 void explain(const Flags& flags) {
-  const fs::path file =
-      fs::is_directory(flags.work) ? flags.work / "results.sqlite" : flags.work;
-  const std::vector<TrialRow> rows = rows_of(flags, file);
+  const StoredRun stored = load_run(flags.work, flags.run_id);
+  const std::vector<TrialRow>& rows = stored.trials;
   if (flags.trial.empty()) {
     list_failures(rows);
     return;
@@ -113,7 +96,7 @@ void explain(const Flags& flags) {
         "trial " + std::to_string(row.trial_id), "a trial with a log",
         row.why.known() ? "none (" + why + ")" : "one of an older version, without any");
   }
-  const fs::path folder = file.parent_path();
+  const fs::path& folder = stored.folder;
   const TrialLog log = read_trial_log(folder / row.log);
   for (const std::string& line : tell_story(row, log)) std::printf("%s\n", line.c_str());
   if (flags.pictures) draw(flags, folder, row, log);

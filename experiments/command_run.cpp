@@ -7,6 +7,7 @@
 #include "core/error.h"
 #include "experiments/commands.h"
 #include "experiments/run.h"
+#include "experiments/stored_run.h"
 
 namespace segsim::experiments {
 namespace {
@@ -41,32 +42,14 @@ struct TableFlags {
   std::int64_t run_id = 0;
 };
 
-/// The run of that number, or the last one.
-RunRow chosen_run(const Store& store, const std::filesystem::path& file, std::int64_t run_id) {
-  const std::vector<RunRow> runs = store.runs();
-  if (runs.empty()) throw core::InputError::expected(file.string(), "a run", "none");
-  if (run_id == 0) return runs.back();
-  for (const RunRow& run : runs) {
-    if (run.run_id == run_id) return run;
-  }
-  throw core::InputError::expected("--run", "1 to " + std::to_string(runs.back().run_id),
-                                   std::to_string(run_id));
-}
-
 void print_table(const TableFlags& flags) {
   const TableFormat format = table_format_from(flags.format);
   if (flags.work.empty()) {
-    throw core::InputError::expected("segsim table", "a work folder, or 1, or 2", "nothing");
+    throw core::InputError::expected("segsim table", "a work folder, or 1, 2, 3 or all",
+                                     "nothing");
   }
-  const std::filesystem::path file =
-      std::filesystem::is_directory(flags.work) ? flags.work / "results.sqlite" : flags.work;
-  if (!std::filesystem::exists(file)) {
-    throw core::InputError::expected(file.string(), "a results database", "none");
-  }
-  const Store store(file);
-  const RunRow run = chosen_run(store, file, flags.run_id);
-  const ResultTable table = summarise(run, store.scenes(run.run_id), store.arms(run.run_id),
-                                      store.trials(run.run_id), flags.before, flags.after);
+  const ResultTable table =
+      summarise(load_run(flags.work, flags.run_id), flags.before, flags.after);
   std::fputs(format_table(table, format).c_str(), stdout);
 }
 
@@ -98,17 +81,20 @@ void add_run_command(CLI::App& app) {
 
 void add_table_command(CLI::App& app) {
   auto flags = std::make_shared<TableFlags>();
-  CLI::App* command =
-      app.add_subcommand("table", "Print the table of a run: text, Markdown, CSV or JSON");
+  CLI::App* command = app.add_subcommand(
+      "table",
+      "Print the table of a run, or one of the paper's: text, Markdown, LaTeX, CSV, JSON");
   command->add_option("work", flags->work,
                       "Work folder of `segsim run`, or a results database");
-  command->add_option("--format", flags->format, "text | md | csv | json")
+  command->add_option("--format", flags->format, "text | md | tex | csv | json")
       ->capture_default_str();
   command->add_option("--run", flags->run_id, "Number of the run (default: the last)");
   command->add_option("--before", flags->before, "Arm to compare from (default: before)");
   command->add_option("--after", flags->after, "Arm to compare with (default: after)");
   add_panoptic_table(*command);
   add_ablation_table(*command);
+  add_navigation_table(*command);
+  add_all_tables(*command);
   command->callback([flags, command] {
     if (!command->get_subcommands().empty()) return;  // It has printed its own table.
     print_table(*flags);

@@ -68,12 +68,10 @@ void check_work(const Flags& flags) {
 }
 
 void write_table(const PanopticTable& table, const fs::path& work) {
-  using Format = TableFormat;
-  for (const auto& [name, format] :
-       {std::pair{"table1.txt", Format::kText}, std::pair{"table1.md", Format::kMarkdown},
-        std::pair{"table1.csv", Format::kCsv}, std::pair{"table1.json", Format::kJson}}) {
-    core::write_file_atomically(
-        work / name, [&](std::ostream& out) { out << format_panoptic_table(table, format); });
+  for (const auto& [ending, format] : table_files()) {
+    core::write_file_atomically(work / ("table1" + ending), [&](std::ostream& out) {
+      out << format_panoptic_table(table, format);
+    });
   }
 }
 
@@ -149,7 +147,7 @@ void add_panoptic_table(CLI::App& table) {
       ->capture_default_str();
   command->add_flag("--quick", flags->quick,
                     "Tiny pictures and few iterations, to see that it runs: no result");
-  command->add_option("--format", flags->format, "text | md | csv | json")
+  command->add_option("--format", flags->format, "text | md | tex | csv | json")
       ->capture_default_str();
   command->callback([flags] { print_table1(*flags); });
 }

@@ -41,8 +41,14 @@ void add_explain_command(CLI::App& app);
 void add_sensors_command(CLI::App& app);
 /// `segsim trial check` and `segsim trial run`.
 void add_trial_command(CLI::App& app);
-/// `segsim table 1` and `segsim table 2`, below `segsim table`.
+/// `segsim table 1`, `2`, `3` and `all`, below `segsim table`.
 void add_panoptic_table(CLI::App& table);
 void add_ablation_table(CLI::App& table);
+void add_navigation_table(CLI::App& table);
+void add_all_tables(CLI::App& table);
+void add_compare_command(CLI::App& app);
+void add_plan_command(CLI::App& app);
+void add_export_command(CLI::App& app);
+void add_report_command(CLI::App& app);
 
 }  // namespace segsim::experiments

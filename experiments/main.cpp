@@ -45,6 +45,10 @@ int main(int argc, char** argv) {
   experiments::add_replay_command(app);
   experiments::add_episodes_command(app);
   experiments::add_explain_command(app);
+  experiments::add_compare_command(app);
+  experiments::add_plan_command(app);
+  experiments::add_export_command(app);
+  experiments::add_report_command(app);
   experiments::add_sensors_command(app);
   experiments::add_trial_command(app);
 

@@ -9,6 +9,7 @@
 
 #include "core/config.h"
 #include "core/error.h"
+#include "experiments/internal/grid_document.h"
 #include "experiments/internal/text_grid.h"
 #include "renderer/training/heads/panoptic_head.h"
 
@@ -324,22 +325,20 @@ std::vector<std::string> parse_heads(const std::string& text) {
 std::string format_panoptic_table(const PanopticTable& table, TableFormat format) {
   if (format == TableFormat::kJson) return json_text(table);
   if (format == TableFormat::kCsv) return csv_text(table);
-  const bool markdown = format == TableFormat::kMarkdown;
-  const auto add = [&](std::string& text, const std::string& title,
-                       const internal::TextGrid& grid) {
-    text += (markdown ? "## " : "") + title + "\n\n" +
-            (markdown ? markdown_of(grid) : text_of(grid)) + "\n";
+  internal::GridDocument document;
+  const auto add = [&](const std::string& title, const internal::TextGrid& cells) {
+    document.grids.push_back({title, cells.header, cells.rows});
   };
-  std::string text = std::string(markdown ? "# " : "") + kTitle + "\n\n";
   for (const std::string& rules : table.rules) {
-    add(text, rules + ": " + describe_rules(rules), quality_grid(rows_of(table, rules)));
+    add(rules + ": " + describe_rules(rules), quality_grid(rows_of(table, rules)));
   }
   if (!table.results.empty()) {
-    add(text, "Shape and colour on held-out views", geometry_grid(table));
-    add(text, "Masks that were learnt from", mask_grid(table));
+    add("Shape and colour on held-out views", geometry_grid(table));
+    add("Masks that were learnt from", mask_grid(table));
   }
-  for (const std::string& note : notes_of(table)) text += "- " + note + "\n";
-  return text;
+  document.title = kTitle;
+  document.notes = notes_of(table);
+  return internal::document_text(document, format);
 }
 
 }  // namespace segsim::experiments

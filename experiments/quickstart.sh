@@ -22,6 +22,10 @@ started=$SECONDS
 build/release/experiments/segsim run experiments/specs/flat.yaml --work "$work" "$@" \
   || fail "segsim run ended with code $?; what was finished is kept in $work: run this script again"
 
+say "Writing the report"
+build/release/experiments/segsim report "$work" \
+  || fail "segsim report ended with code $?; the results themselves are in $work"
+
 say "Done in $(((SECONDS - started) / 60)) min $(((SECONDS - started) % 60)) s. Where to look:"
 cat <<TEXT
   table      $work/table.md            success rate before and after, with intervals
@@ -29,4 +33,7 @@ cat <<TEXT
   video      $work/videos/             camera, panoptic image and map side by side
   database   $work/results.sqlite      one row a trial: sqlite3 $work/results.sqlite 'select * from trial limit 3'
   tracks     $work/tracks/             GeoJSON and KML for any map program
+
+Did it get better, how sure are we, why did it fail? Open in a browser:
+  file://$root/$work/report/index.html
 TEXT

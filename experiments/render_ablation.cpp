@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/check.h"
+#include "experiments/internal/grid_document.h"
 #include "experiments/internal/text_grid.h"
 #include "experiments/render_report.h"
 
@@ -210,12 +211,8 @@ std::string ablation_table(const BenchProvenance& provenance,
     json["notes"] = notes;
     return json.dump(2) + "\n";
   }
-  const bool markdown = format == TableFormat::kMarkdown;
-  const internal::TextGrid grid = grid_of(rows, results);
-  std::string text = (markdown ? "# " : "") + title + "\n\n" +
-                     (markdown ? markdown_of(grid) : text_of(grid)) + "\n";
-  for (const std::string& note : notes) text += "- " + note + "\n";
-  return text;
+  const internal::TextGrid cells = grid_of(rows, results);
+  return internal::document_text({"", {{title, cells.header, cells.rows}}, notes}, format);
 }
 
 }  // namespace segsim::experiments

@@ -9,16 +9,21 @@
 #include <thread>
 
 #include <fcntl.h>
+#include <sqlite3.h>
 #include <sys/file.h>
 #include <unistd.h>
+#include <zlib.h>
+#include <opencv2/core/version.hpp>
 
 #include "core/error.h"
 #include "core/file_io.h"
 #include "core/progress.h"
 #include "core/version.h"
+#include "experiments/machine_peaks.h"
 #include "experiments/prepare.h"
 #include "experiments/stop_signal.h"
 #include "experiments/trial_runner.h"
+#include "renderer/simd_target.h"
 
 namespace segsim::experiments {
 namespace {
@@ -54,6 +59,13 @@ class FolderLock {
 std::string host_name() {
   char name[256] = {};
   return gethostname(name, sizeof name - 1) == 0 ? name : "unknown";
+}
+
+/// What results may depend on and a version of segsim does not fix.
+std::string library_versions() {
+  return std::string("compiler " __VERSION__ "; OpenCV " CV_VERSION "; SQLite ") +
+         sqlite3_libversion() + "; zlib " + zlibVersion() + "; SIMD " +
+         renderer::simd_target();
 }
 
 std::string number_text(double value) {
@@ -148,8 +160,8 @@ std::int64_t open_run(Store& store, const ExperimentSpec& spec, const RunOptions
   run.spec_sha256 = spec.sha256;
   run.spec_text = spec.text;
   run.code_version = core::version();
-  run.host = host_name();
-  run.libraries = "compiler " __VERSION__;
+  run.host = host_name() + ", " + cpu_model();
+  run.libraries = library_versions();
   run.success_profile = success_in_words(spec);
   const std::string clock = clock_in_words(spec.clock);
   if (!clock.empty()) run.success_profile += "; " + clock;
@@ -289,10 +301,9 @@ std::string success_in_words(const ExperimentSpec& spec) {
 
 void write_tables(const fs::path& work, const ResultTable& table,
                   const std::vector<TrialRow>& trials) {
-  write_text(work / "table.txt", format_table(table, TableFormat::kText));
-  write_text(work / "table.md", format_table(table, TableFormat::kMarkdown));
-  write_text(work / "table.csv", format_table(table, TableFormat::kCsv));
-  write_text(work / "table.json", format_table(table, TableFormat::kJson));
+  for (const auto& [ending, format] : table_files()) {
+    write_text(work / ("table" + ending), format_table(table, format));
+  }
   core::write_file_atomically(work / "trials.csv",
                               [&](std::ostream& out) { write_trials_csv(out, trials); });
 }

@@ -58,6 +58,13 @@ double binomial_half_cdf(int n, int k) {
   return sum;
 }
 
+/// Where 2.5 % of the values lie below, and above (nearest rank).
+Interval middle_95(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  const auto tail = static_cast<std::size_t>(0.025 * static_cast<double>(values.size()));
+  return {values[tail], values[values.size() - 1 - tail]};
+}
+
 }  // namespace
 
 double normal_quantile(double probability) {
@@ -198,11 +205,12 @@ PairedDifference newcombe_paired_difference(const PairedCounts& counts, double c
   return {difference, {difference - down, difference + up}};
 }
 
-int pairs_needed(double psi, double delta) {
+int pairs_needed(double psi, double delta, double power) {
   SEGSIM_CHECK(psi > 0.0 && psi <= 1.0 && delta != 0.0 && std::abs(delta) <= psi,
                std::to_string(psi) + ", " + std::to_string(delta));
+  check_probability(power);
   const double root = normal_quantile(0.975) * std::sqrt(psi) +
-                      normal_quantile(0.8) * std::sqrt(psi - delta * delta);
+                      normal_quantile(power) * std::sqrt(psi - delta * delta);
   return static_cast<int>(std::ceil(root * root / (delta * delta)));
 }
 
@@ -239,6 +247,12 @@ double sign_flip_p(std::span<const double> differences, int rounds, unsigned see
     }
     return static_cast<double>(as_extreme) / all;
   }
+  if (differences.size() >= kNormalFrom) {
+    // Flips are independent with mean 0, so the variance of their sum is that of squares.
+    const double squares =
+        std::inner_product(differences.begin(), differences.end(), differences.begin(), 0.0);
+    return squares > 0.0 ? std::erfc(observed / std::sqrt(2.0 * squares)) : 1.0;
+  }
   core::RandomStream random(seed, "sign_flip");
   int as_extreme = 1;  // The observed assignment is one of the possible ones.
   for (int round = 0; round < rounds; ++round) {
@@ -249,6 +263,54 @@ double sign_flip_p(std::span<const double> differences, int rounds, unsigned see
     as_extreme += std::abs(sum) >= threshold ? 1 : 0;
   }
   return static_cast<double>(as_extreme) / (rounds + 1);
+}
+
+MeanInterval bootstrap_mean(std::span<const double> values, int rounds, unsigned seed) {
+  if (values.empty()) return {};
+  const auto n = static_cast<double>(values.size());
+  const double mean = std::accumulate(values.begin(), values.end(), 0.0) / n;
+  if (values.size() >= kNormalFrom) {
+    double squares = 0.0;
+    for (const double value : values) squares += (value - mean) * (value - mean);
+    const double half = normal_quantile(0.975) * std::sqrt(squares) / n;
+    return {mean, {mean - half, mean + half}};
+  }
+  core::RandomStream random(seed, "bootstrap");
+  std::vector<double> means;
+  for (int round = 0; round < rounds; ++round) {
+    double sum = 0.0;
+    for (std::size_t k = 0; k < values.size(); ++k) {
+      sum += values[random.index(static_cast<std::uint32_t>(values.size()))];
+    }
+    means.push_back(sum / n);
+  }
+  return {mean, middle_95(std::move(means))};
+}
+
+MeanInterval cluster_bootstrap_mean(std::span<const ClusterSum> clusters, int rounds,
+                                    unsigned seed) {
+  std::vector<ClusterSum> used;
+  ClusterSum all;
+  for (const ClusterSum& cluster : clusters) {
+    SEGSIM_CHECK(cluster.count >= 0, std::to_string(cluster.count));
+    if (cluster.count == 0) continue;
+    used.push_back(cluster);
+    all.sum += cluster.sum;
+    all.count += cluster.count;
+  }
+  if (used.empty()) return {};
+  core::RandomStream random(seed, "cluster_bootstrap");
+  std::vector<double> means;
+  for (int round = 0; round < rounds; ++round) {
+    ClusterSum drawn;
+    for (std::size_t k = 0; k < used.size(); ++k) {
+      const ClusterSum& cluster = used[random.index(static_cast<std::uint32_t>(used.size()))];
+      drawn.sum += cluster.sum;
+      drawn.count += cluster.count;
+    }
+    means.push_back(drawn.sum / drawn.count);
+  }
+  return {all.sum / all.count, middle_95(std::move(means))};
 }
 
 std::string verdict(const PairedCounts& counts) {

@@ -70,17 +70,48 @@ struct PairedDifference {
 [[nodiscard]] PairedDifference newcombe_paired_difference(const PairedCounts& counts,
                                                           double confidence = 0.95);
 
-/// Pairs needed for 80 % power at the 5 % level (Connor 1987): psi = share of discordant
-/// pairs, delta = difference of the success rates, 0 < |delta| <= psi <= 1.
-[[nodiscard]] int pairs_needed(double psi, double delta);
+/// Pairs needed at the 5 % level, two-sided (Connor 1987): psi = share of discordant pairs,
+/// delta = difference of the success rates, 0 < |delta| <= psi <= 1. @param power  Of finding
+/// that difference, in (0, 1).
+[[nodiscard]] int pairs_needed(double psi, double delta, double power = 0.8);
 
 /// p-values after Holm's correction (1979) for their number, in the order given.
 [[nodiscard]] std::vector<double> holm_correction(std::span<const double> p_values);
 
+/// From so many values on, sums of random draws are taken for normal: sign_flip_p() and
+/// bootstrap_interval() then draw nothing, so that a table of 100 000 trials does not wait for
+/// 10 000 rounds of each.
+inline constexpr std::size_t kNormalFrom = 1000;
+
 /// Two-sided sign-flip permutation test of mean(difference) = 0. Exact for up to 16 values,
-/// otherwise `rounds` random flips drawn from `seed`. 1 for no values.
+/// `rounds` random flips drawn from `seed` for fewer than kNormalFrom, beyond that the normal
+/// limit of the flips. 1 for no values.
 [[nodiscard]] double sign_flip_p(std::span<const double> differences, int rounds = 10000,
                                  unsigned seed = 1);
+
+/// A mean with an interval of 95 %.
+struct MeanInterval {
+  double mean = 0.0;
+  Interval interval{0.0, 0.0};
+};
+
+/// Percentile bootstrap of the mean (Efron 1979): `rounds` samples with replacement, drawn
+/// from `seed`; from kNormalFrom values on its normal limit. Too narrow for a handful of
+/// values. The mean alone, twice, for one value; zeros for none.
+[[nodiscard]] MeanInterval bootstrap_mean(std::span<const double> values, int rounds = 10000,
+                                          unsigned seed = 1);
+
+/// One cluster of a cluster bootstrap: the values of one scene, as their sum and number.
+struct ClusterSum {
+  double sum = 0.0;
+  int count = 0;
+};
+
+/// Mean over all values, with an interval from drawing whole clusters with replacement: what
+/// differs between scenes counts, not only what differs between the episodes of a scene. Says
+/// little for fewer than 5 clusters. Empty clusters are left out.
+[[nodiscard]] MeanInterval cluster_bootstrap_mean(std::span<const ClusterSum> clusters,
+                                                  int rounds = 10000, unsigned seed = 1);
 
 /// In one word: "improved", "worse" (p < 0.05), "underpowered" (fewer than kMinDiscordantPairs
 /// discordant pairs and fewer than 30 pairs), "held" (the interval of the difference lies

@@ -87,7 +87,7 @@ struct TrialRow {
 class Store {
  public:
   static constexpr int kSchemaVersion =
-      5;  ///< Files of versions 2 to 4 are brought up to it.
+      5;  ///< Files of versions 1 to 4 are brought up to it.
 
   /// Opens the file, or makes it.
   /// @throws core::InputError if it is no such database or has another schema version.

@@ -53,7 +53,8 @@ void write_trials_csv(std::ostream& out, const std::vector<TrialRow>& trials) {
          "detect_ms,policy_ms,error,cause,inevitable_tick,decisive_tick,visible_frames,"
          "detected_frames,true_detections,false_detections,first_true_tick,true_clouds,"
          "false_clouds,stopped,final_visible_px,object_m,planar_m,shortest_object_m,"
-         "collision_ticks,off_navmesh_ticks,reached_instance,images\n";
+         "collision_ticks,off_navmesh_ticks,reached_instance,images,trial_id,log,picture,"
+         "video,track\n";
   for (const TrialRow& t : trials) {
     out << csv_field(t.scene) << ',' << csv_field(t.episode) << ',' << csv_field(t.goal_class)
         << ',' << t.repetition << ',' << csv_field(t.arm) << ',' << t.outcome << ','
@@ -71,6 +72,10 @@ void write_trials_csv(std::ostream& out, const std::vector<TrialRow>& trials) {
     }
     out << ',' << csv_field(t.error);
     write_attribution(out, t.why);
+    out << ',' << t.trial_id;
+    for (const std::string* file : {&t.log, &t.picture, &t.video, &t.track}) {
+      out << ',' << csv_field(*file);
+    }
     out << '\n';
   }
 }

@@ -29,6 +29,12 @@ struct ArmSummary {
   TrialInsights insights;
 };
 
+/// After - before, mean over the pairs, with a bootstrap interval and a sign-flip test.
+struct PairedMean {
+  MeanInterval difference;
+  double p = 1;
+};
+
 /// One row: a scene, a goal class, or all.
 struct GroupSummary {
   std::string name, title;
@@ -37,13 +43,18 @@ struct GroupSummary {
   int dropped_pairs = 0;         ///< Episodes that miss a usable trial in one of the two arms.
   double p_exact = 1, p_mid = 1;
   double p_holm = 1;  ///< Corrected for the number of rows (goal classes).
-  double p_spl = 1;   ///< Paired sign-flip permutation test of SPL.
+  PairedMean spl, sim_s, path_m;
   PairedDifference difference;
+  /// Of all scenes: difference of the success rates, with an interval from drawing scenes.
+  std::optional<MeanInterval> over_scenes{};
   std::string verdict;
   bool leak = false;  ///< "After" was fine-tuned on this scene.
 
   [[nodiscard]] const ArmSummary* find(const std::string& arm) const;
 };
+
+/// With fewer scenes nothing can be said about others.
+inline constexpr std::size_t kScenesForClaim = 5;
 
 struct ResultTable {
   RunRow run;
@@ -67,9 +78,12 @@ struct ResultTable {
                                     const std::string& before = {},
                                     const std::string& after = {});
 
-enum class TableFormat : std::uint8_t { kText, kMarkdown, kCsv, kJson };
-/// @throws core::InputError for another word than text, md, csv, json.
+/// LaTeX: a tabular of the package booktabs for each part.
+enum class TableFormat : std::uint8_t { kText, kMarkdown, kCsv, kJson, kLatex };
+/// @throws core::InputError for another word than text, md, csv, json, tex.
 [[nodiscard]] TableFormat table_format_from(const std::string& word);
+/// Every form, with the ending of its file: ".txt", ".md", ".csv", ".json", ".tex".
+[[nodiscard]] const std::vector<std::pair<std::string, TableFormat>>& table_files();
 [[nodiscard]] std::string format_table(const ResultTable& table, TableFormat format);
 
 }  // namespace segsim::experiments

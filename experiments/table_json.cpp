@@ -2,6 +2,7 @@
 #include <nlohmann/json.hpp>
 
 #include "experiments/internal/insight_grids.h"
+#include "experiments/internal/table_grids.h"
 #include "experiments/table.h"
 
 namespace segsim::experiments::internal {
@@ -66,7 +67,19 @@ nlohmann::ordered_json json_group(const ResultTable& table, const GroupSummary& 
     c["p_mcnemar_exact"] = group.p_exact;
     c["p_mcnemar_mid"] = group.p_mid;
     c["p_holm"] = group.p_holm;
-    c["p_spl_sign_flip"] = group.p_spl;
+    c["p_spl_sign_flip"] = group.spl.p;
+    const auto paired = [&](const char* name, const PairedMean& mean) {
+      c["paired"][name] = {{"mean", mean.difference.mean},
+                           {"bootstrap95", json_interval(mean.difference.interval)},
+                           {"p_sign_flip", mean.p}};
+    };
+    paired("spl", group.spl);
+    paired("sim_s", group.sim_s);
+    paired("path_m", group.path_m);
+    if (group.over_scenes) {
+      c["over_scenes"] = {{"difference", group.over_scenes->mean},
+                          {"cluster_bootstrap95", json_interval(group.over_scenes->interval)}};
+    }
     c["verdict"] = group.verdict;
   }
   return json;

@@ -82,7 +82,8 @@ core::Image<core::Rgb8> read_image(const std::filesystem::path& file) {
   return image;
 }
 
-void write_image(const std::filesystem::path& file, const core::Image<core::Rgb8>& image) {
+void write_image(const std::filesystem::path& file, const core::Image<core::Rgb8>& image,
+                 int jpeg_quality) {
   const cv::Mat rgb(image.height_px(), image.width_px(), CV_8UC3,
                     const_cast<core::Rgb8*>(image.data()));
   cv::Mat bgr;
@@ -90,7 +91,8 @@ void write_image(const std::filesystem::path& file, const core::Image<core::Rgb8
   std::vector<unsigned char> encoded;
   bool done = false;
   try {
-    done = cv::imencode(file.extension().string(), bgr, encoded);
+    done = cv::imencode(file.extension().string(), bgr, encoded,
+                        {cv::IMWRITE_JPEG_QUALITY, jpeg_quality});
   } catch (const cv::Exception&) {  // No encoder for the extension.
   }
   if (!done)

@@ -1,26 +1,17 @@
 #pragma once
 
 /// @file
-/// Parts of table_format.cpp: the grids of why trials went as they did, and the JSON form.
+/// Parts of table_grids.cpp and table_format.cpp: the grids of why trials went as they did,
+/// and the JSON form.
 
 #include <string>
 #include <vector>
 
+#include "experiments/internal/grid_document.h"
 #include "experiments/table.h"
 
 namespace segsim::experiments::internal {
 
-/// A titled rectangle of cells.
-struct Grid {
-  std::string title;
-  std::vector<std::string> header;
-  std::vector<std::vector<std::string>> rows;
-};
-
-/// Whether two arms are compared.
-[[nodiscard]] inline bool compares(const ResultTable& table) {
-  return !table.before.empty() && !table.after.empty();
-}
 /// "0.85", or "-" of nothing.
 [[nodiscard]] std::string share_text(int part, int whole);
 

@@ -21,6 +21,13 @@ std::string markdown_line(const std::vector<std::string>& cells) {
   return line + "\n";
 }
 
+std::string csv_cell(const std::string& text) {
+  if (text.find_first_of(",\"\n") == std::string::npos) return text;
+  std::string quoted = "\"";
+  for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
+  return quoted + "\"";
+}
+
 }  // namespace
 
 std::string text_of(const TextGrid& grid) {
@@ -43,6 +50,68 @@ std::string markdown_of(const TextGrid& grid) {
   text += "\n";
   for (const auto& row : grid.rows) text += markdown_line(row);
   return text;
+}
+
+std::string csv_of(const TextGrid& grid) {
+  const auto line = [](const std::vector<std::string>& cells) {
+    std::string text;
+    for (std::size_t i = 0; i < cells.size(); ++i) {
+      text += (i == 0 ? "" : ",") + csv_cell(cells[i]);
+    }
+    return text + "\n";
+  };
+  std::string text = line(grid.header);
+  for (const auto& row : grid.rows) text += line(row);
+  return text;
+}
+
+std::string latex_escaped(const std::string& text) {
+  std::string escaped;
+  for (const char c : text) {
+    switch (c) {
+      case '\\':
+        escaped += "\\textbackslash{}";
+        break;
+      case '~':
+        escaped += "\\textasciitilde{}";
+        break;
+      case '^':
+        escaped += "\\textasciicircum{}";
+        break;
+      case '<':
+      case '>':
+      case '|':
+        escaped += std::string("$") + (c == '|' ? "\\vert" : std::string(1, c)) + "$";
+        break;
+      case '&':
+      case '%':
+      case '$':
+      case '#':
+      case '_':
+      case '{':
+      case '}':
+        escaped += '\\';
+        [[fallthrough]];
+      default:
+        escaped += c;
+    }
+  }
+  return escaped;
+}
+
+std::string latex_of(const TextGrid& grid) {
+  const auto line = [](const std::vector<std::string>& cells) {
+    std::string text;
+    for (const std::string& cell : cells) {
+      text += (text.empty() ? "" : " & ") + latex_escaped(cell);
+    }
+    return text + " \\\\\n";
+  };
+  std::string text = "\\begin{tabular}{l" +
+                     std::string(grid.header.empty() ? 0 : grid.header.size() - 1, 'c') +
+                     "}\n\\toprule\n" + line(grid.header) + "\\midrule\n";
+  for (const auto& row : grid.rows) text += line(row);
+  return text + "\\bottomrule\n\\end{tabular}\n";
 }
 
 std::string print(const char* format, double value) {

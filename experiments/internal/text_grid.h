@@ -1,7 +1,7 @@
 #pragma once
 
 /// @file
-/// Cells in columns, for reports on the terminal and in Markdown.
+/// Cells in columns, for reports on the terminal, in Markdown and in LaTeX.
 
 #include <string>
 #include <vector>
@@ -16,6 +16,13 @@ struct TextGrid {
 /// Columns padded to their widest cell, with a rule below the header.
 [[nodiscard]] std::string text_of(const TextGrid& grid);
 [[nodiscard]] std::string markdown_of(const TextGrid& grid);
+
+/// RFC 4180: cells in quotes where they must be.
+[[nodiscard]] std::string csv_of(const TextGrid& grid);
+/// A tabular with the rules of booktabs; the first column to the left, others centred.
+[[nodiscard]] std::string latex_of(const TextGrid& grid);
+/// What LaTeX prints as this text.
+[[nodiscard]] std::string latex_escaped(const std::string& text);
 
 [[nodiscard]] std::string print(const char* format, double value);
 /// Three digits and a unit: "830", "12.3 k", "6.10 M".

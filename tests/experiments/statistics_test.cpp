@@ -1,6 +1,8 @@
 #include "experiments/statistics.h"
 
+#include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -180,6 +182,10 @@ TEST(Statistics, PairsNeededHaveTheReferenceValues) {
   EXPECT_EQ(pairs_needed(.25, .25), 29);
   EXPECT_EQ(pairs_needed(.30, .10), 234);
   EXPECT_EQ(pairs_needed(.20, .10), 155);
+  // By hand: (1.959964 sqrt(.3) + 1.281552 sqrt(.29))^2 / .01 = 311.05.
+  EXPECT_EQ(pairs_needed(.30, .10, .9), 312);
+  EXPECT_THROW((void)pairs_needed(.1, .2), core::ContractViolation);
+  EXPECT_THROW((void)pairs_needed(.3, .1, 1.0), core::ContractViolation);
 }
 
 TEST(Statistics, HolmCorrectionByHand) {
@@ -197,6 +203,102 @@ TEST(Statistics, SignFlipAgreesWithCounting) {
   const std::vector<double> shift(40, 0.2);
   EXPECT_LT(sign_flip_p(shift), 0.001);
   EXPECT_EQ(sign_flip_p(shift), sign_flip_p(shift));
+}
+
+TEST(Statistics, ManyValuesTakeTheNormalLimitWhereDrawsAgree) {
+  // One value fewer is drawn, so the two sides of the limit must tell the same story.
+  core::RandomStream random(3, "limit");
+  std::vector<double> values;
+  double sum = 0.0;
+  while (values.size() < kNormalFrom) {
+    values.push_back(random.normal());
+    sum += values.back();
+  }
+  // A mean of 0.04 with a deviation of 1 is 1.265 standard errors of 1000 values: p = 0.206.
+  for (double& value : values) value += 0.04 - sum / kNormalFrom;
+  const std::vector<double> fewer(values.begin(), values.end() - 1);
+  EXPECT_NEAR(sign_flip_p(values), sign_flip_p(fewer), 0.02);
+  EXPECT_NEAR(sign_flip_p(values), 0.206, 0.02);
+  const MeanInterval limit = bootstrap_mean(values), drawn = bootstrap_mean(fewer);
+  EXPECT_NEAR(limit.interval.low, drawn.interval.low, 0.005);
+  EXPECT_NEAR(limit.interval.high, drawn.interval.high, 0.005);
+  EXPECT_EQ(sign_flip_p(std::vector<double>(kNormalFrom, 0.0)), 1.0);
+}
+
+TEST(Statistics, BootstrapOfTwoValuesByHand) {
+  // Of 0 and 1 the mean of two draws is 0, 1/2 or 1 with 1/4, 1/2, 1/4: 2.5 % tails reach
+  // both.
+  const MeanInterval two = bootstrap_mean(std::vector<double>{0.0, 1.0});
+  EXPECT_EQ(two.mean, 0.5);
+  EXPECT_EQ(two.interval.low, 0.0);
+  EXPECT_EQ(two.interval.high, 1.0);
+  const MeanInterval one = bootstrap_mean(std::vector<double>{0.25});
+  EXPECT_EQ(one.interval.low, 0.25);
+  EXPECT_EQ(one.interval.high, 0.25);
+  EXPECT_EQ(bootstrap_mean(std::vector<double>{}).mean, 0.0);
+}
+
+TEST(Statistics, BootstrapAgreesWithTheStandardErrorAndCoversTheMean) {
+  int covered = 0;
+  for (unsigned seed = 0; seed < 200; ++seed) {
+    core::RandomStream random(seed, "cover");
+    std::vector<double> values;
+    double sum = 0.0, squares = 0.0;
+    for (int k = 0; k < 60; ++k) {
+      values.push_back(2.0 + random.normal());
+      sum += values.back();
+      squares += values.back() * values.back();
+    }
+    const double deviation = std::sqrt(squares / 60 - (sum / 60) * (sum / 60));
+    const MeanInterval found = bootstrap_mean(values, 1000, seed);
+    EXPECT_NEAR(found.interval.high - found.interval.low,
+                2 * 1.96 * deviation / std::sqrt(60.0), 0.1);
+    covered += found.interval.low <= 2.0 && 2.0 <= found.interval.high ? 1 : 0;
+  }
+  EXPECT_GE(covered, 180);
+  EXPECT_LE(covered, 199);
+}
+
+TEST(Statistics, ClusterBootstrapSeesTheScenesNotTheEpisodes) {
+  // Three scenes of 100 equal episodes each: 27 equally likely draws of three scenes.
+  const std::vector<ClusterSum> scenes{{0.0, 100}, {50.0, 100}, {0.0, 0}, {100.0, 100}};
+  const MeanInterval found = cluster_bootstrap_mean(scenes);
+  EXPECT_NEAR(found.mean, 0.5, 1e-12);
+  // The outermost draws, three times the same scene, have 1/27 > 2.5 % each.
+  EXPECT_NEAR(found.interval.low, 0.0, 1e-12);
+  EXPECT_NEAR(found.interval.high, 1.0, 1e-12);
+  // Taken for independent, the 300 episodes would claim far more.
+  std::vector<double> pooled(300, 0.5);
+  std::fill_n(pooled.begin(), 100, 0.0);
+  std::fill_n(pooled.begin() + 100, 100, 1.0);
+  const MeanInterval naive = bootstrap_mean(pooled);
+  EXPECT_LT(naive.interval.high - naive.interval.low, 0.12);
+  // A large scene weighs more.
+  EXPECT_NEAR(cluster_bootstrap_mean(std::vector<ClusterSum>{{30.0, 30}, {0.0, 10}}).mean,
+              0.75, 1e-12);
+  EXPECT_EQ(cluster_bootstrap_mean({}).mean, 0.0);
+}
+
+TEST(Statistics, ReadingsOfThePapersTable) {
+  // Rates of the paper with the number of episodes that it does not give; nobody got worse.
+  struct Reading {
+    int before, after, n;
+    double low_before, high_before, low_after, high_after, p;
+  };
+  const Reading readings[] = {{1, 5, 5, .036, .625, .566, 1, .125},
+                              {2, 10, 10, .057, .510, .722, 1, .0078},
+                              {1, 2, 4, .046, .699, .150, .850, 1},
+                              {2, 4, 8, .072, .591, .215, .785, .5},
+                              {5, 10, 20, .112, .469, .299, .701, .0625}};
+  for (const Reading& r : readings) {
+    const Interval before = wilson_interval({r.before, r.n});
+    const Interval after = wilson_interval({r.after, r.n});
+    EXPECT_NEAR(before.low, r.low_before, 6e-4) << r.n;
+    EXPECT_NEAR(before.high, r.high_before, 6e-4) << r.n;
+    EXPECT_NEAR(after.low, r.low_after, 6e-4) << r.n;
+    EXPECT_NEAR(after.high, r.high_after, 6e-4) << r.n;
+    EXPECT_NEAR(mcnemar_exact_p(r.after - r.before, 0), r.p, 5e-5) << r.n;
+  }
 }
 
 TEST(Statistics, VerdictWords) {

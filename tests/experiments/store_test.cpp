@@ -9,8 +9,10 @@
 #include <sqlite3.h>
 #include <sys/wait.h>
 #include <unistd.h>
+#include <nlohmann/json.hpp>
 
 #include "core/error.h"
+#include "experiments/trial_export.h"
 
 namespace segsim::experiments {
 namespace {
@@ -255,9 +257,10 @@ TEST_F(StoreTest, AttributionIsReadBackAndGoesWithItsTrial) {
   const Attribution& why = rows[0].why;
   EXPECT_EQ(why.cause, "false_positive");
   const std::vector<int> numbers{
-      why.inevitable_tick, why.decisive_tick,    why.visible_frames,  why.detected_frames,
-      why.true_detections, why.false_detections, why.first_true_tick, why.true_clouds,
-      why.false_clouds,    why.final_visible_px, why.collision_ticks, why.off_navmesh_ticks,
+      why.inevitable_tick,  why.decisive_tick,   why.visible_frames,
+      why.detected_frames,  why.true_detections, why.false_detections,
+      why.first_true_tick,  why.true_clouds,     why.false_clouds,
+      why.final_visible_px, why.collision_ticks, why.off_navmesh_ticks,
       why.reached_instance, why.images};
   EXPECT_EQ(numbers, (std::vector<int>{16, 9, 5, 4, 6, 7, 3, 1, 2, 77, 8, 11, 12, 40}));
   EXPECT_TRUE(why.stopped);
@@ -304,6 +307,137 @@ TEST_F(StoreTest, AFileOfVersion2IsBroughtUpToDate) {
   trial.why.cause = "stuck";
   store.add_trial(id, trial);
   EXPECT_EQ(store.trials(id)[1].why.cause, "stuck");
+}
+
+/// A file as version 1 of the store made it: one run, one arm, one trial.
+constexpr const char* kVersion1 = R"sql(
+CREATE TABLE meta (schema_version INTEGER NOT NULL, created TEXT NOT NULL);
+CREATE TABLE run (
+  run_id INTEGER PRIMARY KEY, name TEXT NOT NULL, title TEXT NOT NULL,
+  spec_sha256 TEXT NOT NULL, spec_text TEXT NOT NULL, code_version TEXT NOT NULL,
+  host TEXT NOT NULL, libraries TEXT NOT NULL, success_profile TEXT NOT NULL,
+  seed INTEGER NOT NULL, planned_n INTEGER NOT NULL, planned_trials INTEGER NOT NULL,
+  started TEXT NOT NULL, ended TEXT NOT NULL);
+CREATE TABLE scene (
+  run_id INTEGER NOT NULL REFERENCES run, position INTEGER NOT NULL, name TEXT NOT NULL,
+  title TEXT NOT NULL, scene_sha256 TEXT NOT NULL, episodes_sha256 TEXT NOT NULL,
+  episodes INTEGER NOT NULL, UNIQUE (run_id, name));
+CREATE TABLE arm (
+  run_id INTEGER NOT NULL REFERENCES run, position INTEGER NOT NULL, name TEXT NOT NULL,
+  detector TEXT NOT NULL, weights_sha256 TEXT NOT NULL, tuned_on TEXT NOT NULL,
+  score_threshold REAL NOT NULL, UNIQUE (run_id, name));
+CREATE TABLE trial (
+  trial_id INTEGER PRIMARY KEY, run_id INTEGER NOT NULL REFERENCES run,
+  arm TEXT NOT NULL, scene TEXT NOT NULL, episode TEXT NOT NULL, goal_class TEXT NOT NULL,
+  repetition INTEGER NOT NULL, outcome TEXT NOT NULL, success INTEGER NOT NULL,
+  stop_reason TEXT NOT NULL, spl REAL NOT NULL, soft_spl REAL NOT NULL, path_m REAL NOT NULL,
+  shortest_path_m REAL NOT NULL, distance_to_goal_m REAL, sim_s REAL NOT NULL,
+  wall_s REAL NOT NULL, ticks INTEGER NOT NULL, contacts INTEGER NOT NULL,
+  contact_s REAL NOT NULL, first_visible_tick INTEGER NOT NULL,
+  first_detected_tick INTEGER NOT NULL, invalid_pixel_fraction REAL NOT NULL,
+  state_hash TEXT NOT NULL, render_ms REAL NOT NULL, detect_ms REAL NOT NULL,
+  policy_ms REAL NOT NULL, error TEXT NOT NULL, picture TEXT NOT NULL, video TEXT NOT NULL,
+  track TEXT NOT NULL, finished TEXT NOT NULL,
+  UNIQUE (run_id, arm, episode, repetition));
+INSERT INTO meta VALUES (1, '2025-01-01T00:00:00Z');
+INSERT INTO run VALUES (1, 'old', 'Old', 'aa', 'name: old', '0.0.1', 'h', 'l', 'p', 5, 0, 1,
+  '2025-01-01T00:00:00Z', '');
+INSERT INTO scene VALUES (1, 0, 'b', 'Scene B', 's', 'e', 1);
+INSERT INTO arm VALUES (1, 0, 'before', 'w.bin', 'ff', 'b', 0.25);
+INSERT INTO trial VALUES (1, 1, 'before', 'b', 'b/chair/00', 'chair', 0, 'success', 1, 'stop',
+  0.5, 0.5, 3.25, 2.0, NULL, 10, 1, 40, 0, 0, 3, 4, 0.01, 'fedcba9876543210', 1, 2, 3, '', '',
+  '', '', '2025-01-01T00:01:00Z');
+)sql";
+
+TEST_F(StoreTest, AFileOfVersion1IsBroughtUpToDate) {
+  sqlite3* db = nullptr;
+  ASSERT_EQ(sqlite3_open(file_.c_str(), &db), SQLITE_OK);
+  ASSERT_EQ(sqlite3_exec(db, kVersion1, nullptr, nullptr, nullptr), SQLITE_OK);
+  sqlite3_close(db);
+  for (int opening = 0; opening < 2; ++opening) {  // The second finds nothing to do.
+    Store store(file_);
+    ASSERT_EQ(store.runs().size(), 1U);
+    EXPECT_EQ(store.runs()[0].spec_text, "name: old");
+    EXPECT_EQ(store.arms(1)[0].score_threshold, 0.25);
+    EXPECT_FALSE(store.arms(1)[0].held_out.has_value());
+    EXPECT_FALSE(store.arms(1)[0].start_leak.has_value());
+    EXPECT_EQ(store.scenes(1)[0].oracle_successes, -1);
+    ASSERT_EQ(store.trials(1).size(), 1U);
+    EXPECT_TRUE(store.trials(1)[0].success);
+    EXPECT_EQ(store.trials(1)[0].state_hash, 0xfedcba9876543210ULL);
+    EXPECT_FALSE(store.trials(1)[0].why.known());
+  }
+  Store store(file_);  // And it takes what only the present version has.
+  const std::int64_t id = begin(store);
+  TrialRow trial = a_trial("after", "b/chair/00", false);
+  trial.why.cause = "stuck";
+  store.add_trial(id, trial);
+  EXPECT_EQ(store.trials(id)[0].why.cause, "stuck");
+  EXPECT_EQ(store.arms(id)[1].held_out->source_ap50, std::optional<double>(0.625));
+}
+
+TEST_F(StoreTest, AFileOfVersion3IsBroughtUpToDate) {
+  std::int64_t id = 0;
+  {
+    Store store(file_);
+    id = begin(store);
+    TrialRow trial = a_trial("before", "b/chair/00", false);
+    trial.why.cause = "stuck";
+    store.add_trial(id, trial);
+  }
+  sqlite3* db = nullptr;
+  ASSERT_EQ(sqlite3_open(file_.c_str(), &db), SQLITE_OK);
+  ASSERT_EQ(sqlite3_exec(db,
+                         "ALTER TABLE attribution DROP COLUMN images;"
+                         "ALTER TABLE arm DROP COLUMN source_ap50;"
+                         "ALTER TABLE arm DROP COLUMN unseen_ap50;"
+                         "ALTER TABLE arm DROP COLUMN tuning_views;"
+                         "ALTER TABLE arm DROP COLUMN tuning_views_near_starts;"
+                         "ALTER TABLE arm DROP COLUMN start_radius_m;"
+                         "UPDATE meta SET schema_version = 3",
+                         nullptr, nullptr, nullptr),
+            SQLITE_OK);
+  sqlite3_close(db);
+  const Store store(file_);
+  EXPECT_EQ(store.trials(id)[0].why.cause, "stuck");
+  EXPECT_EQ(store.arms(id)[1].held_out->ap50, 0.5);
+  EXPECT_FALSE(store.arms(id)[1].held_out->source_ap50.has_value());
+  EXPECT_FALSE(store.arms(id)[1].start_leak.has_value());
+}
+
+TEST_F(StoreTest, JsonLinesHoldTheRunAndEveryColumn) {
+  {
+    Store store(file_);
+    const std::int64_t id = begin(store);
+    TrialRow trial = a_trial("before", "b/chair/00", false);
+    trial.distance_to_goal_m.reset();
+    trial.error = "line\n\"two\" \xff";
+    trial.log = "logs/x.gz";
+    trial.why.cause = "stuck";
+    trial.why.planar_m = 1.5;
+    store.add_trial(id, trial);
+    store.add_trial(id, a_trial("after", "b/chair/00", true));
+  }
+  std::ostringstream out;
+  write_trials_jsonl(out, load_run(folder_));
+  std::istringstream lines(out.str());
+  std::vector<nlohmann::json> read;
+  for (std::string line; std::getline(lines, line);)
+    read.push_back(nlohmann::json::parse(line));
+  ASSERT_EQ(read.size(), 3U);
+  EXPECT_EQ(read[0]["run"]["spec_text"], "name: demo\n");
+  EXPECT_EQ(read[0]["run"]["seed"], 18446744073709551557ULL);
+  EXPECT_EQ(read[0]["arms"][1]["tuned_on"], "b");
+  EXPECT_EQ(read[0]["arms"][1]["tuning_views"]["near_starts"], 3);
+  EXPECT_TRUE(read[0]["arms"][0]["held_out"].is_null());
+  EXPECT_EQ(read[1]["arm"], "before");
+  EXPECT_TRUE(read[1]["distance_to_goal_m"].is_null());
+  EXPECT_EQ(read[1]["error"], "line\n\"two\" \xef\xbf\xbd");
+  EXPECT_EQ(read[1]["state_hash"], "fedcba9876543210");
+  EXPECT_EQ(read[1]["why"]["planar_m"], 1.5);
+  EXPECT_TRUE(read[1]["why"]["object_m"].is_null());
+  EXPECT_TRUE(read[2]["why"].is_null());
+  EXPECT_EQ(read[1].size(), read[2].size());
 }
 
 TEST_F(StoreTest, OtherFilesAreRefused) {

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/error.h"
+#include "core/random.h"
 
 namespace segsim::experiments {
 namespace {
@@ -194,6 +195,12 @@ Flat   before  0.40  0.200  0.000    20.0      4.0       0.00      0.0        ti
 Flat   after   0.80  0.400  0.000    20.0      4.0       0.00      0.0        success 8, timeout 2
 Flat   oracle  1.00  0.500  0.000    20.0      4.0       0.00      0.0        success 10
 
+After - before on the same episodes (bootstrap 95 % interval, sign-flip test)
+
+Scene  SPL                      p SPL  Time [s]           p time  Path [m]           p path  SR over scenes [points]
+-----  -----------------------  -----  -----------------  ------  -----------------  ------  -----------------------
+Flat   +0.200 [+0.000, +0.400]  0.219  +0.0 [+0.0, +0.0]  1.000   +0.0 [+0.0, +0.0]  1.000   -
+
 Detectors on held-out views of the scenes
 
 Arm    AP50  AP    Precision  Recall  Score threshold  Views  AP50 source rooms  AP50 unseen homes
@@ -325,6 +332,71 @@ TEST(Table, MarkdownKeepsItsColumns) {
 TEST(Table, FormatWords) {
   EXPECT_EQ(table_format_from("md"), TableFormat::kMarkdown);
   EXPECT_THROW((void)table_format_from("markdwn"), core::InputError);
+}
+
+/// Trials of two arms that are equally good: each succeeds in an episode with its probability.
+std::vector<TrialRow> equal_arms(std::uint64_t seed, bool common_numbers) {
+  core::RandomStream random(seed, "a/a");
+  std::vector<TrialRow> trials;
+  for (int k = 0; k < 40; ++k) {
+    const double ease = random.uniform();
+    const double shared = random.uniform();
+    for (const std::string& arm : std::vector<std::string>{"before", "after"}) {
+      TrialRow t;
+      t.arm = arm;
+      t.scene = "flat";
+      t.goal_class = "chair";
+      t.episode = "flat/chair/" + std::to_string(k);
+      t.success = (common_numbers ? shared : random.uniform()) < ease;
+      t.outcome = t.success ? "success" : "timeout";
+      trials.push_back(t);
+    }
+  }
+  return trials;
+}
+
+TEST(Table, TheSameArmTwiceIsRarelySignificant) {
+  const std::vector<ArmRow> arms(kArms.begin(), kArms.begin() + 2);
+  int significant = 0, discordant = 0;
+  for (std::uint64_t seed = 0; seed < 200; ++seed) {
+    const ResultTable table = summarise(a_run(80), kScenes, arms, equal_arms(seed, false));
+    significant += table.scenes[0].p_exact < 0.05 ? 1 : 0;
+    discordant += table.scenes[0].pairs.discordant();
+  }
+  EXPECT_LE(significant, 16);       // 8 % of 200; the exact test keeps below 5 % on average.
+  EXPECT_GE(discordant, 200 * 10);  // The arms did differ: a third of all pairs does.
+}
+
+TEST(Table, TheSameArmTwiceWithTheSameNoiseHasNoDiscordantPair) {
+  const std::vector<ArmRow> arms(kArms.begin(), kArms.begin() + 2);
+  const ResultTable table = summarise(a_run(80), kScenes, arms, equal_arms(7, true));
+  EXPECT_EQ(table.scenes[0].pairs.discordant(), 0);
+  EXPECT_EQ(table.scenes[0].p_exact, 1.0);
+}
+
+TEST(Table, PairedMeansByHand) {
+  const ResultTable table = summarise(a_run(30), kScenes, kArms, ten_episodes());
+  // SPL is 0.5 for each success, and nothing else.
+  const GroupSummary& scene = table.scenes[0];
+  const double expected =
+      0.5 * (scene.pairs.only_after - scene.pairs.only_before) / scene.pairs.total();
+  EXPECT_NEAR(scene.spl.difference.mean, expected, 1e-12);
+  EXPECT_GT(scene.spl.difference.interval.low, -0.5);
+  EXPECT_LT(scene.spl.difference.interval.low, expected);
+  EXPECT_EQ(scene.sim_s.difference.mean, 0.0);
+  EXPECT_EQ(scene.sim_s.p, 1.0);
+  EXPECT_FALSE(table.all.has_value());
+}
+
+TEST(Table, LatexEscapesAndAligns) {
+  std::vector<SceneRow> scenes = kScenes;
+  scenes[0].title = "Flat_1 & 50 % {x}";
+  const std::string latex =
+      format_table(summarise(a_run(30), scenes, kArms, ten_episodes()), TableFormat::kLatex);
+  EXPECT_THAT(latex, HasSubstr(R"(Flat\_1 \& 50 \% \{x\} *)"));
+  EXPECT_THAT(latex, HasSubstr("\\toprule"));
+  EXPECT_EQ(table_format_from("tex"), TableFormat::kLatex);
+  EXPECT_THROW((void)table_format_from("latec"), core::InputError);
 }
 
 }  // namespace

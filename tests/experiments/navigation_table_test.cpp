@@ -1,0 +1,89 @@
+#include "experiments/navigation_table.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "core/check.h"
+
+namespace segsim::experiments {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+
+/// Eight of ten only after, one both, one neither; the oracle solves all.
+ResultTable a_result() {
+  RunRow run;
+  run.run_id = 2;
+  run.name = "room";
+  run.title = "Room";
+  run.planned_trials = 30;
+  run.success_profile = "segsim-object: STOP";
+  std::vector<TrialRow> trials;
+  for (int k = 0; k < 10; ++k) {
+    for (const std::string& arm : std::vector<std::string>{"before", "after", "oracle"}) {
+      TrialRow t;
+      t.arm = arm;
+      t.scene = "room";
+      t.goal_class = "couch";
+      t.episode = "room/couch/" + std::to_string(k);
+      t.success = arm == "oracle" || (arm == "after" ? k < 9 : k < 1);
+      t.outcome = t.success ? "success" : "timeout";
+      trials.push_back(t);
+    }
+  }
+  return summarise(run, {{"room", "Break room", "s", "e", 10}},
+                   {{"before", "a.bin", "c", "", -1, {}},
+                    {"after", "b.bin", "d", "room", -1, {}},
+                    {"oracle", "oracle", "", "", -1, {}}},
+                   trials);
+}
+
+std::vector<NavigationEntry> entries() {
+  return {{"Laboratory Room", "Break room", a_result(), {}},
+          {"House", "House", std::nullopt, "make it with segsim run"}};
+}
+
+TEST(NavigationTable, StandsBesideThePapersRowsAndTheirMissingNumber) {
+  const std::string text = format_navigation_table(entries(), TableFormat::kMarkdown);
+  EXPECT_THAT(text,
+              HasSubstr("| Laboratory Room | 20 % | 100 % | not given | Break room | 10 | "
+                        "1/10  10 % [2, 40] | 9/10  90 % [60, 98] | +80 [+37, +92] | "
+                        "+8 -0 of 10 | 0.008 | improved | 10/10  100 % [72, 100] | scene |"));
+  EXPECT_THAT(text, HasSubstr("| House | 25 % | 50 % | not given | House | not run | - |"));
+  EXPECT_THAT(text, HasSubstr("Not run: House: make it with segsim run"));
+  EXPECT_THAT(text, HasSubstr("room: LEAKAGE scene"));
+}
+
+TEST(NavigationTable, EveryFormSaysTheSame) {
+  const auto json =
+      nlohmann::json::parse(format_navigation_table(entries(), TableFormat::kJson));
+  EXPECT_EQ(json["rows"].size(), 2U);
+  EXPECT_EQ(json["rows"][0]["before"]["successes"], 1);
+  EXPECT_EQ(json["rows"][0]["after"]["successes"], 9);
+  EXPECT_NEAR(json["rows"][0]["p_mcnemar_exact"].get<double>(), 0.0078125, 1e-12);
+  EXPECT_EQ(json["rows"][0]["leakage"], "scene");
+  EXPECT_TRUE(json["rows"][0]["paper"]["episodes"].is_null());
+  EXPECT_EQ(json["rows"][1]["missing"], "make it with segsim run");
+  const std::string latex = format_navigation_table(entries(), TableFormat::kLatex);
+  EXPECT_THAT(latex,
+              HasSubstr(R"(Laboratory Room & 20 \% & 100 \% & not given & Break room)"));
+  EXPECT_THAT(latex, HasSubstr(R"(\begin{tabular}{lccccccccccccc})"));
+  const std::string csv = format_navigation_table(entries(), TableFormat::kCsv);
+  EXPECT_THAT(csv, HasSubstr("Laboratory Room,20 %,100 %,not given,Break room,10,"));
+  EXPECT_THAT(csv, HasSubstr("\"1/10  10 % [2, 40]\""));
+}
+
+TEST(NavigationTable, ScenesThatThePaperHasNotHaveNoPaperFigures) {
+  const std::vector<NavigationEntry> own{{"", "Flat", a_result(), {}}};
+  const std::string text = format_navigation_table(own, TableFormat::kMarkdown);
+  EXPECT_THAT(text, HasSubstr("| - | - | - | - | Break room | 10 |"));
+  EXPECT_THAT(text, Not(HasSubstr("not given")));
+  const std::vector<NavigationEntry> wrong{{"Kitchen", "x", std::nullopt, "y"}};
+  EXPECT_THROW((void)format_navigation_table(wrong, TableFormat::kText),
+               core::ContractViolation);
+}
+
+}  // namespace
+}  // namespace segsim::experiments
