@@ -273,7 +273,8 @@ class Chain : public Cli {
       std::string row;
       for (std::size_t i = 0; i < std::min(names.size(), values.size()); ++i) {
         const std::string& name = names[i];
-        if (name == "wall_s" || name.ends_with("_ms")) continue;
+        // Times, and a number in the order in which trials ended.
+        if (name == "wall_s" || name.ends_with("_ms") || name == "trial_id") continue;
         row += name + "=" + values[i] + " ";
       }
       kept.push_back(row);
