@@ -19,10 +19,10 @@ constexpr double kDegree_rad = std::numbers::pi / 180.0;
 
 core::GeodeticOrigin read_origin(const ConfigNode& node) {
   core::GeodeticOrigin origin;
-  origin.latitude_deg = script::number_within(node, "latitude_deg", 0.0, -90.0, 90.0);
-  origin.longitude_deg = script::number_within(node, "longitude_deg", 0.0, -180.0, 180.0);
-  origin.height_m = script::number_within(node, "height_m", 0.0, -1000.0, 10000.0);
-  origin.yaw_rad = script::number_within(node, "yaw_deg", 0.0, -360.0, 360.0) * kDegree_rad;
+  origin.latitude_deg = number_within(node, "latitude_deg", 0.0, -90.0, 90.0);
+  origin.longitude_deg = number_within(node, "longitude_deg", 0.0, -180.0, 180.0);
+  origin.height_m = number_within(node, "height_m", 0.0, -1000.0, 10000.0);
+  origin.yaw_rad = number_within(node, "yaw_deg", 0.0, -360.0, 360.0) * kDegree_rad;
   node.finish();
   return origin;
 }
@@ -45,7 +45,7 @@ ScriptScene read_scene(const ConfigNode& root, const script::Reader& reader) {
     if (const auto origin = node.optional_child("origin")) scene.origin = read_origin(*origin);
   }
   if (node.has("camera_height_m")) {
-    scene.camera_height_m = script::number_within(node, "camera_height_m", 1.2, 0.05, 3.0);
+    scene.camera_height_m = number_within(node, "camera_height_m", 1.2, 0.05, 3.0);
   }
   node.finish();
   return scene;
@@ -53,7 +53,7 @@ ScriptScene read_scene(const ConfigNode& root, const script::Reader& reader) {
 
 void read_clock(const ConfigNode& root, const script::Reader& reader, ScriptedTrial& trial) {
   if (const auto node = root.optional_child("clock")) {
-    const double control_hz = script::number_within(*node, "control_hz", 10.0, 0.1, 200.0);
+    const double control_hz = number_within(*node, "control_hz", 10.0, 0.1, 200.0);
     trial.control_period_s = 1.0 / control_hz;
     const double substeps = trial.control_period_s / sim::TrialOptions{}.substep_s;
     if (std::abs(substeps - std::round(substeps)) > 1e-9) {
@@ -84,7 +84,7 @@ void read_start(const ConfigNode& root, ScriptedTrial& trial) {
   } else {
     trial.start = script::place_of(node.child("latlon"), node.numbers("latlon"), true);
     trial.start_heading =
-        script::number_within(node, "heading_deg", 0.0, -360.0, 360.0) * kDegree_rad;
+        number_within(node, "heading_deg", 0.0, -360.0, 360.0) * kDegree_rad;
   }
   node.finish();
 }
@@ -104,9 +104,9 @@ void read_latency_fault(const ConfigNode& node, double at_s, ScriptedTrial& tria
   }
   fault.stage = stages[core::choice(node, "stage", stages)];
   (void)node.child("add_ms");
-  const double add_ms = script::number_within(node, "add_ms", 0.0, 0.0, 60000.0);
+  const double add_ms = number_within(node, "add_ms", 0.0, 0.0, 60000.0);
   (void)node.child("for_s");
-  const double for_s = script::number_within(node, "for_s", 0.0, 0.0, 36000.0);
+  const double for_s = number_within(node, "for_s", 0.0, 0.0, 36000.0);
   fault.from_ns = std::llround(at_s * 1e9);
   fault.until_ns = fault.from_ns + std::llround(for_s * 1e9);
   fault.added_ns = sim::ns_from_ms(add_ms);
@@ -117,7 +117,7 @@ void read_latency_fault(const ConfigNode& node, double at_s, ScriptedTrial& tria
 void read_faults(const ConfigNode& root, ScriptedTrial& trial) {
   for (const ConfigNode& node : root.list("faults")) {
     (void)node.child("at_s");
-    const double at_s = script::number_within(node, "at_s", 0.0, 0.0, 36000.0);
+    const double at_s = number_within(node, "at_s", 0.0, 0.0, 36000.0);
     if (node.has("latency") == node.has("drop_frames")) {
       node.fail("latency or drop_frames", node.has("latency") ? "both" : "neither");
     }
@@ -128,7 +128,7 @@ void read_faults(const ConfigNode& root, ScriptedTrial& trial) {
       const ConfigNode drop = node.child("drop_frames");
       if (drop.has("camera")) (void)core::choice(drop, "camera", {"front"});
       (void)drop.child("count");
-      const int count = static_cast<int>(script::number_within(drop, "count", 1.0, 1.0, 1e6));
+      const int count = static_cast<int>(number_within(drop, "count", 1.0, 1.0, 1e6));
       drop.finish();
       trial.faults.frame_drops.push_back({std::llround(at_s * 1e9), count});
       trial.fault_words.push_back(print("%d frames lost", count));
@@ -180,7 +180,7 @@ void read_record(const ConfigNode& root, ScriptedTrial& trial) {
   trial.record.video = node->boolean_or("video", false);
   trial.record.topdown = node->boolean_or("topdown", true);
   trial.record.exr_every =
-      static_cast<int>(script::number_within(*node, "exr_every", 0.0, 0.0, 1e6));
+      static_cast<int>(number_within(*node, "exr_every", 0.0, 0.0, 1e6));
   node->finish();
 }
 
@@ -190,15 +190,6 @@ fs::path script::Reader::path(const ConfigNode& node) const {
   const fs::path expanded = read_spec_path(node, folders, file);
   return expanded.is_absolute() ? expanded
                                 : (file.parent_path() / expanded).lexically_normal();
-}
-
-double script::number_within(const ConfigNode& node, const std::string& key, double fallback,
-                             double low, double high) {
-  const double value = node.number_or(key, fallback);
-  if (!(value >= low && value <= high)) {
-    node.child(key).fail(print("a number in [%g, %g]", low, high), node.text(key));
-  }
-  return value;
 }
 
 Place script::place_of(const ConfigNode& node, const std::vector<double>& numbers,
@@ -267,9 +258,9 @@ ScriptedTrial parse_scripted_trial(const std::string& text, const fs::path& orig
   }
   read_clock(root, reader, trial);
   trial.time_limit_s =
-      script::number_within(root, "time_limit_s", trial.time_limit_s, 0.1, 36000.0);
+      number_within(root, "time_limit_s", trial.time_limit_s, 0.1, 36000.0);
   trial.seed = static_cast<std::uint64_t>(
-      script::number_within(root, "seed", static_cast<double>(trial.seed), 0.0, 9e15));
+      number_within(root, "seed", static_cast<double>(trial.seed), 0.0, 9e15));
   read_start(root, trial);
   trial.camera = read_camera_spec(root);
   if (root.has("detector") && root.text("detector") != "oracle") {

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <numbers>
 #include <set>
 
@@ -11,6 +10,7 @@
 #include "core/config.h"
 #include "core/error.h"
 #include "core/file_io.h"
+#include "experiments/internal/numbers_in_range.h"
 #include "renderer/training/heads/panoptic_head.h"
 #include "sim/robot.h"
 
@@ -56,33 +56,6 @@ class Variables {
 
   std::vector<std::pair<std::string, std::string>> values_;
 };
-
-std::string print(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%g", value);
-  return text;
-}
-
-double number_within(const ConfigNode& node, const std::string& key, double fallback,
-                     double low, double high) {
-  const double value = node.number_or(key, fallback);
-  if (!(value >= low && value <= high)) {
-    node.child(key).fail("a number in [" + print(low) + ", " + print(high) + "]",
-                         node.text(key));
-  }
-  return value;
-}
-
-int count_within(const ConfigNode& node, const std::string& key, int fallback, int low,
-                 int high) {
-  const std::int64_t value = node.integer_or(key, fallback);
-  if (value < low || value > high) {
-    node.child(key).fail(
-        "an integer in [" + std::to_string(low) + ", " + std::to_string(high) + "]",
-        node.text(key));
-  }
-  return static_cast<int>(value);
-}
 
 std::uint64_t read_seed(const ConfigNode& node, std::uint64_t fallback) {
   const std::int64_t value = node.integer_or("seed", static_cast<std::int64_t>(fallback));

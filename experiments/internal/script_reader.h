@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/config.h"
+#include "experiments/internal/numbers_in_range.h"
 #include "experiments/scripted_trial.h"
 
 namespace segsim::experiments::script {
@@ -21,8 +22,6 @@ struct Reader {
   [[nodiscard]] std::filesystem::path path(const core::ConfigNode& node) const;
 };
 
-[[nodiscard]] double number_within(const core::ConfigNode& node, const std::string& key,
-                                   double fallback, double low, double high);
 /// @param latlon  The numbers are latitude and longitude [deg], not x and y [m].
 [[nodiscard]] Place place_of(const core::ConfigNode& node, const std::vector<double>& numbers,
                              bool latlon);
