@@ -6,7 +6,7 @@
 
 #include "core/error.h"
 #include "core/version.h"
-#include "experiments/commands.h"
+#include "experiments/commands/commands.h"
 
 namespace {
 

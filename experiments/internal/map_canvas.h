@@ -12,7 +12,7 @@
 #include "core/frames.h"
 #include "core/scene_bundle.h"
 #include "core/stages.h"
-#include "experiments/floor_plan.h"
+#include "experiments/scenes/floor_plan.h"
 #include "sim/trial.h"
 
 namespace segsim::experiments {

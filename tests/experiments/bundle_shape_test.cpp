@@ -1,4 +1,4 @@
-#include "experiments/bundle_shape.h"
+#include "experiments/scenes/bundle_shape.h"
 
 #include <unistd.h>
 
@@ -12,7 +12,7 @@
 #include <gtest/gtest.h>
 
 #include "core/error.h"
-#include "experiments/mesh_accuracy.h"
+#include "experiments/scenes/mesh_accuracy.h"
 #include "renderer/cpu_renderer.h"
 #include "renderer/surfel_transform.h"
 #include "tests/experiments/surfel_room.h"

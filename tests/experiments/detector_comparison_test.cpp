@@ -1,4 +1,4 @@
-#include "experiments/detector_comparison.h"
+#include "experiments/detection/detector_comparison.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -11,8 +11,8 @@
 #include "core/error.h"
 #include "core/file_io.h"
 #include "core/random.h"
-#include "experiments/comparison_files.h"
-#include "experiments/photo_dataset.h"
+#include "experiments/detection/comparison_files.h"
+#include "experiments/detection/photo_dataset.h"
 #include "perception/image_file.h"
 #include "tiny_scene.h"
 

@@ -1,4 +1,4 @@
-#include "experiments/episodes.h"
+#include "experiments/episodes/episodes.h"
 
 #include <cmath>
 #include <fstream>
@@ -9,7 +9,7 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
-#include "experiments/episode_check.h"
+#include "experiments/episodes/episode_check.h"
 #include "renderer/cpu_renderer.h"
 #include "tiny_scene.h"
 

@@ -1,4 +1,4 @@
-#include "experiments/explanation.h"
+#include "experiments/results/explanation.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "../error_message.h"
-#include "experiments/gzip_file.h"
+#include "experiments/episodes/gzip_file.h"
 #include "renderer/cpu_renderer.h"
 #include "tiny_scene.h"
 

@@ -1,4 +1,4 @@
-#include "experiments/gzip_file.h"
+#include "experiments/episodes/gzip_file.h"
 
 #include <fstream>
 

@@ -1,4 +1,4 @@
-#include "experiments/habitat_episodes.h"
+#include "experiments/episodes/habitat_episodes.h"
 
 #include <cmath>
 #include <cstdlib>
@@ -10,7 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/error.h"
-#include "experiments/gzip_file.h"
+#include "experiments/episodes/gzip_file.h"
 #include "renderer/cpu_renderer.h"
 #include "tiny_scene.h"
 

@@ -1,4 +1,4 @@
-#include "experiments/internal/html.h"
+#include "experiments/report/internal/html.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "experiments/navigation_table.h"
+#include "experiments/results/navigation_table.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "experiments/open_vocabulary_masks.h"
+#include "experiments/detection/open_vocabulary_masks.h"
 
 #include <gtest/gtest.h>
 

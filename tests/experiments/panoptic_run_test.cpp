@@ -1,5 +1,5 @@
 // `segsim table 1` from end to end, as small as it goes.
-#include "experiments/panoptic_run.h"
+#include "experiments/panoptic/panoptic_run.h"
 
 #include <signal.h>
 #include <sys/wait.h>
@@ -13,7 +13,7 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
-#include "experiments/panoptic_table.h"
+#include "experiments/panoptic/panoptic_table.h"
 #include "tiny_scene.h"
 
 namespace segsim::experiments {

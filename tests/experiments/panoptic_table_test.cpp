@@ -1,4 +1,4 @@
-#include "experiments/panoptic_table.h"
+#include "experiments/panoptic/panoptic_table.h"
 
 #include <unistd.h>
 

@@ -1,10 +1,10 @@
-#include "experiments/trial_picture.h"
+#include "experiments/runs/trial_picture.h"
 
 #include <cmath>
 
 #include <gtest/gtest.h>
 
-#include "experiments/trial_video.h"
+#include "experiments/runs/trial_video.h"
 #include "tiny_scene.h"
 
 namespace segsim::experiments {

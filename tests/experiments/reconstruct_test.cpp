@@ -1,4 +1,4 @@
-#include "experiments/reconstruct.h"
+#include "experiments/scenes/reconstruct.h"
 
 #include <unistd.h>
 
@@ -13,7 +13,7 @@
 #include <gtest/gtest.h>
 
 #include "core/bundle_parts.h"
-#include "experiments/scene_surfels.h"
+#include "experiments/scenes/scene_surfels.h"
 #include "renderer/cpu_renderer.h"
 #include "renderer/surfel_transform.h"
 #include "sim/world.h"

@@ -1,4 +1,4 @@
-#include "experiments/render_bench.h"
+#include "experiments/benchmarks/render_bench.h"
 
 #include <cmath>
 
@@ -8,8 +8,8 @@
 
 #include "core/check.h"
 #include "core/error.h"
-#include "experiments/bench_curves.h"
-#include "experiments/render_report.h"
+#include "experiments/benchmarks/bench_curves.h"
+#include "experiments/benchmarks/render_report.h"
 
 namespace segsim::experiments {
 namespace {

@@ -8,11 +8,11 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
-#include "experiments/budget_file.h"
-#include "experiments/commands.h"
-#include "experiments/replay_log.h"
-#include "experiments/run.h"
-#include "experiments/store.h"
+#include "experiments/timing/budget_file.h"
+#include "experiments/commands/commands.h"
+#include "experiments/timing/replay_log.h"
+#include "experiments/runs/run.h"
+#include "experiments/store/store.h"
 #include "tests/error_message.h"
 #include "tiny_scene.h"
 

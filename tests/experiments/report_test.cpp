@@ -1,4 +1,4 @@
-#include "experiments/report.h"
+#include "experiments/report/report.h"
 
 #include <array>
 #include <cstdio>
@@ -12,7 +12,7 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
-#include "experiments/run.h"
+#include "experiments/runs/run.h"
 #include "perception/image_file.h"
 #include "tiny_scene.h"
 

@@ -1,4 +1,4 @@
-#include "experiments/run.h"
+#include "experiments/runs/run.h"
 
 #include <algorithm>
 #include <fstream>
@@ -11,10 +11,10 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
-#include "experiments/episode_validation.h"
-#include "experiments/episodes.h"
-#include "experiments/store.h"
-#include "experiments/trial_log.h"
+#include "experiments/episodes/episode_validation.h"
+#include "experiments/episodes/episodes.h"
+#include "experiments/store/store.h"
+#include "experiments/runs/trial_log.h"
 #include "renderer/exr_io.h"
 #include "renderer/frame_writer.h"
 #include "tiny_scene.h"

@@ -1,5 +1,5 @@
 // Scripted trials: the file, the driver, and what is made of a drive.
-#include "experiments/scripted_trial.h"
+#include "experiments/scripted_trials/scripted_trial.h"
 
 #include <cmath>
 #include <fstream>
@@ -11,9 +11,9 @@
 #include <nlohmann/json.hpp>
 
 #include "core/file_io.h"
-#include "experiments/geo_path.h"
-#include "experiments/internal/script_metrics.h"
-#include "experiments/scripted_run.h"
+#include "experiments/scripted_trials/geo_path.h"
+#include "experiments/scripted_trials/internal/script_metrics.h"
+#include "experiments/scripted_trials/scripted_run.h"
 #include "tests/error_message.h"
 #include "tiny_scene.h"
 

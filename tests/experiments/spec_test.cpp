@@ -1,4 +1,4 @@
-#include "experiments/spec.h"
+#include "experiments/runs/spec.h"
 
 #include <algorithm>
 

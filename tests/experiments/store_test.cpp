@@ -1,4 +1,4 @@
-#include "experiments/store.h"
+#include "experiments/store/store.h"
 
 #include <filesystem>
 #include <fstream>
@@ -12,7 +12,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/error.h"
-#include "experiments/trial_export.h"
+#include "experiments/store/trial_export.h"
 
 namespace segsim::experiments {
 namespace {

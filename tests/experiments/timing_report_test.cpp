@@ -1,12 +1,12 @@
-#include "experiments/timing_report.h"
+#include "experiments/timing/timing_report.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "experiments/budget_file.h"
-#include "experiments/budget_sweep.h"
-#include "experiments/store.h"
+#include "experiments/timing/budget_file.h"
+#include "experiments/timing/budget_sweep.h"
+#include "experiments/store/store.h"
 #include "sim/budget_play.h"
 
 namespace segsim::experiments {

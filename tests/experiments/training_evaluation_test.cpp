@@ -1,4 +1,4 @@
-#include "experiments/training_evaluation.h"
+#include "experiments/training/training_evaluation.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "experiments/training_run.h"
+#include "experiments/training/training_run.h"
 
 #include <signal.h>
 #include <sys/wait.h>
@@ -16,8 +16,8 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
-#include "experiments/coverage.h"
-#include "experiments/reconstruct.h"
+#include "experiments/scenes/coverage.h"
+#include "experiments/scenes/reconstruct.h"
 #include "renderer/cpu_renderer.h"
 #include "renderer/room_scene.h"
 #include "renderer/training/heads/panoptic_head.h"

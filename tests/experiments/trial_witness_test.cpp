@@ -1,4 +1,4 @@
-#include "experiments/trial_witness.h"
+#include "experiments/results/trial_witness.h"
 
 #include <cmath>
 #include <map>
@@ -6,7 +6,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "experiments/trial_insights.h"
+#include "experiments/results/trial_insights.h"
 #include "tiny_scene.h"
 
 namespace segsim::experiments {

@@ -1,4 +1,4 @@
-#include "experiments/view_labels.h"
+#include "experiments/detection/view_labels.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -9,7 +9,7 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
-#include "experiments/label_report.h"
+#include "experiments/detection/label_report.h"
 #include "perception/image_file.h"
 #include "tiny_scene.h"
 

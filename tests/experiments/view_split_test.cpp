@@ -1,4 +1,4 @@
-#include "experiments/view_split.h"
+#include "experiments/detection/view_split.h"
 
 #include <gtest/gtest.h>
 

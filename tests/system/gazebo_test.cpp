@@ -10,7 +10,7 @@
 #include <gtest/gtest.h>
 
 #include "core/scene_bundle.h"
-#include "experiments/scene_surfels.h"
+#include "experiments/scenes/scene_surfels.h"
 #include "renderer/cpu_renderer.h"
 #include "tests/experiments/tiny_scene.h"
 #include "tests/system/gazebo_processes.h"

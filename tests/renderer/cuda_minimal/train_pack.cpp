@@ -22,7 +22,7 @@
 #include <vector>
 
 #include "core/error.h"
-#include "experiments/training_evaluation.h"
+#include "experiments/training/training_evaluation.h"
 #include "renderer/cuda/cuda_renderer.h"
 #include "renderer/ply_io.h"
 #include "renderer/training/cuda/cuda_rasterizer.h"

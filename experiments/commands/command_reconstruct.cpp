@@ -1,0 +1,239 @@
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <CLI/CLI.hpp>
+
+#include "core/error.h"
+#include "experiments/commands/commands.h"
+#include "experiments/scenes/reconstruct.h"
+#include "experiments/scenes/scene_source.h"
+#include "renderer/training/heads/panoptic_head.h"
+
+namespace segsim::experiments {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Flags {
+  fs::path sequence, boxes, label_map, out, config, start, export_pack;
+  std::string layout = "auto", up = "auto", on_bad_frame = "refuse", robot = "jackal-gentle";
+  std::string backend = "cpu", mesh = "auto";
+  double floor_height_m = 0.0;
+  bool floor_given = false, init_only = false;
+  std::int64_t iterations = -1, label_iterations = -1;
+  ReconstructOptions reconstruct;
+  TrainingOptions training;
+};
+
+/// The file's settings with those given as flags.
+renderer::TrainingConfig config_of(const Flags& flags) {
+  renderer::TrainingConfig config;
+  if (!flags.config.empty()) config = renderer::read_training_config(flags.config);
+  if (flags.iterations >= 0) config.geometry.iterations = flags.iterations;
+  if (flags.label_iterations >= 0) config.panoptic.iterations = flags.label_iterations;
+  return config;
+}
+
+/// So many points find the floor.
+std::vector<glm::vec3> thinned(const std::vector<glm::vec3>& points_m) {
+  constexpr std::size_t kMost = 100'000;
+  const std::size_t step = points_m.size() / kMost + 1;
+  std::vector<glm::vec3> few;
+  for (std::size_t i = 0; i < points_m.size(); i += step) few.push_back(points_m[i]);
+  return few;
+}
+
+void check_head(const std::string& head) {
+  std::vector<std::string> known = renderer::panoptic_head_names();
+  known.emplace_back("none");
+  if (std::find(known.begin(), known.end(), head) != known.end()) return;
+  std::string words;
+  for (const std::string& name : known) words += (words.empty() ? "" : " | ") + name;
+  throw core::InputError::expected("--head", words, "\"" + head + "\"");
+}
+
+/// What cannot be asked for together.
+void check_outputs(const Flags& flags) {
+  if (flags.out.empty() == flags.export_pack.empty()) {
+    throw core::InputError::expected("segsim reconstruct", "--out or --export-pack",
+                                     flags.out.empty() ? "neither" : "both");
+  }
+  if (!flags.init_only) return;
+  if (!flags.export_pack.empty() || !flags.reconstruct.surfels.empty() ||
+      !flags.reconstruct.pictures.empty()) {
+    throw core::InputError::expected(
+        "--init-only", "no --export-pack, --surfels or --pictures", "one of them");
+  }
+}
+
+void reconstruct(Flags flags) {
+  check_outputs(flags);
+  if (!flags.init_only) {
+    check_head(flags.training.head);
+    flags.training.config = config_of(flags);
+    flags.training.device.backend = renderer::backend_of(flags.backend);
+    flags.training.set.frame_step = flags.reconstruct.lift.frame_step;
+    flags.reconstruct.training = flags.training;
+  }
+  renderer::SequenceOptions options;
+  options.layout = renderer::parse_sequence_layout(flags.layout, "--layout");
+  options.up_axis = renderer::parse_up_axis(flags.up, "--up");
+  options.on_bad_frame = renderer::parse_on_bad_frame(flags.on_bad_frame, "--on-bad-frame");
+  options.label_map = flags.label_map;
+  if (flags.floor_given) options.floor_height_m = flags.floor_height_m;
+  if (!flags.start.empty()) {
+    flags.reconstruct.start = renderer::read_point_cloud(flags.start);
+    options.floor_points_m = thinned(flags.reconstruct.start->position_m);
+  }
+  const auto sequence = open_recording(flags.sequence, flags.boxes, options);
+  for (const std::string& note : sequence->notes()) std::printf("%s\n", note.c_str());
+
+  if (!flags.export_pack.empty()) {
+    export_training_pack(*sequence, flags.reconstruct, flags.export_pack);
+    std::printf("%s: %.1f MB\n", flags.export_pack.string().c_str(),
+                1e-6 * static_cast<double>(fs::file_size(flags.export_pack)));
+    return;
+  }
+  flags.reconstruct.mesh = parse_mesh_source(flags.mesh, "--mesh");
+  sim::DepthFusionOptions& fusion = flags.reconstruct.surface.fusion;
+  fusion.truncation_m = kTruncationVoxels * fusion.voxel_m;
+  flags.reconstruct.name = flags.out.filename().string();
+  flags.reconstruct.source = "recording " + flags.sequence.filename().string();
+  flags.reconstruct.robot = sim::RobotModel::by_name(flags.robot);
+  const core::SceneBundle bundle = reconstruct_bundle(*sequence, flags.reconstruct, flags.out);
+  std::printf("%s: %zu classes, %zu instances; see `segsim scene inspect`\n",
+              flags.out.string().c_str(), bundle.manifest.classes.size(),
+              bundle.manifest.instances.size());
+}
+
+void add_training_options(CLI::App& command, const std::shared_ptr<Flags>& flags) {
+  TrainingOptions& training = flags->training;
+  command.add_flag("--init-only", flags->init_only, "Lift, do not train");
+  command.add_option(
+      "--config", flags->config,
+      "Weights and rates (YAML); all keys are in renderer/training/defaults.yaml");
+  command
+      .add_option("--iterations", flags->iterations,
+                  "Images that shape and colour are trained on; default: the "
+                  "configuration's")
+      ->check(CLI::Range(0, 10'000'000));
+  command
+      .add_option("--label-iterations", flags->label_iterations,
+                  "Images that labels are trained on; default: the configuration's")
+      ->check(CLI::Range(1, 10'000'000));
+  command.add_option(
+      "--masks", training.masks,
+      "Folder of per-view masks (docs/masks.md); default: the recording's labels");
+  command
+      .add_option("--head", training.head,
+                  "query | panoptic-splatting | panoptic-lifting | none: what learns labels")
+      ->capture_default_str();
+  command
+      .add_option("--held-out-every", training.set.held_out_every,
+                  "Every n-th frame tests the result and is not trained on; 0: none")
+      ->check(CLI::Range(0, 1'000'000))
+      ->capture_default_str();
+  command.add_flag("--align-held-out", training.align_held_out,
+                   "Test also at held-out poses that fit the trained surfels best; both "
+                   "figures are reported");
+  command
+      .add_option("--shrink", training.set.shrink,
+                  "Train and test on images whose pixels are the means of n x n recorded ones")
+      ->check(CLI::Range(1, 64))
+      ->capture_default_str();
+  command.add_option("--surfels", flags->reconstruct.surfels,
+                     "Train on from these surfels (PLY), for example train_pack's --out");
+  command.add_option("--export-pack", flags->export_pack,
+                     "Write frames and lifted surfels for train_pack, and stop");
+  command.add_option("--pictures", flags->reconstruct.pictures,
+                     "Contact sheet (.png) of views where a robot would be");
+  command.add_option("--backend", flags->backend, "cpu | cuda | auto")->capture_default_str();
+  command.add_option("--threads", training.device.threads, "Of the CPU; 0: all")
+      ->check(CLI::Range(0, 4096))
+      ->capture_default_str();
+  command.add_option("--seed", training.seed, "Of all random choices")->capture_default_str();
+  command
+      .add_option("--time-limit", training.time_limit_s,
+                  "Stop each stage early to end near this [s]; 0: none. Results then depend "
+                  "on the machine")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  command.add_flag("--resume", training.resume,
+                   "Go on from the state in OUT.training, if there is one");
+}
+
+}  // namespace
+
+void add_reconstruct_command(CLI::App& app) {
+  auto flags = std::make_shared<Flags>();
+  CLI::App* command = app.add_subcommand(
+      "reconstruct", "Make a scene bundle from posed RGB-D frames: lift, then train");
+  command
+      ->add_option("sequence", flags->sequence,
+                   "Folder in one of the layouts of docs/datasets.md")
+      ->required();
+  command->add_option("--out", flags->out, "Bundle folder");
+  command->add_option("--boxes", flags->boxes,
+                      "3-D boxes (JSON) that label a recording without masks");
+  command->add_option("--label-map", flags->label_map,
+                      "Classes of a data set's label images (YAML, docs/datasets.md)");
+  command
+      ->add_option(
+          "--layout", flags->layout,
+          "auto | hololens | 7scenes | scannet | scannetpp | replica | tum | nerfstudio | "
+          "colmap")
+      ->capture_default_str();
+  command->add_option("--up", flags->up, "auto | y | z: the recording's axis that points up")
+      ->capture_default_str();
+  command
+      ->add_option("--on-bad-frame", flags->on_bad_frame,
+                   "refuse | skip: what a broken image or pose does")
+      ->capture_default_str();
+  command
+      ->add_option("--floor-height", flags->floor_height_m,
+                   "Floor along the up axis of the recording [m]; default: fitted")
+      ->each([flags](const std::string&) { flags->floor_given = true; });
+  command->add_option("--start", flags->start,
+                      "Point cloud (PCD or PLY, in the coordinates of the recording's poses) "
+                      "to start from instead of the frames' depth");
+  renderer::LiftOptions& lift = flags->reconstruct.lift;
+  command->add_option("--voxel", lift.voxel_m, "Spacing of the surfels [m]")
+      ->check(CLI::Range(0.002, 0.5))
+      ->capture_default_str();
+  command->add_option("--frame-step", lift.frame_step, "Use every n-th frame")
+      ->check(CLI::Range(1, 100000))
+      ->capture_default_str();
+  command
+      ->add_option("--mesh", flags->mesh,
+                   "auto | lifted | depth: what the collision mesh is made from; auto: depth "
+                   "rendered from a trained scene, else the lifted points")
+      ->capture_default_str();
+  command
+      ->add_option("--mesh-voxel", flags->reconstruct.surface.fusion.voxel_m,
+                   "Of the surface that rendered depth is fused to [m]")
+      ->check(CLI::Range(0.005, 0.2))
+      ->capture_default_str();
+  command->add_option("--robot", flags->robot, "Whose free space is checked and meshed")
+      ->capture_default_str();
+  command
+      ->add_option("--camera-height", flags->reconstruct.camera_height_m,
+                   "Mast height that suits the recording [m]")
+      ->capture_default_str();
+  core::GeodeticOrigin& origin = flags->reconstruct.origin;
+  command->add_option("--latitude", origin.latitude_deg, "Of the world origin [degrees]")
+      ->capture_default_str();
+  command->add_option("--longitude", origin.longitude_deg, "Of the world origin [degrees]")
+      ->capture_default_str();
+  command->add_option("--origin-height", origin.height_m, "Of the world origin [m]")
+      ->capture_default_str();
+  command->add_option("--origin-yaw", origin.yaw_rad, "From east to world +x [rad]")
+      ->capture_default_str();
+  add_training_options(*command, flags);
+  command->callback([flags] { reconstruct(*flags); });
+}
+
+}  // namespace segsim::experiments

@@ -1,0 +1,111 @@
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <numbers>
+#include <string>
+
+#include <CLI/CLI.hpp>
+#include <glm/geometric.hpp>
+
+#include "core/bundle_parts.h"
+#include "core/scene_bundle.h"
+#include "experiments/commands/commands.h"
+#include "experiments/scenes/coverage.h"
+#include "experiments/scenes/scene_surfels.h"
+#include "sim/robot.h"
+#include "sim/world.h"
+
+namespace segsim::experiments {
+namespace {
+
+std::string labels_in_words(const SceneSurfels& scene) {
+  if (!scene.labels) return scene.surfels->has_labels() ? "one per surfel" : "none";
+  char text[160];
+  std::snprintf(
+      text, sizeof text,
+      "distributions of %zu classes and %zu instances, %zu and %zu at most of a surfel",
+      scene.labels->class_id.size(), scene.labels->instance_id.size(),
+      scene.labels->classes.row_capacity(), scene.labels->instances.row_capacity());
+  return text;
+}
+
+std::string levelling_in_words(const core::SceneLevelling& levelling) {
+  const glm::dquat& R = levelling.R_world_source;
+  const double tilt_rad = 2.0 * std::atan2(std::hypot(R.x, R.y, R.z), std::abs(R.w));
+  const double lift_m = glm::length(levelling.p_world_source_m);
+  if (tilt_rad == 0.0 && lift_m == 0.0) return "as recorded";
+  char text[96];
+  std::snprintf(text, sizeof text, "turned by %.2f deg, moved by %.1f cm",
+                tilt_rad / std::numbers::pi * 180.0, 100.0 * lift_m);
+  return text;
+}
+
+void inspect(const std::filesystem::path& folder, const std::string& robot_name) {
+  const core::SceneBundle bundle = core::load_bundle(folder);
+  const core::SceneManifest& m = bundle.manifest;
+  const core::BundleParts parts = core::load_bundle_parts(folder);
+  const SceneSurfels scene = load_scene_surfels(bundle);
+  const renderer::SurfelCloud& surfels = *scene.surfels;
+  const sim::World world = sim::World::load(bundle, sim::RobotModel::by_name(robot_name));
+
+  std::printf("scene          %s\n", m.name.c_str());
+  std::printf("folder         %s\n", folder.string().c_str());
+  std::printf("sha256         %s\n", bundle.scene_sha256.c_str());
+  std::printf("version        %d\n", parts.version);
+  std::printf("made by        %s\n", m.created_by.c_str());
+  std::printf("from           %s\n", m.source.c_str());
+  std::printf(
+      "origin         latitude %.7f deg, longitude %.7f deg, height %.2f m, yaw %.4f rad\n",
+      m.origin.latitude_deg, m.origin.longitude_deg, m.origin.height_m, m.origin.yaw_rad);
+  std::printf("camera height  %.2f m\n", m.camera_height_m);
+  std::printf("surfels        %zu, SH degree %d, %s\n", surfels.size(), surfels.sh_degree,
+              surfels.has_labels() ? "labelled" : "without labels");
+  std::printf("labels         %s\n", labels_in_words(scene).c_str());
+  std::printf("levelled       %s\n", levelling_in_words(parts.levelling).c_str());
+  std::printf("collision mesh %zu triangles, from %s\n", world.mesh().triangles.size(),
+              parts.mesh_source.empty() ? "an unknown source" : parts.mesh_source.c_str());
+  std::printf("free space     %.1f m2 for a robot of radius %.3f m\n",
+              world.free_space().area_m2(1), world.free_space().radius_m);
+
+  std::map<std::uint16_t, std::size_t> surfels_of_class;
+  for (const std::uint16_t id : surfels.semantic_id) ++surfels_of_class[id];
+  std::printf("\n%5s  %-18s %-6s %9s %10s\n", "class", "name", "kind", "instances", "surfels");
+  for (const core::SceneClass& c : m.classes) {
+    const auto instances = std::count_if(
+        m.instances.begin(), m.instances.end(),
+        [&](const core::SceneInstance& instance) { return instance.class_id == c.id; });
+    std::printf("%5d  %-18s %-6s %9ld %10zu\n", c.id, c.name.c_str(),
+                c.thing ? "thing" : "stuff", static_cast<long>(instances),
+                surfels_of_class[c.id]);
+  }
+  std::printf("\nunlabelled surfels: %zu\n\nstatistics\n", surfels_of_class[0]);
+  for (const auto& [key, value] : m.statistics)
+    std::printf("  %-28s %g\n", key.c_str(), value);
+  const std::string warning = coverage_warning(m);
+  if (!warning.empty()) std::printf("\nwarning: %s\n", warning.c_str());
+}
+
+}  // namespace
+
+void add_scene_command(CLI::App& app) {
+  CLI::App* scene = app.add_subcommand("scene", "Look at scene bundles");
+  scene->require_subcommand(1);
+
+  struct Flags {
+    std::filesystem::path folder;
+    std::string robot = "jackal-gentle";
+  };
+  auto flags = std::make_shared<Flags>();
+  CLI::App* command = scene->add_subcommand(
+      "inspect", "Check a bundle and print what it holds; a damaged one is refused");
+  command->add_option("bundle", flags->folder, "Folder with scene.yaml")->required();
+  command->add_option("--robot", flags->robot, "Robot whose free space is reported")
+      ->capture_default_str();
+  command->callback([flags] { inspect(flags->folder, flags->robot); });
+  add_scene_mesh(*scene);
+}
+
+}  // namespace segsim::experiments

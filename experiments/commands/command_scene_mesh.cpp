@@ -1,0 +1,191 @@
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+
+#include "core/bundle_parts.h"
+#include "core/error.h"
+#include "core/version.h"
+#include "experiments/commands/commands.h"
+#include "experiments/scenes/bundle_shape.h"
+#include "experiments/scenes/coverage.h"
+#include "experiments/scenes/mesh_accuracy.h"
+#include "experiments/scenes/scene_source.h"
+#include "experiments/scenes/scene_surfels.h"
+#include "renderer/lifting.h"
+#include "renderer/panoptic_field_file.h"
+#include "renderer/ply_io.h"
+#include "renderer/renderer_backend.h"
+#include "renderer/surfel_transform.h"
+#include "sim/mesh_distance.h"
+#include "sim/mesh_import.h"
+#include "sim/procedural_flat.h"
+
+namespace segsim::experiments {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct RemeshFlags {
+  fs::path bundle, out;
+  std::string robot = "jackal-gentle", backend = "cpu";
+  std::size_t frame_step = 1;
+  SurfaceOptions surface;
+};
+
+/// Statistics of the old mesh would contradict the new ones.
+void drop_shape_statistics(core::SceneManifest& manifest) {
+  std::erase_if(manifest.statistics, [](const auto& entry) {
+    for (const char* prefix :
+         {"collision_", "floor_", "navmesh_", "surface_", "levelled", "robot_view"}) {
+      if (entry.first.starts_with(prefix)) return true;
+    }
+    return false;
+  });
+}
+
+core::CameraPath cameras_of(const core::SceneBundle& bundle, const core::BundleParts& parts) {
+  if (parts.cameras.name.empty()) {
+    throw core::InputError::expected(
+        (bundle.folder / core::kCamerasFileName).string(),
+        "the recording's cameras (`segsim reconstruct` writes them)", "none");
+  }
+  return core::read_camera_path(bundle.folder / parts.cameras.name);
+}
+
+/// Writes the parts of a bundle whose surfels may have moved.
+void write_remeshed(const fs::path& folder, const RemeshFlags& flags,
+                    const core::SceneBundle& bundle) {
+  core::SceneManifest manifest = bundle.manifest;
+  core::BundleParts parts = core::load_bundle_parts(bundle.folder);
+  const SceneSurfels scene = load_scene_surfels(bundle);
+  core::CameraPath cameras = cameras_of(bundle, parts);
+  std::vector<core::CameraPose> poses;
+  for (std::size_t i = 0; i < cameras.views.size(); i += flags.frame_step) {
+    poses.push_back(cameras.views[i].T_world_camera);
+  }
+  const auto renderer =
+      renderer::make_renderer(renderer::backend_of(flags.backend), scene.surfels);
+  SceneShape shape = fuse_rendered_depth(*renderer, cameras.intrinsics, poses, flags.surface);
+  const core::SceneLevelling step = level_shape(shape);
+  move_cameras(step, cameras);
+  core::write_camera_path(folder / parts.cameras.name, cameras);
+  decimate_shape(shape, flags.surface.max_error_m);
+
+  renderer::SurfelCloud surfels = *scene.surfels;
+  renderer::transform_surfels(step.R_world_source, step.p_world_source_m, surfels);
+  manifest.instances = renderer::instance_boxes(surfels, manifest.instances);
+  manifest.created_by = std::string("segsim ") + core::version();
+  drop_shape_statistics(manifest);
+  renderer::write_surfels_ply(folder / manifest.surfels.name, surfels);
+  if (scene.labels) {
+    renderer::write_panoptic_field(folder / parts.labels.name, *scene.labels);
+  }
+  if (const fs::path model = bundle.folder / renderer::kPanopticFileName; fs::exists(model)) {
+    renderer::PanopticModel moved = renderer::read_panoptic_model(model);
+    renderer::transform_panoptic_model(step.R_world_source, step.p_world_source_m, moved);
+    renderer::write_panoptic_model(folder / renderer::kPanopticFileName, moved);
+  }
+  const auto robot = sim::RobotModel::by_name(flags.robot);
+  for (const std::string& warning : write_shape(folder, shape, robot, {}, manifest).warnings) {
+    std::fprintf(stderr, "warning: %s\n", warning.c_str());
+  }
+  parts.mesh_source = shape.source;
+  parts.levelling = {
+      step.R_world_source * parts.levelling.R_world_source,
+      step.R_world_source * parts.levelling.p_world_source_m + step.p_world_source_m};
+  core::write_bundle_manifest(folder, manifest, parts);
+}
+
+void remesh(const RemeshFlags& flags) {
+  const core::SceneBundle bundle = core::load_bundle(flags.bundle);
+  const fs::path temporary = flags.out.string() + ".tmp" + std::to_string(::getpid());
+  fs::remove_all(temporary);
+  fs::create_directories(temporary);
+  try {
+    write_remeshed(temporary, flags, bundle);
+    fs::remove_all(flags.out);
+    fs::rename(temporary, flags.out);
+  } catch (...) {
+    fs::remove_all(temporary);
+    throw;
+  }
+  static_cast<void>(core::load_bundle(flags.out));
+  std::printf("%s: see `segsim scene inspect`\n", flags.out.string().c_str());
+}
+
+struct ErrorFlags {
+  fs::path bundle, mesh;
+  std::string robot = "jackal-gentle";
+  std::uint64_t flat = 0;
+  bool flat_given = false;
+};
+
+void mesh_error(const ErrorFlags& flags) {
+  if (flags.flat_given != flags.mesh.empty()) {
+    throw core::InputError::expected("scene mesh-error", "one of --flat and --mesh",
+                                     flags.flat_given ? "both" : "neither");
+  }
+  const core::SceneBundle bundle = core::load_bundle(flags.bundle);
+  const core::SceneLevelling levelling = core::load_bundle_parts(flags.bundle).levelling;
+  SourceSpec source;
+  source.type = flags.flat_given ? SourceType::kFlat : SourceType::kMesh;
+  source.seed = flags.flat;
+  source.world = flags.mesh;
+  sim::TriangleMesh truth = sim::plain_mesh(load_mesh_source(source));
+  for (glm::vec3& p : truth.positions_m) {
+    p = glm::vec3(levelling.R_world_source * glm::dvec3(p) + levelling.p_world_source_m);
+  }
+  const sim::TriangleMesh found = sim::read_mesh_ply(bundle.collision_mesh_file());
+  std::printf(
+      "%s", mesh_accuracy(found, truth, sim::RobotModel::by_name(flags.robot)).text().c_str());
+}
+
+void add_remesh(CLI::App& scene) {
+  auto flags = std::make_shared<RemeshFlags>();
+  CLI::App* command = scene.add_subcommand(
+      "remesh",
+      "Make the collision mesh anew from depth rendered where the recording's cameras were");
+  command->add_option("bundle", flags->bundle, "Folder with scene.yaml")->required();
+  command->add_option("--out", flags->out, "Folder of the new bundle")->required();
+  command->add_option("--robot", flags->robot, "Whose navigation mesh is made")
+      ->capture_default_str();
+  command->add_option("--backend", flags->backend, "cpu | cuda | auto")->capture_default_str();
+  command->add_option("--frame-step", flags->frame_step, "Use every n-th camera")
+      ->check(CLI::Range(1, 100000))
+      ->capture_default_str();
+  command->add_option("--voxel", flags->surface.fusion.voxel_m, "Of the fused surface [m]")
+      ->check(CLI::Range(0.005, 0.2))
+      ->capture_default_str();
+  command->callback([flags] {
+    flags->surface.fusion.truncation_m = kTruncationVoxels * flags->surface.fusion.voxel_m;
+    remesh(*flags);
+  });
+}
+
+void add_mesh_error(CLI::App& scene) {
+  auto flags = std::make_shared<ErrorFlags>();
+  CLI::App* command = scene.add_subcommand(
+      "mesh-error", "Measure a bundle's collision mesh against the world it was captured in");
+  command->add_option("bundle", flags->bundle, "Folder with scene.yaml")->required();
+  command->add_option("--flat", flags->flat, "Seed of the procedural flat")
+      ->each([flags](const std::string&) { flags->flat_given = true; });
+  command->add_option("--mesh", flags->mesh, "Mesh file of the true world");
+  command->add_option("--robot", flags->robot, "Whose free floor is compared")
+      ->capture_default_str();
+  command->callback([flags] { mesh_error(*flags); });
+}
+
+}  // namespace
+
+void add_scene_mesh(CLI::App& scene) {
+  add_remesh(scene);
+  add_mesh_error(scene);
+}
+
+}  // namespace segsim::experiments

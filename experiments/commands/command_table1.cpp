@@ -1,0 +1,155 @@
+// `segsim table 1`.
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <ostream>
+#include <string>
+#include <utility>
+
+#include <CLI/CLI.hpp>
+
+#include "core/error.h"
+#include "core/file_io.h"
+#include "experiments/commands/commands.h"
+#include "experiments/panoptic/panoptic_run.h"
+#include "experiments/panoptic/panoptic_table.h"
+
+namespace segsim::experiments {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Flags {
+  std::string scenes, heads = "query", rules = "strict,zju", masks = "1", backend = "cpu";
+  std::string format = "text";
+  fs::path config, data, work = "out/table1";
+  std::int64_t iterations = -1, label_iterations = -1;
+  int shrink = 0;
+  bool resume = false, quick = false;
+  PanopticRunOptions run;
+};
+
+/// "exact", or a level.
+std::optional<double> mask_level(const std::string& text) {
+  if (text == "exact") return std::nullopt;
+  try {
+    std::size_t used = 0;
+    const double level = std::stod(text, &used);
+    if (used == text.size() && level >= 0.0 && level <= 10.0) return level;
+  } catch (const std::exception&) {  // Not a number: reported below.
+  }
+  throw core::InputError::expected("--masks", "exact, or a level of noise in [0, 10]",
+                                   "\"" + text + "\"");
+}
+
+PanopticRunOptions run_options(const Flags& flags, PanopticScenes scenes) {
+  PanopticRunOptions options = flags.run;
+  options.scenes = std::move(scenes.scenes);
+  options.heads = parse_heads(flags.heads);
+  options.mask_level = mask_level(flags.masks);
+  options.device.backend = renderer::backend_of(flags.backend);
+  options.work = flags.work;
+  if (!flags.config.empty()) options.config = renderer::read_training_config(flags.config);
+  if (flags.quick) make_quick(options);
+  if (flags.iterations >= 0) options.config.geometry.iterations = flags.iterations;
+  if (flags.label_iterations >= 0) options.config.panoptic.iterations = flags.label_iterations;
+  for (PanopticScene& scene : options.scenes) {
+    if (flags.shrink > 0) scene.shrink = flags.shrink;
+  }
+  return options;
+}
+
+/// Work of hours is not thrown away by a command that forgot --resume.
+void check_work(const Flags& flags) {
+  std::error_code error;
+  if (flags.resume || !fs::exists(flags.work) || fs::is_empty(flags.work, error)) return;
+  throw core::InputError::expected(flags.work.string(), "a new folder, or --resume",
+                                   "files of an earlier run");
+}
+
+void write_table(const PanopticTable& table, const fs::path& work) {
+  for (const auto& [ending, format] : table_files()) {
+    core::write_file_atomically(work / ("table1" + ending), [&](std::ostream& out) {
+      out << format_panoptic_table(table, format);
+    });
+  }
+}
+
+void print_table1(const Flags& flags) {
+  // All words are checked before anything runs.
+  const TableFormat format = table_format_from(flags.format);
+  PanopticTable table;
+  table.rules = parse_rules(flags.rules);
+  PanopticScenes scenes = panoptic_scenes(
+      flags.quick && flags.scenes.empty() ? "flat-3" : flags.scenes, flags.data);
+  table.missing = scenes.missing;
+  table.quick = flags.quick;
+  for (const MissingScene& scene : table.missing) {
+    std::fprintf(stderr, "not run: %s: %s\n", scene.title.c_str(), scene.why.c_str());
+  }
+  PanopticRunOptions options = run_options(flags, std::move(scenes));
+  check_work(flags);
+  table.planned = static_cast<int>(options.scenes.size() * options.heads.size());
+  options.on_result = [&](const std::vector<SceneFigures>& results) {
+    table.results = results;
+    write_table(table, flags.work);  // What is there so far.
+  };
+  table.results = run_panoptic_scenes(options);
+  write_table(table, flags.work);
+  std::fputs(format_panoptic_table(table, format).c_str(), stdout);
+}
+
+}  // namespace
+
+void add_panoptic_table(CLI::App& table) {
+  auto flags = std::make_shared<Flags>();
+  CLI::App* command = table.add_subcommand(
+      "1",
+      "Fill the paper's Table 1: train and test label heads in scenes, beside its figures");
+  command->add_option("--scenes", flags->scenes,
+                      "flat-N, breakroom, house, folders of recordings, separated by commas; "
+                      "or a YAML file; default: flat-3, flat-8 and what --data has");
+  command
+      ->add_option("--heads", flags->heads,
+                   "Of query, panoptic-splatting, panoptic-lifting, separated by commas")
+      ->capture_default_str();
+  command
+      ->add_option("--rules", flags->rules,
+                   "Of strict, trajectory, zju, lifting, coco (docs/metrics.md), or all")
+      ->capture_default_str();
+  command
+      ->add_option("--masks", flags->masks,
+                   "exact: learn from exact labels; else the level of simulated masks, fitted "
+                   "to the published quality at 1 (docs/masks.md)")
+      ->capture_default_str();
+  command->add_option("--data", flags->data, "Folder of the data of breakroom and house");
+  command->add_option("--work", flags->work, "Folder for everything that is made")
+      ->capture_default_str();
+  command->add_flag("--resume", flags->resume,
+                    "Keep what is finished in the work folder and go on");
+  command->add_option("--config", flags->config,
+                      "Weights and rates (YAML), see renderer/training/defaults.yaml");
+  command->add_option("--iterations", flags->iterations, "Of shape and colour")
+      ->check(CLI::Range(0, 10'000'000));
+  command->add_option("--label-iterations", flags->label_iterations, "Of each head")
+      ->check(CLI::Range(1, 10'000'000));
+  command->add_option("--shrink", flags->shrink, "n x n pixels become one, in all scenes")
+      ->check(CLI::Range(1, 64));
+  command->add_option("--held-out-every", flags->run.held_out_every, "Every n-th frame tests")
+      ->check(CLI::Range(2, 1'000'000))
+      ->capture_default_str();
+  command->add_option("--backend", flags->backend, "cpu | cuda | auto: where training runs")
+      ->capture_default_str();
+  command->add_option("--threads", flags->run.device.threads, "Of the CPU; 0: all")
+      ->check(CLI::Range(0, 4096))
+      ->capture_default_str();
+  command->add_option("--seed", flags->run.seed, "Of all random choices")
+      ->capture_default_str();
+  command->add_flag("--quick", flags->quick,
+                    "Tiny pictures and few iterations, to see that it runs: no result");
+  command->add_option("--format", flags->format, "text | md | tex | csv | json")
+      ->capture_default_str();
+  command->callback([flags] { print_table1(*flags); });
+}
+
+}  // namespace segsim::experiments

@@ -1,0 +1,123 @@
+#include "experiments/detection/source_dataset.h"
+
+#include <cstdio>
+#include <sstream>
+#include <utility>
+#include <vector>
+
+#include "core/file_io.h"
+#include "core/progress.h"
+#include "experiments/training/step_record.h"
+#include "perception/box_labels.h"
+#include "perception/dataset.h"
+#include "perception/image_file.h"
+#include "sim/capture_plan.h"
+#include "sim/mesh_renderer.h"
+#include "sim/procedural_flat.h"
+#include "sim/procedural_furniture.h"
+#include "sim/source_domain.h"
+
+namespace segsim::experiments {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string describe(const SourceDatasetOptions& options) {
+  std::ostringstream text;
+  text << "source dataset v1: seed " << options.seed << ", rooms " << options.rooms
+       << ", views " << options.views_per_room << ", image " << options.camera.width_px << "x"
+       << options.camera.height_px << ", f " << options.camera.fx_px;
+  return text.str();
+}
+
+std::string describe(const UnseenHomesOptions& options) {
+  std::ostringstream text;
+  text << "unseen homes v1: seed " << options.seed << ", homes " << options.homes << ", views "
+       << options.views_per_home << ", image " << options.camera.width_px << "x"
+       << options.camera.height_px << ", f " << options.camera.fx_px << ", camera "
+       << options.camera_height_m << " m, pitch " << options.camera_pitch_down_rad;
+  return text.str();
+}
+
+/// Collects labelled views of one scene after another.
+class SceneViews {
+ public:
+  SceneViews(std::string title, int count, const core::CameraIntrinsics& camera,
+             fs::path folder)
+      : camera_(camera), folder_(std::move(folder)), progress_(title, count) {
+    dataset_.class_names = sim::goal_class_names();
+  }
+
+  void add(const sim::MeshScene& scene, const std::vector<core::CameraPose>& poses) {
+    const auto renderer = sim::make_mesh_renderer(scene, {});
+    for (const core::CameraPose& pose : poses) {
+      renderer->render(pose, camera_, core::Channels::kAll, frame_);
+      perception::LabeledImage image;
+      image.id = static_cast<std::int64_t>(dataset_.images.size()) + 1;
+      char name[40];
+      std::snprintf(name, sizeof name, "images/%06d.png", static_cast<int>(image.id));
+      image.file = name;
+      image.width_px = camera_.width_px;
+      image.height_px = camera_.height_px;
+      const perception::LabelView view{
+          &frame_.semantic, &frame_.instance, &frame_.depth_m, {}};
+      image.boxes = perception::label_boxes(view, scene.classes, dataset_.class_names);
+      perception::write_image(folder_ / image.file, frame_.rgb);
+      dataset_.images.push_back(std::move(image));
+      progress_.update(static_cast<std::int64_t>(dataset_.images.size()));
+    }
+  }
+
+  void write(const fs::path& json) const { perception::write_coco(json, dataset_); }
+
+ private:
+  core::CameraIntrinsics camera_;
+  fs::path folder_;
+  core::Progress progress_;
+  perception::CocoDataset dataset_;
+  core::Frame frame_;
+};
+
+}  // namespace
+
+fs::path render_source_dataset(const SourceDatasetOptions& options, const fs::path& folder) {
+  const fs::path json = folder / "labels.json";
+  const StepRecord record(folder / "labels.step", describe(options));
+  if (fs::exists(json) && record.is_current()) return json;
+
+  SceneViews views("source views", options.rooms * options.views_per_room, options.camera,
+                   folder);
+  for (int room = 0; room < options.rooms; ++room) {
+    const std::uint64_t seed = options.seed + static_cast<std::uint64_t>(room);
+    views.add(sim::make_source_room(seed),
+              sim::source_viewpoints(seed, options.views_per_room));
+  }
+  views.write(json);
+  record.mark_done();
+  return json;
+}
+
+fs::path render_unseen_homes(const UnseenHomesOptions& options, const fs::path& folder) {
+  const fs::path json = folder / "labels.json";
+  const StepRecord record(folder / "labels.step", describe(options));
+  if (fs::exists(json) && record.is_current()) return json;
+
+  SceneViews views("views of unseen homes", options.homes * options.views_per_home,
+                   options.camera, folder);
+  for (int home = 0; home < options.homes; ++home) {
+    sim::FlatOptions flat;
+    flat.seed = options.seed + static_cast<std::uint64_t>(home);
+    const sim::MeshScene scene = sim::make_flat(flat);
+    sim::CapturePlan plan;
+    plan.seed = flat.seed;
+    plan.max_views = options.views_per_home;
+    plan.heights_m = {options.camera_height_m};
+    plan.pitches_down_rad = {options.camera_pitch_down_rad};
+    views.add(scene, sim::plan_capture_trajectory(scene, plan));
+  }
+  views.write(json);
+  record.mark_done();
+  return json;
+}
+
+}  // namespace segsim::experiments

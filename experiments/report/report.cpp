@@ -1,0 +1,187 @@
+#include "experiments/report/report.h"
+
+#include <algorithm>
+#include <map>
+#include <ostream>
+#include <set>
+
+#include "core/error.h"
+#include "core/file_io.h"
+#include "experiments/report/internal/html.h"
+#include "experiments/report/internal/report_assets.h"
+#include "experiments/report/internal/report_model.h"
+#include "experiments/results/failure_cause.h"
+#include "experiments/results/internal/table_grids.h"
+
+namespace segsim::experiments {
+namespace {
+
+namespace fs = std::filesystem;
+using internal::ReportModel;
+using internal::TrialView;
+
+void write_text(const fs::path& file, const std::string& text) {
+  core::write_file_atomically(file, [&](std::ostream& out) { out << text; });
+}
+
+/// A folder of its own: new, empty, or that of an earlier report, which is removed.
+void clear_output(const fs::path& output) {
+  std::error_code error;
+  if (!fs::exists(output, error) || fs::is_empty(output, error)) return;
+  if (!fs::exists(output / "report.css") || !fs::exists(output / "trials.html")) {
+    throw core::InputError::expected(output.string(), "a new folder, or an earlier report",
+                                     "other files");
+  }
+  for (const char* folder : {"episodes", "maps", "pictures", "strips", "videos"}) {
+    fs::remove_all(output / folder, error);
+  }
+  for (const char* file : {"index.html", "trials.html", "report.css", "report.js",
+                           "chart.min.js", "table.json", "trials.csv"}) {
+    fs::remove(output / file, error);
+  }
+}
+
+/// A page of its own for each episode, whatever its name.
+void name_pages(ReportModel& model) {
+  std::map<std::pair<std::string, std::string>, std::string> pages;
+  std::set<std::string> taken, anchors;
+  for (TrialView& view : model.trials) {
+    const auto [at, fresh] = pages.try_emplace({view.row->scene, view.row->episode});
+    if (fresh) {
+      const std::string stem = internal::file_stem(view.row->episode);
+      std::string name = stem;
+      for (int n = 2; !taken.insert(name).second; ++n) name = stem + "-" + std::to_string(n);
+      at->second = "episodes/" + name + ".html";
+    }
+    view.page = at->second;
+    view.anchor = "trial-" + std::to_string(view.row->trial_id);
+  }
+}
+
+/// By the rule of summarise(): an arm succeeds in an episode if it does in more than half of
+/// its repetitions.
+void note_changes(ReportModel& model) {
+  if (!internal::compares(model.table)) return;
+  struct Count {
+    int usable = 0, successes = 0;
+  };
+  std::map<std::string, std::map<std::string, Count>> episodes;
+  for (const TrialView& view : model.trials) {
+    if (!view.row->counts()) continue;
+    Count& count = episodes[view.row->episode][view.row->arm];
+    ++count.usable;
+    count.successes += view.row->success ? 1 : 0;
+  }
+  for (TrialView& view : model.trials) {
+    const bool compared =
+        view.row->arm == model.table.before || view.row->arm == model.table.after;
+    if (!compared || !view.row->counts()) continue;
+    const Count before = episodes[view.row->episode][model.table.before];
+    const Count after = episodes[view.row->episode][model.table.after];
+    if (before.usable == 0 || after.usable == 0) continue;
+    const bool first = 2 * before.successes > before.usable;
+    const bool second = 2 * after.successes > after.usable;
+    view.change = first ? (second ? "both" : "lost") : (second ? "gained" : "neither");
+  }
+}
+
+/// Copies the plot library, if there is one.
+bool add_plot_library(const fs::path& output, std::vector<std::string>& notes) {
+  const fs::path library = internal::kChartLibrary;
+  std::error_code error;
+  if (!library.empty() && fs::exists(library, error)) {
+    write_text(output / "chart.min.js", core::read_file(library));
+    return true;
+  }
+  notes.emplace_back(
+      "No plots: the plot library was not found (Debian: libjs-chart.js); their figures are "
+      "here as tables.");
+  return false;
+}
+
+int write_episodes(const ReportModel& model, const fs::path& output) {
+  std::map<std::string, std::vector<const TrialView*>> pages;
+  for (const TrialView& view : model.trials) pages[view.page].push_back(&view);
+  for (const auto& [page, trials] : pages) {
+    write_text(
+        output / page,
+        internal::html_page(trials.front()->row->episode + " - " + model.stored->run.title,
+                            internal::episode_body(model, trials), "../", false));
+  }
+  return static_cast<int>(pages.size());
+}
+
+std::uintmax_t bytes_below(const fs::path& folder) {
+  std::uintmax_t bytes = 0;
+  for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+    if (entry.is_regular_file()) bytes += entry.file_size();
+  }
+  return bytes;
+}
+
+}  // namespace
+
+namespace internal {
+
+std::string arm_color(const ReportModel& model, const std::string& arm) {
+  static constexpr const char* kOthers[] = {"#8453a8", "#5f6b76", "#0f8b8d",
+                                            "#a23b72", "#6b8e23", "#b3261e"};
+  if (arm == model.table.before) return "#c26a1b";
+  if (arm == model.table.after) return "#1f6fb2";
+  if (arm == model.table.oracle) return "#3a8f4d";
+  std::size_t place = 0;
+  for (const ArmRow& row : model.table.arm_rows) {
+    if (row.name == arm) break;
+    ++place;
+  }
+  return kOthers[place % std::size(kOthers)];
+}
+
+std::string fate_of(const TrialRow& trial) {
+  if (trial.success) return "success";
+  return trial.why.known() ? trial.why.cause : trial.outcome;
+}
+
+std::string fate_in_words(const std::string& fate) {
+  for (int k = 0; k < kCauses; ++k) {
+    if (fate == to_string(static_cast<Cause>(k))) return in_words(static_cast<Cause>(k));
+  }
+  return fate;
+}
+
+}  // namespace internal
+
+ReportSummary write_report(const StoredRun& stored, const ReportOptions& options) {
+  ReportModel model;
+  model.stored = &stored;
+  model.table = summarise(stored, options.before, options.after);
+  for (const TrialRow& trial : stored.trials) model.trials.emplace_back().row = &trial;
+  clear_output(options.output);
+
+  ReportSummary summary;
+  name_pages(model);
+  note_changes(model);
+  model.with_plots = add_plot_library(options.output, model.notes);
+  summary.pictures =
+      internal::add_pictures(model, options.output, options.pictures, options.threads);
+
+  write_text(options.output / "report.css", internal::kReportCss);
+  write_text(options.output / "report.js", internal::kReportJs);
+  write_text(options.output / "table.json", format_table(model.table, TableFormat::kJson));
+  core::write_file_atomically(options.output / "trials.csv", [&](std::ostream& out) {
+    write_trials_csv(out, stored.trials);
+  });
+  summary.pages = 2 + write_episodes(model, options.output);
+  const std::string title = stored.run.title.empty() ? stored.run.name : stored.run.title;
+  write_text(
+      options.output / "trials.html",
+      internal::html_page("Trials - " + title, internal::trials_body(model), "", false));
+  summary.index = options.output / "index.html";
+  write_text(summary.index,
+             internal::html_page(title, internal::index_body(model), "", model.with_plots));
+  summary.bytes = bytes_below(options.output);
+  summary.notes = model.notes;
+  return summary;
+}
+
+}  // namespace segsim::experiments

@@ -1,0 +1,100 @@
+// Pictures of a trial's story.
+#include <algorithm>
+#include <cstdio>
+#include <limits>
+#include <map>
+
+#include "experiments/detection/box_picture.h"
+#include "experiments/report/internal/goal_boxes.h"
+#include "experiments/results/explanation.h"
+#include "experiments/runs/trial_picture.h"
+
+namespace segsim::experiments {
+namespace {
+
+std::string moment_caption(const TrialLog& log, std::size_t number, const KeyMoment& moment) {
+  char text[160];
+  std::snprintf(text, sizeof text, "%zu  %.1f s  %s", number,
+                core::seconds(log.track[static_cast<std::size_t>(moment.tick)].time_ns),
+                moment.what.c_str());
+  return text;
+}
+
+/// The stored outcome's number, for the picture's headline.
+sim::Outcome outcome_of(const TrialRow& trial) {
+  for (const sim::Outcome outcome :
+       {sim::Outcome::kSuccess, sim::Outcome::kStoppedFar, sim::Outcome::kNotVisible,
+        sim::Outcome::kTimeout, sim::Outcome::kGaveUp, sim::Outcome::kCollision,
+        sim::Outcome::kAborted}) {
+    if (trial.outcome == sim::to_string(outcome)) return outcome;
+  }
+  return sim::Outcome::kTimeout;
+}
+
+}  // namespace
+
+core::Image<core::Rgb8> draw_story_map(const TrialRow& trial, const TrialLog& log,
+                                       const core::SceneManifest& manifest,
+                                       const FloorPlan& plan) {
+  sim::TrialResult result;
+  result.outcome = outcome_of(trial);
+  result.success = trial.success;
+  result.spl = trial.spl;
+  result.path_m = trial.path_m;
+  result.shortest_path_m = trial.shortest_path_m;
+  result.sim_s = trial.sim_s;
+  result.contacts = trial.contacts;
+  result.distance_to_goal_m =
+      trial.distance_to_goal_m.value_or(std::numeric_limits<double>::infinity());
+  result.track = log.track;
+  result.final_view.objects = log.objects;
+  result.final_view.target_m = log.target_m;
+
+  TrialScene scene;
+  scene.plan = &plan;
+  scene.manifest = &manifest;
+  scene.episode = &log.episode;
+  scene.scene_title = log.scene_title;
+  scene.arm = log.arm;
+  scene.goal_index = 0;  // The log keeps objects of the goal's class alone.
+  scene.shortest_path_m = log.shortest_path_m;
+  if (!trial.success) scene.cause = trial.why.cause;
+  std::size_t number = 0;
+  for (const KeyMoment& moment : key_moments(trial, log)) {
+    const core::Pose2& pose = log.track[static_cast<std::size_t>(moment.tick)].pose;
+    scene.marks.push_back({{pose.x_m, pose.y_m}, std::to_string(++number)});
+  }
+  return draw_trial(scene, result);
+}
+
+core::Image<core::Rgb8> draw_story_frames(const TrialRow& trial, const TrialLog& log,
+                                          const core::SceneManifest& manifest,
+                                          core::Renderer& renderer) {
+  constexpr int kColumns = 3;
+  const core::SceneClass* goal = manifest.find_class(log.episode.class_name);
+  const auto T_robot_camera =
+      core::mast_camera(log.camera_height_m, log.camera_pitch_down_rad);
+  core::Frame frame;
+  std::vector<SheetPicture> pictures;
+  for (const KeyMoment& moment : key_moments(trial, log)) {
+    const core::Pose2& pose = log.track[static_cast<std::size_t>(moment.tick)].pose;
+    renderer.render(core::transform_from_pose2<core::frame::World>(pose) * T_robot_camera,
+                    log.camera, core::Channels::kRgb | core::Channels::kLabels, frame);
+    std::vector<core::Detection> detections;
+    for (const JudgedDetection& d : log.detections) {
+      if (d.tick == moment.tick) detections.push_back({0, d.score, d.box});
+    }
+    const double scale = std::max(1.0, 480.0 / log.camera.width_px);
+    pictures.push_back(
+        {draw_boxes(frame.rgb, goal_boxes(frame, goal != nullptr ? goal->id : 0), detections,
+                    {log.episode.class_name}, scale),
+         moment_caption(log, pictures.size() + 1, moment)});
+  }
+  const int columns = std::clamp(static_cast<int>(pictures.size()), 1, kColumns);
+  return picture_sheet(pictures, columns,
+                       "Find a " + log.episode.class_name + "  /  " + trial.episode +
+                           "  /  arm " + trial.arm + "  /  " +
+                           (trial.success ? "success" : trial.why.cause));
+}
+
+}  // namespace segsim::experiments

@@ -1,0 +1,149 @@
+// JSON form of a ResultTable.
+#include <nlohmann/json.hpp>
+
+#include "experiments/results/internal/insight_grids.h"
+#include "experiments/results/internal/table_grids.h"
+#include "experiments/results/table.h"
+
+namespace segsim::experiments::internal {
+namespace {
+
+nlohmann::ordered_json json_interval(const Interval& interval) {
+  return nlohmann::ordered_json::array({interval.low, interval.high});
+}
+
+void add_insights(nlohmann::ordered_json& a, const ArmSummary& arm) {
+  const TrialInsights& in = arm.insights;
+  a["excluded_trials"] = arm.excluded_trials;
+  if (in.trials == 0) return;
+  for (const auto& [cause, count] : in.causes) a["causes"][cause] = count;
+  nlohmann::ordered_json& p = a["perception"];
+  p = {{"frames", in.frames},
+       {"visible_frames", in.visible_frames},
+       {"detected_frames", in.detected_frames},
+       {"saw_goal", in.saw_goal},
+       {"never_detected", in.never_detected},
+       {"false_detections", in.false_detections},
+       {"false_objects_per_trial", in.false_clouds}};
+  if (in.delay_ticks) p["median_delay_ticks"] = *in.delay_ticks;
+  a["collision_ticks"] = in.collision_ticks;
+  for (const ProfileRate& rate : in.profiles) {
+    a["profiles"][rate.profile] = {{"sr", static_cast<double>(rate.successes) / in.trials},
+                                   {"spl", rate.spl}};
+  }
+}
+
+nlohmann::ordered_json json_group(const ResultTable& table, const GroupSummary& group) {
+  nlohmann::ordered_json json;
+  json["name"] = group.name;
+  json["title"] = group.title;
+  json["leakage"] = group.leak ? "scene" : "none";
+  for (const ArmSummary& arm : group.arms) {
+    nlohmann::ordered_json& a = json["arms"][arm.arm];
+    a["successes"] = arm.success.successes;
+    a["episodes"] = arm.success.trials;
+    a["sr"] = arm.success.value();
+    a["wilson95"] = json_interval(wilson_interval(arm.success));
+    a["clopper_pearson95"] = json_interval(clopper_pearson_interval(arm.success));
+    a["spl"] = arm.spl;
+    a["soft_spl"] = arm.soft_spl;
+    a["sim_s"] = arm.sim_s;
+    a["path_m"] = arm.path_m;
+    a["contacts"] = arm.contacts;
+    a["invalid_pixels"] = arm.invalid_pixels;
+    a["failed_trials"] = arm.failed_trials;
+    for (const auto& [outcome, count] : arm.outcomes) a["outcomes"][outcome] = count;
+    add_insights(a, arm);
+  }
+  if (compares(table)) {
+    nlohmann::ordered_json& c = json["comparison"];
+    c["both"] = group.pairs.both;
+    c["only_after"] = group.pairs.only_after;
+    c["only_before"] = group.pairs.only_before;
+    c["neither"] = group.pairs.neither;
+    c["dropped_pairs"] = group.dropped_pairs;
+    c["difference"] = group.difference.difference;
+    c["newcombe95"] = json_interval(group.difference.interval);
+    c["p_mcnemar_exact"] = group.p_exact;
+    c["p_mcnemar_mid"] = group.p_mid;
+    c["p_holm"] = group.p_holm;
+    c["p_spl_sign_flip"] = group.spl.p;
+    const auto paired = [&](const char* name, const PairedMean& mean) {
+      c["paired"][name] = {{"mean", mean.difference.mean},
+                           {"bootstrap95", json_interval(mean.difference.interval)},
+                           {"p_sign_flip", mean.p}};
+    };
+    paired("spl", group.spl);
+    paired("sim_s", group.sim_s);
+    paired("path_m", group.path_m);
+    if (group.over_scenes) {
+      c["over_scenes"] = {{"difference", group.over_scenes->mean},
+                          {"cluster_bootstrap95", json_interval(group.over_scenes->interval)}};
+    }
+    c["verdict"] = group.verdict;
+  }
+  return json;
+}
+
+}  // namespace
+
+std::string as_json(const ResultTable& table) {
+  nlohmann::ordered_json json;
+  json["schema"] = "segsim.table/1";
+  json["title"] = table.run.title;
+  json["before"] = table.before;
+  json["after"] = table.after;
+  json["oracle"] = table.oracle;
+  json["finished_trials"] = table.finished_trials;
+  json["planned_trials"] = table.run.planned_trials;
+  json["scenes"] = nlohmann::ordered_json::array();
+  for (const GroupSummary& group : table.scenes)
+    json["scenes"].push_back(json_group(table, group));
+  if (table.all) json["all"] = json_group(table, *table.all);
+  json["classes"] = nlohmann::ordered_json::array();
+  for (const GroupSummary& group : table.classes) {
+    json["classes"].push_back(json_group(table, group));
+  }
+  nlohmann::ordered_json& provenance = json["provenance"];
+  provenance["run"] = table.run.run_id;
+  provenance["name"] = table.run.name;
+  provenance["seed"] = table.run.seed;
+  provenance["planned_n"] = table.run.planned_n;
+  provenance["success_profile"] = table.run.success_profile;
+  provenance["code_version"] = table.run.code_version;
+  provenance["spec_sha256"] = table.run.spec_sha256;
+  provenance["host"] = table.run.host;
+  provenance["libraries"] = table.run.libraries;
+  provenance["started"] = table.run.started;
+  provenance["ended"] = table.run.ended;
+  for (const SceneRow& scene : table.scene_rows) {
+    provenance["scenes"][scene.name] = {{"scene_sha256", scene.scene_sha256},
+                                        {"episodes_sha256", scene.episodes_sha256},
+                                        {"episodes", scene.episodes}};
+  }
+  for (const ArmRow& arm : table.arm_rows) {
+    nlohmann::ordered_json& a = provenance["arms"][arm.name];
+    a = {{"detector", arm.detector},
+         {"weights_sha256", arm.weights_sha256},
+         {"tuned_on", arm.tuned_on}};
+    if (arm.start_leak) {
+      a["tuning_views"] = {{"views", arm.start_leak->views},
+                           {"near_starts", arm.start_leak->near_starts},
+                           {"radius_m", arm.start_leak->radius_m}};
+    }
+    if (!arm.held_out) continue;
+    const HeldOutPrecision& p = *arm.held_out;
+    a["held_out"] = {{"views", p.views},
+                     {"ap50", p.ap50},
+                     {"ap", p.ap},
+                     {"score_threshold", p.score_threshold},
+                     {"precision", p.precision},
+                     {"recall", p.recall}};
+    if (p.source_ap50) a["held_out"]["source_ap50"] = *p.source_ap50;
+    if (p.unseen_ap50) a["held_out"]["unseen_ap50"] = *p.unseen_ap50;
+  }
+  json["notes"] = table.notes;
+  return json.dump(2) + "\n";
+}
+
+}  // namespace segsim::experiments::internal

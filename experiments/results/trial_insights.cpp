@@ -1,0 +1,64 @@
+#include "experiments/results/trial_insights.h"
+
+#include <algorithm>
+#include <map>
+
+namespace segsim::experiments {
+namespace {
+
+std::optional<double> median(std::vector<int> values) {
+  if (values.empty()) return std::nullopt;
+  std::sort(values.begin(), values.end());
+  const std::size_t half = values.size() / 2;
+  return values.size() % 2 == 1 ? values[half] : 0.5 * (values[half - 1] + values[half]);
+}
+
+}  // namespace
+
+TrialInsights gain_insights(std::span<const TrialRow* const> trials) {
+  TrialInsights insights;
+  std::map<std::string, int> causes;
+  std::vector<int> delays;
+  for (const sim::SuccessProfile& profile : sim::success_profiles()) {
+    insights.profiles.push_back({profile.name, 0, 0.0});
+  }
+  for (const TrialRow* trial : trials) {
+    const Attribution& why = trial->why;
+    if (!trial->counts() || !why.known()) continue;
+    ++insights.trials;
+    if (!trial->success) ++causes[why.cause];
+    insights.frames += why.images >= 0 ? why.images : trial->ticks;
+    insights.visible_frames += why.visible_frames;
+    insights.detected_frames += why.detected_frames;
+    insights.false_detections += why.false_detections;
+    insights.false_clouds += why.false_clouds;
+    insights.collision_ticks += why.collision_ticks;
+    if (why.visible_frames > 0) {
+      ++insights.saw_goal;
+      if (why.first_true_tick < 0) ++insights.never_detected;
+    }
+    if (trial->first_visible_tick >= 0 && why.first_true_tick >= 0) {
+      delays.push_back(why.first_true_tick - trial->first_visible_tick);
+    }
+    const sim::TrialEnd end = trial_end(why, trial->distance_to_goal_m, trial->contacts,
+                                        trial->sim_s, trial->path_m, trial->shortest_path_m);
+    std::size_t k = 0;
+    for (const sim::SuccessProfile& profile : sim::success_profiles()) {
+      insights.profiles[k].successes += sim::succeeded(profile, end) ? 1 : 0;
+      insights.profiles[k].spl += sim::profile_spl(profile, end);
+      ++k;
+    }
+  }
+  insights.delay_ticks = median(std::move(delays));
+  insights.causes.assign(causes.begin(), causes.end());
+  std::stable_sort(insights.causes.begin(), insights.causes.end(),
+                   [](const auto& x, const auto& y) { return x.second > y.second; });
+  const double n = std::max(1, insights.trials);
+  insights.false_clouds /= n;
+  insights.collision_ticks /= n;
+  for (ProfileRate& rate : insights.profiles) rate.spl /= n;
+  if (insights.trials == 0) insights.profiles.clear();
+  return insights;
+}
+
+}  // namespace segsim::experiments

@@ -1,0 +1,46 @@
+#pragma once
+
+/// @file
+/// Runs an experiment: prepares what is missing, runs the trials that are not done, prints the
+/// table. It can be killed at any time and started again: finished trials are kept.
+
+#include <cstdint>
+#include <string>
+
+#include "experiments/results/table.h"
+#include "experiments/runs/spec.h"
+
+namespace segsim::experiments {
+
+struct RunOptions {
+  SpecFolders folders;
+  int workers = 2;
+  bool new_run = false;  ///< Begin again although a run with this spec, or another, is there.
+  bool prepare_only = false;      ///< Stop before the first trial.
+  int max_trials = 0;             ///< Stop after so many trials; 0 = all.
+  std::filesystem::path results;  ///< For the database and the tables; empty: the work folder.
+};
+
+struct RunReport {
+  std::int64_t run_id = 0;
+  int trials_run = 0, trials_left = 0;
+  bool interrupted = false;  ///< By SIGINT or SIGTERM.
+  ResultTable table;
+};
+
+/// Results lie in the work folder: results.sqlite, table.{txt,md,csv,json}, trials.csv,
+/// pictures/, tracks/, logs/, videos/, frames/, episodes/. Rows do not depend on the number of
+/// workers (wall times excepted).
+/// @throws core::InputError if the spec or a prepared input changed since the run began
+/// (unless
+///         `new_run`), or if another process works in the folder.
+RunReport run_experiment(const ExperimentSpec& spec, const RunOptions& options);
+
+/// "segsim-object: STOP within 1 m (geodesic) of a view point ..., within 180 s".
+[[nodiscard]] std::string success_in_words(const ExperimentSpec& spec);
+
+/// Writes table.* and trials.csv to the work folder.
+void write_tables(const std::filesystem::path& work, const ResultTable& table,
+                  const std::vector<TrialRow>& trials);
+
+}  // namespace segsim::experiments

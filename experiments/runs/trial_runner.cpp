@@ -1,0 +1,444 @@
+#include "experiments/runs/trial_runner.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <optional>
+
+#include "core/error.h"
+#include "core/file_io.h"
+#include "core/random.h"
+#include "core/version.h"
+#include "experiments/benchmarks/backend_warning.h"
+#include "experiments/runs/frame_recorder.h"
+#include "experiments/runs/sensor_files.h"
+#include "experiments/runs/trial_log.h"
+#include "experiments/runs/trial_picture.h"
+#include "experiments/runs/trial_video.h"
+#include "nav/policy_factory.h"
+#include "perception/detector.h"
+#include "perception/image_file.h"
+#include "perception/models/object_detector.h"
+#include "renderer/renderer_backend.h"
+#include "sim/geodesy.h"
+#include "sim/oracle_way.h"
+
+namespace segsim::experiments {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kVideoSpeed = 2.0;  // Twice as fast as simulated time.
+
+double radians(double degrees) { return degrees * std::numbers::pi / 180.0; }
+
+/// What is searched for in a scene, by the spec or by its episodes.
+std::vector<std::string> goal_names(const LoadedScene& scene) {
+  if (!scene.spec->goals.empty()) return scene.spec->goals;
+  std::vector<std::string> names;
+  for (const sim::Episode& episode : scene.episodes.episodes) {
+    names.push_back(episode.class_name);
+  }
+  std::sort(names.begin(), names.end());
+  names.erase(std::unique(names.begin(), names.end()), names.end());
+  return names;
+}
+
+/// Whether the arm's detector is asked for the goals of each scene.
+bool is_prompted(const ArmSpec& arm) {
+  return arm.detector == ArmDetector::kFile && perception::is_foreign_detector(arm.weights) &&
+         perception::needs_prompt(arm.weights);
+}
+
+/// Weights of this program, or a model of others (docs/models.md).
+std::unique_ptr<core::Detector> load_arm_detector(const fs::path& file, const ArmSpec& arm,
+                                                  const LoadedScene& scene) {
+  std::optional<float> threshold;
+  if (arm.score_threshold) threshold = static_cast<float>(*arm.score_threshold);
+  if (!perception::is_foreign_detector(file)) {
+    perception::DetectorOptions options;
+    options.score_threshold = threshold;
+    return perception::load_detector(file, options);
+  }
+  perception::ObjectDetectorOptions options;
+  options.score_threshold = threshold;
+  if (perception::needs_prompt(file)) options.prompts = goal_names(scene);
+  return perception::load_object_detector(file, options);
+}
+
+sim::TrialOptions trial_options(const ExperimentSpec& spec, const LoadedScene& loaded) {
+  const SceneSpec& scene = *loaded.spec;
+  const sim::SuccessProfile rule = spec.success.rule();
+  sim::TrialOptions options;
+  options.control_period_s = spec.control_period_s;
+  options.time_limit_s = spec.time_limit_s;
+  // Rules of another kind are applied to the end of the trial, in judge_trial().
+  const bool by_view_point = rule.rule == sim::SuccessRule::kViewPoint;
+  options.success_distance_m =
+      by_view_point ? rule.distance_m : sim::SuccessProfile{}.distance_m;
+  options.require_visible = by_view_point && rule.require_visible;
+  options.visible_pixels = spec.success.visible_pixels;
+  options.camera = spec.camera.intrinsics();
+  options.camera_height_m = scene.camera_height_m;
+  options.camera_pitch_down_rad = radians(spec.camera.pitch_down_deg);
+  options.depth_range_m = spec.camera.depth_range_m;
+  if (spec.localisation.odometry) {
+    options.odometry = sim::OdometryNoise::skid_steered_indoors();
+  }
+  options.localiser = spec.localisation.localiser;
+  options.sensors = loaded.sensors;
+  options.collision = spec.collision;
+  if (spec.slide_on_contact) options.contact_response = sim::ContactResponse::kSlide;
+  return options;
+}
+
+/// How time passes; a trial that measured time is repeated with the times that it recorded.
+sim::TrialClock clock_for(const ExperimentSpec& spec, const TrialTask& task) {
+  sim::TrialClock clock = trial_clock(spec.clock, task.arm->clock);
+  if (task.replay == nullptr || !clock.measures()) return clock;
+  clock.budget = sim::with_trace(clock.played_budget(),
+                                 std::make_shared<sim::LatencyTrace>(task.replay->trace));
+  clock.mode = sim::ClockMode::kVirtual;
+  return clock;
+}
+
+ReplayLog start_log(const ExperimentSpec& spec, const TrialTask& task) {
+  ReplayLog log;
+  log.spec_text = spec.text;
+  log.spec_file = spec.file.string();
+  log.scene = task.scene->spec->name;
+  log.arm = task.arm->name;
+  log.episode = task.episode->id;
+  log.repetition = task.repetition;
+  log.scene_sha256 = task.scene->bundle.scene_sha256;
+  log.code_version = core::version();
+  log.clock_mode = sim::to_string(spec.clock.mode);
+  log.images = task.replay_log && spec.replays.images;
+  return log;
+}
+
+/// "flat/potted plant/03" -> "flat/potted_plant-03.before", with "-r1" for the second
+/// repetition.
+std::string file_stem(const TrialTask& task) {
+  std::string stem = task.episode->id;
+  std::replace(stem.begin(), stem.end(), ' ', '_');
+  const std::size_t last = stem.rfind('/');
+  if (last != std::string::npos && stem.find('/') != last) stem[last] = '-';
+  if (task.repetition > 0) stem += "-r" + std::to_string(task.repetition);
+  return stem + "." + task.arm->name;
+}
+
+void copy_result(const sim::TrialResult& result, TrialRow& row) {
+  row.outcome = sim::to_string(result.outcome);
+  row.success = result.success;
+  row.stop_reason = result.stop_reason;
+  row.spl = result.spl;
+  row.soft_spl = result.soft_spl;
+  row.path_m = result.path_m;
+  row.shortest_path_m = result.shortest_path_m;
+  if (std::isfinite(result.distance_to_goal_m))
+    row.distance_to_goal_m = result.distance_to_goal_m;
+  row.sim_s = result.sim_s;
+  row.wall_s = result.wall_s;
+  row.ticks = result.ticks;
+  row.contacts = result.contacts;
+  row.contact_s = result.contact_s;
+  row.first_visible_tick = result.first_visible_tick;
+  row.first_detected_tick = result.first_detected_tick;
+  row.invalid_pixel_fraction = result.invalid_pixel_fraction;
+  row.state_hash = result.state_hash;
+  row.render_ms = result.render_ms;
+  row.detect_ms = result.detect_ms;
+  row.policy_ms = result.policy_ms;
+}
+
+/// GeoJSON and KML. @return  The GeoJSON's path relative to `work`.
+std::string write_track(const fs::path& work, const TrialTask& task,
+                        const sim::TrialResult& result) {
+  sim::GeoTrack track;
+  track.name = task.episode->id + " (" + task.arm->name + ")";
+  for (const sim::TickRecord& tick : result.track) {
+    track.positions_m.emplace_back(tick.pose.x_m, tick.pose.y_m);
+  }
+  if (track.positions_m.empty()) return {};
+  const sim::DistanceField to_goal =
+      task.scene->world.distance_to(task.episode->view_points_m);
+  const std::vector<glm::dvec2> way =
+      to_goal.path_from({task.episode->start.x_m, task.episode->start.y_m});
+  if (!way.empty()) track.goal_m = way.back();
+  track.properties = {{"goal", task.episode->class_name},
+                      {"arm", task.arm->name},
+                      {"outcome", sim::to_string(result.outcome)}};
+  const std::string stem = "tracks/" + file_stem(task);
+  sim::write_track_geojson(work / (stem + ".geojson"), task.scene->world.local_frame(), track);
+  sim::write_track_kml(work / (stem + ".kml"), task.scene->world.local_frame(), track);
+  return stem + ".geojson";
+}
+
+TrialLog make_log(const TrialScene& scene, const sim::TrialOptions& options,
+                  const LoadedScene& loaded, const fs::path& work,
+                  const sim::TrialResult& result, const TrialWitness& witness,
+                  std::vector<double> distance_m) {
+  TrialLog log;
+  log.scene_title = scene.scene_title;
+  log.arm = scene.arm;
+  // A work folder may be moved with all that lies in it.
+  const fs::path below =
+      fs::absolute(loaded.bundle.folder).lexically_relative(fs::absolute(work));
+  const bool inside = !below.empty() && *below.begin() != "..";
+  log.bundle = inside ? below : fs::absolute(loaded.bundle.folder).lexically_normal();
+  log.camera = options.camera;
+  log.camera_height_m = options.camera_height_m;
+  log.camera_pitch_down_rad = options.camera_pitch_down_rad;
+  log.visible_px = options.visible_pixels;
+  log.control_period_s = options.control_period_s;
+  log.time_limit_s = options.time_limit_s;
+  log.stop_reason = result.stop_reason;
+  log.episode = *scene.episode;
+  log.shortest_path_m = scene.shortest_path_m;
+  log.track = result.track;
+  log.evidence = witness.evidence();
+  log.evidence.resize(log.track.size());  // The last ticks may have seen nothing new.
+  log.distance_m = std::move(distance_m);
+  log.detections = witness.detections();
+  for (const core::PolicyView::Object& object : result.final_view.objects) {
+    if (object.class_index != scene.goal_index) continue;
+    log.objects.push_back(object);
+    log.objects.back().position_m = world_from_odom(result, object.position_m);
+  }
+  if (result.final_view.target_m) {
+    log.target_m = world_from_odom(result, *result.final_view.target_m);
+  }
+  return log;
+}
+
+int index_of(const std::vector<std::string>& names, const std::string& name) {
+  const auto found = std::find(names.begin(), names.end(), name);
+  return found == names.end() ? -1 : static_cast<int>(found - names.begin());
+}
+
+}  // namespace
+
+Starts starts_of(const LoadedScene& scene) {
+  Starts starts_m;
+  for (const sim::Episode& episode : scene.episodes.episodes) {
+    starts_m.emplace_back(episode.start.x_m, episode.start.y_m);
+  }
+  return starts_m;
+}
+
+PreparedWeights weights_of(const ArmSpec& arm, const PreparedDetectors& detectors) {
+  switch (arm.detector) {
+    case ArmDetector::kBefore:
+      return detectors.before;
+    case ArmDetector::kAfter:
+      return detectors.after;
+    case ArmDetector::kFile:
+      return {arm.weights, std::nullopt};
+    case ArmDetector::kOracle:
+      break;
+  }
+  return {};
+}
+
+TrialRunner::TrialRunner(const ExperimentSpec& spec, PreparedDetectors detectors,
+                         fs::path work)
+    : spec_(spec), detectors_(std::move(detectors)), work_(std::move(work)) {}
+
+void TrialRunner::set_renderer(const std::string& scene,
+                               std::unique_ptr<core::Renderer> renderer) {
+  renderers_[scene] = std::move(renderer);
+}
+
+core::Renderer& TrialRunner::renderer_for(const LoadedScene& scene) {
+  std::unique_ptr<core::Renderer>& renderer = renderers_[scene.spec->name];
+  if (renderer == nullptr) {
+    // Trials run side by side, so each of them renders on its own thread only.
+    renderer::RenderOptions options;
+    options.threads = 1;
+    renderer = renderer::make_renderer(spec_.camera.backend, scene.surfels, options,
+                                       scene.labels, warn_about_backend);
+  }
+  return *renderer;
+}
+
+TrialRunner::ArmDetectorSlot& TrialRunner::detector_for(const LoadedScene& scene,
+                                                        const ArmSpec& arm) {
+  const bool oracle = arm.detector == ArmDetector::kOracle;
+  // A prompted detector looks for the goals of its scene.
+  const bool per_scene = oracle || is_prompted(arm);
+  ArmDetectorSlot& slot = slots_[per_scene ? scene.spec->name + "/" + arm.name : arm.name];
+  if (slot.detector != nullptr) return slot;
+  if (oracle) {
+    std::vector<std::string> names;
+    for (const core::SceneClass& c : scene.bundle.manifest.classes) {
+      if (c.thing) names.push_back(c.name);
+    }
+    sim::OracleDetectorOptions options;
+    options.min_pixels = spec_.success.visible_pixels;
+    options.seed = spec_.seed;
+    auto detector =
+        std::make_unique<sim::OracleDetector>(scene.bundle.manifest.classes, names, options);
+    slot.truth = detector.get();
+    slot.detector = std::move(detector);
+  } else {
+    slot.detector = load_arm_detector(weights_of(arm, detectors_).file, arm, scene);
+  }
+  return slot;
+}
+
+/// The arm's policy; only "oracle-path" is handed the way to the goal.
+std::unique_ptr<core::Policy> TrialRunner::policy_for(const TrialTask& task,
+                                                      const ArmDetectorSlot& slot) const {
+  const nav::PolicySettings& settings = task.arm->policy ? *task.arm->policy : spec_.policy;
+  nav::PolicyContext context;
+  context.class_names = slot.detector->class_names();
+  context.camera_height_m = task.scene->spec->camera_height_m;
+  if (settings.type == "oracle-path") {
+    // Odom equals World with perfect localisation.
+    context.oracle = [way = std::make_shared<sim::OracleWay>(task.scene->world,
+                                                             task.episode->view_points_m)](
+                         const glm::dvec2& from_m) { return way->from(from_m); };
+  }
+  return nav::make_policy(settings, context);
+}
+
+TrialRow TrialRunner::run(const TrialTask& task) {
+  TrialRow row;
+  row.arm = task.arm->name;
+  row.scene = task.scene->spec->name;
+  row.episode = task.episode->id;
+  row.goal_class = task.episode->class_name;
+  row.repetition = task.repetition;
+  row.shortest_path_m = task.episode->shortest_path_m;
+  if (!std::isfinite(row.shortest_path_m)) {
+    row.shortest_path_m = 0.0;
+    row.outcome = row.why.cause = to_string(Cause::kInfeasible);
+    return row;
+  }
+  if (row.shortest_path_m <= 0.0 && !task.scene->spec->allow_trivial) {
+    row.outcome = row.why.cause = to_string(Cause::kTrivial);
+    return row;
+  }
+  try {
+    run_checked(task, row);
+  } catch (const std::exception& error) {
+    row.outcome = "error";
+    row.success = false;
+    row.why = {};
+    row.why.cause = to_string(Cause::kHarnessError);
+    row.error = error.what();
+  }
+  return row;
+}
+
+void TrialRunner::run_checked(const TrialTask& task, TrialRow& row) {
+  sim::Episode episode = *task.episode;
+  if (task.repetition > 0) {
+    episode.seed = core::hash64("repetition " + std::to_string(task.repetition), episode.seed);
+  }
+  // Of a trial that is played again, perception may come from its log.
+  ReplayRenderer replayed_images(task.replay_images);
+  ArmDetectorSlot replayed;
+  if (task.replay_perception) {
+    replayed.detector = std::make_unique<ReplayDetector>(*task.replay);
+  }
+  core::Renderer& renderer =
+      task.replay_images.empty() ? renderer_for(*task.scene) : replayed_images;
+  ArmDetectorSlot& slot =
+      task.replay_perception ? replayed : detector_for(*task.scene, *task.arm);
+  const std::unique_ptr<core::Policy> policy = policy_for(task, slot);
+  sim::TrialOptions options = trial_options(spec_, *task.scene);
+  options.clock = clock_for(spec_, task);
+
+  TrialScene scene;
+  scene.plan = &task.scene->plan;
+  scene.manifest = &task.scene->bundle.manifest;
+  scene.episode = &episode;
+  scene.scene_title = task.scene->spec->title;
+  scene.arm = task.arm->name;
+  scene.goal_index = index_of(slot.detector->class_names(), episode.class_name);
+  scene.shortest_path_m = task.scene->world.distance_to(episode.view_points_m)
+                              .path_from({episode.start.x_m, episode.start.y_m});
+
+  TrialWitness witness(task.scene->bundle.manifest, episode, scene.goal_index);
+  std::optional<TrialVideo> video;
+  std::optional<FrameRecorder> frames;
+  const std::string stem = file_stem(task);
+  if (task.video) {
+    row.video = "videos/" + stem + ".mp4";
+    video.emplace(work_ / row.video, scene, slot.detector->class_names(),
+                  kVideoSpeed / spec_.control_period_s);
+  }
+  if (task.frames) {
+    const double ticks = std::round(spec_.frames.every_s / spec_.control_period_s);
+    frames.emplace(work_ / "frames" / stem, task.scene->bundle,
+                   std::max(1, static_cast<int>(ticks)), renderer);
+  }
+  const sim::TickObserver observer = [&](const sim::TickRecord& tick, const core::Frame& frame,
+                                         const std::vector<core::Detection>& detections,
+                                         const core::Policy& of) {
+    const double tick_index = core::seconds(tick.time_ns) / spec_.control_period_s;
+    const auto image = static_cast<std::uint64_t>(tick.capture_index);
+    witness.add(static_cast<int>(std::lround(tick_index)), frame,
+                tick.fresh ? std::optional(image) : std::nullopt);
+    if (video) video->add(tick, frame, detections, of.view());
+    if (frames) frames->add(tick, frame);
+  };
+
+  ReplayLog log = start_log(spec_, task);
+  RecordingDetector recorded(*slot.detector, log);
+  WitnessedDetector detector(recorded, slot.truth, witness);
+  const fs::path log_file = work_ / "replays" / (stem + ".jsonl");
+  std::optional<RecordingRenderer> kept_images;
+  if (log.images) kept_images.emplace(renderer, replay_images(log_file));
+  core::Renderer* const eye = kept_images ? &*kept_images : &renderer;
+  sim::TrialResult result =
+      sim::run_trial(episode, options, task.scene->world, task.scene->world.robot(), *eye,
+                     detector, *policy, &detector, observer);
+  if (task.replay_log) write_replay_log(log_file, with_result(std::move(log), result));
+  std::vector<double> distance_m;
+  row.why = judge_trial(task, episode, scene.goal_index, witness, result, distance_m);
+  copy_result(result, row);
+  if (video) video->finish(result);
+  if (frames) frames->finish();
+  if (!task.record) return;
+  if (options.sensors) {
+    write_sensor_files(work_ / "sensors" / stem, *options.sensors, result.sensors);
+  }
+  if (spec_.pictures) {
+    row.picture = "pictures/" + stem + ".png";
+    perception::write_image(work_ / row.picture, draw_trial(scene, result));
+  }
+  row.track = write_track(work_, task, result);
+  row.log = "logs/" + stem + ".json.gz";
+  write_trial_log(work_ / row.log,
+                  make_log(scene, options, *task.scene, work_, result, witness, distance_m));
+}
+
+Attribution TrialRunner::judge_trial(const TrialTask& task, const sim::Episode& episode,
+                                     int goal_index, const TrialWitness& witness,
+                                     sim::TrialResult& result,
+                                     std::vector<double>& distance_m) const {
+  const sim::SuccessProfile rule = spec_.success.rule();
+  const AttributionContext context{&task.scene->world, &task.scene->bundle.manifest,
+                                   &episode,           &rule,
+                                   goal_index,         spec_.time_limit_s};
+  Attribution why = attribute(context, result, witness, &distance_m);
+  if (rule.rule == sim::SuccessRule::kViewPoint) return why;
+  const std::optional<double> end_m = std::isfinite(result.distance_to_goal_m)
+                                          ? std::optional(result.distance_to_goal_m)
+                                          : std::nullopt;
+  const sim::TrialEnd end = trial_end(why, end_m, result.contacts, result.sim_s, result.path_m,
+                                      result.shortest_path_m);
+  result.success = sim::succeeded(rule, end);
+  result.spl = sim::profile_spl(rule, end);
+  if (result.success) {
+    result.outcome = sim::Outcome::kSuccess;
+  } else if (result.outcome == sim::Outcome::kSuccess) {
+    result.outcome = sim::Outcome::kStoppedFar;
+  }
+  return attribute(context, result, witness, &distance_m);
+}
+
+}  // namespace segsim::experiments

@@ -1,0 +1,114 @@
+#include "experiments/scenes/bundle_shape.h"
+
+#include <algorithm>
+
+#include "core/error.h"
+#include "core/progress.h"
+#include "sim/bundle_files.h"
+#include "sim/mesh_cleaning.h"
+
+namespace segsim::experiments {
+
+MeshSource parse_mesh_source(const std::string& word, const std::string& place) {
+  if (word == "auto") return MeshSource::kAuto;
+  if (word == "lifted") return MeshSource::kLifted;
+  if (word == "depth") return MeshSource::kDepth;
+  throw core::InputError::expected(place, "auto | lifted | depth", "\"" + word + "\"");
+}
+
+SceneShape fuse_rendered_depth(core::Renderer& renderer,
+                               const core::CameraIntrinsics& intrinsics,
+                               std::span<const core::CameraPose> poses,
+                               const SurfaceOptions& options) {
+  core::CameraIntrinsics camera = intrinsics;
+  if (camera.width_px > options.max_width_px) {
+    const double scale = static_cast<double>(options.max_width_px) / camera.width_px;
+    camera = camera.resized(options.max_width_px,
+                            std::max(1, static_cast<int>(camera.height_px * scale + 0.5)));
+  }
+  SceneShape shape;
+  sim::DepthFusion fusion(options.fusion);
+  core::Progress progress("fuse depth", 2 * static_cast<std::int64_t>(poses.size()));
+  core::Frame frame;
+  std::int64_t done = 0;
+  // Drawn twice instead of kept: hundreds of views do not fit everywhere.
+  for (const bool adding : {false, true}) {
+    for (const core::CameraPose& pose : poses) {
+      renderer.render(pose, camera, core::Channels::kDepth | core::Channels::kNormal, frame);
+      const sim::DepthView view{camera, pose, &frame.depth_m, &frame.normal};
+      adding ? fusion.add(view) : fusion.reserve(view);
+      progress.update(++done);
+    }
+  }
+  for (const core::CameraPose& pose : poses) {
+    shape.camera_positions_m.push_back(pose.translation_m());
+  }
+  progress.finish();
+  shape.surface = fusion.surface();
+  const std::size_t pieces = sim::remove_small_pieces(shape.surface, options.min_piece_m2);
+  const sim::EdgeCounts edges = sim::count_edges(shape.surface);
+  shape.source = "fused depth of " + std::to_string(poses.size()) + " rendered views";
+  shape.statistics = {
+      {"surface_voxel_m", options.fusion.voxel_m},
+      {"surface_megabytes", static_cast<double>(fusion.bytes()) / 1e6},
+      {"surface_triangles", static_cast<double>(shape.surface.triangles.size())},
+      {"surface_pieces_removed", static_cast<double>(pieces)},
+      {"surface_open_edge_share",
+       static_cast<double>(edges.open + edges.irregular) /
+           std::max<double>(1.0, static_cast<double>(edges.total()))}};
+  return shape;
+}
+
+core::SceneLevelling level_shape(SceneShape& shape, const sim::LevellingOptions& options) {
+  const auto found = shape.points_m.empty()
+                         ? sim::find_levelling(shape.surface, options)
+                         : sim::find_levelling(shape.points_m, shape.normals, options);
+  if (!found) return {};
+  shape.statistics.emplace_back("levelled_from_height_m", found->height_m);
+  shape.statistics.emplace_back("levelled_from_tilt_rad", found->tilt_rad);
+  shape.statistics.emplace_back("levelled", found->applied ? 1.0 : 0.0);
+  if (!found->applied) return {};
+  const glm::dquat& R = found->R_level;
+  const glm::dvec3& t_m = found->t_level_m;
+  for (auto* points_m : {&shape.points_m, &shape.surface.positions_m}) {
+    for (glm::vec3& p : *points_m) p = glm::vec3(R * glm::dvec3(p) + t_m);
+  }
+  for (glm::vec3& n : shape.normals) n = glm::vec3(R * glm::dvec3(n));
+  for (glm::dvec3& p : shape.camera_positions_m) p = R * p + t_m;
+  return {R, t_m};
+}
+
+void move_cameras(const core::SceneLevelling& levelling, core::CameraPath& cameras) {
+  const core::Transform<core::frame::World, core::frame::World> T_world_source(
+      levelling.R_world_source, levelling.p_world_source_m);
+  for (core::CameraPath::View& view : cameras.views) {
+    view.T_world_camera = T_world_source * view.T_world_camera;
+  }
+}
+
+void decimate_shape(SceneShape& shape, double max_error_m) {
+  if (shape.surface.triangles.empty()) return;
+  shape.surface = sim::decimated(shape.surface, max_error_m);
+  shape.statistics.emplace_back("surface_triangles_decimated",
+                                static_cast<double>(shape.surface.triangles.size()));
+}
+
+sim::CollisionMeshResult write_shape(const std::filesystem::path& folder,
+                                     const SceneShape& shape, const sim::RobotModel& robot,
+                                     const sim::CollisionMeshOptions& options,
+                                     core::SceneManifest& manifest) {
+  manifest.statistics.insert(manifest.statistics.end(), shape.statistics.begin(),
+                             shape.statistics.end());
+  if (shape.surface.triangles.empty()) {
+    if (shape.points_m.empty()) {
+      throw core::InputError::expected(manifest.name, "a surface that several views agree on",
+                                       "none in " + shape.source);
+    }
+    return sim::write_collision_files(folder, shape.points_m, shape.normals,
+                                      shape.camera_positions_m, robot, options, manifest);
+  }
+  return sim::write_collision_files(folder, shape.surface, shape.camera_positions_m, robot,
+                                    options, manifest);
+}
+
+}  // namespace segsim::experiments

@@ -1,0 +1,277 @@
+#include "experiments/scenes/reconstruct.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <map>
+#include <memory>
+#include <span>
+
+#include <glm/gtc/quaternion.hpp>
+
+#include "core/check.h"
+#include "core/error.h"
+#include "core/progress.h"
+#include "core/version.h"
+#include "experiments/scenes/coverage.h"
+#include "experiments/scenes/robot_pictures.h"
+#include "perception/image_file.h"
+#include "renderer/cloud_start.h"
+#include "renderer/cpu_renderer.h"
+#include "renderer/panoptic_field_file.h"
+#include "renderer/ply_io.h"
+#include "renderer/renderer_backend.h"
+#include "renderer/surfel_transform.h"
+#include "renderer/training/training_pack.h"
+#include "sim/world.h"
+
+namespace segsim::experiments {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::vector<glm::vec3> surfel_normals(const renderer::SurfelCloud& surfels) {
+  std::vector<glm::vec3> normals;
+  normals.reserve(surfels.size());
+  for (const glm::quat& R_world_surfel : surfels.R_world_surfel) {
+    normals.push_back(R_world_surfel * glm::vec3(0.0F, 0.0F, 1.0F));
+  }
+  return normals;
+}
+
+/// Those of the options, without the frames that training holds out.
+renderer::LiftOptions lift_options_of(const ReconstructOptions& options) {
+  renderer::LiftOptions lift_options = options.lift;
+  if (!options.training) return lift_options;
+  lift_options.held_out_every = options.training->set.held_out_every;
+  lift_options.frame_step = options.training->set.frame_step;
+  return lift_options;
+}
+
+/// What goes into the bundle.
+struct Scene {
+  renderer::SurfelCloud surfels;
+  std::optional<renderer::PanopticModel> model;
+  std::shared_ptr<const renderer::PanopticField> field;
+  std::vector<core::SceneClass> classes;
+  std::vector<core::SceneInstance> instances;
+  std::vector<std::pair<std::string, double>> statistics;
+  /// T_world_camera by frame of the recording, of those that training moved.
+  std::map<std::size_t, core::CameraPose> refined_poses;
+};
+
+fs::path training_folder(const ReconstructOptions& options, const fs::path& folder) {
+  return options.training->work.empty() ? fs::path(folder.string() + ".training")
+                                        : options.training->work;
+}
+
+Scene trained(const renderer::RgbdSequence& sequence, const renderer::LiftResult& lifted,
+              const ReconstructOptions& options, const fs::path& folder) {
+  TrainingOptions training = *options.training;
+  training.work = training_folder(options, folder);
+  const renderer::TrainingSet set = load_set(sequence, training);
+  const renderer::SurfelCloud start =
+      options.surfels.empty() ? lifted.surfels : renderer::read_surfels_ply(options.surfels);
+  int& sh_degree = training.config.geometry.sh_degree;
+  sh_degree = std::max(sh_degree, start.sh_degree);
+  TrainedScene result = train_scene(set, start, training);
+  std::printf("%s\n", result.quality.text().c_str());
+  if (result.aligned_quality) {
+    std::printf("at aligned poses: %s\n", result.aligned_quality->text().c_str());
+  }
+  Scene scene{std::move(result.surfels),
+              std::move(result.model),
+              std::move(result.field),
+              std::move(result.classes),
+              std::move(result.instances),
+              lifted.statistics.listing(),
+              {}};
+  if (!scene.surfels.has_labels()) {
+    scene.classes.clear();
+  } else if (training.head == "none") {  // Those of the lift, which survived.
+    scene.instances = lifted.instances;
+  }
+  scene.statistics.insert(scene.statistics.end(), result.statistics.begin(),
+                          result.statistics.end());
+  for (std::size_t i = 0; i < result.refined_poses.size(); ++i) {
+    scene.refined_poses[set.training[i].frame] = result.refined_poses[i];
+  }
+  return scene;
+}
+
+/// The cameras of the frames that the scene was made from, where training left them.
+core::CameraPath camera_path(const renderer::RgbdSequence& sequence,
+                             const renderer::LiftOptions& options,
+                             const std::map<std::size_t, core::CameraPose>& refined) {
+  core::CameraPath path{sequence.intrinsics(), {}};
+  for (const std::size_t i : renderer::split_frames(sequence.frame_count(), options.frame_step,
+                                                    options.held_out_every)
+                                 .used) {
+    const auto moved = refined.find(i);
+    path.views.push_back(
+        {moved == refined.end() ? sequence.pose(i) : moved->second, sequence.frame_name(i)});
+  }
+  return path;
+}
+
+/// By the source that was asked for. Training moves surfels to please pictures, so that their
+/// centres are no measurement any more; where they hide the light is.
+SceneShape shape_of(const Scene& scene, const core::CameraPath& cameras,
+                    const ReconstructOptions& options, SceneShape lifted) {
+  const bool depth = options.mesh == MeshSource::kDepth ||
+                     (options.mesh == MeshSource::kAuto && options.training);
+  if (!depth) return lifted;
+  const auto renderer = renderer::make_renderer(
+      options.training ? options.training->device.backend : renderer::Backend::kCpu,
+      std::make_shared<const renderer::SurfelCloud>(scene.surfels));
+  return fuse_rendered_depth(*renderer, cameras.intrinsics, cameras.poses(), options.surface);
+}
+
+/// Moves the scene along with its shape.
+void follow(const core::SceneLevelling& levelling, Scene& scene) {
+  const glm::dquat& R = levelling.R_world_source;
+  const glm::dvec3& t_m = levelling.p_world_source_m;
+  if (R == glm::dquat(1.0, 0.0, 0.0, 0.0) && t_m == glm::dvec3(0.0)) return;
+  renderer::transform_surfels(R, t_m, scene.surfels);
+  if (scene.model) renderer::transform_panoptic_model(R, t_m, *scene.model);
+  scene.instances = renderer::instance_boxes(scene.surfels, scene.instances);
+}
+
+/// Draws the finished bundle from where a robot can stand; the figures join the manifest.
+void add_coverage(const fs::path& folder, const Scene& scene,
+                  std::span<const glm::dvec3> camera_positions_m,
+                  const ReconstructOptions& options, core::SceneManifest& manifest) {
+  const sim::World world = sim::World::load(core::load_bundle(folder), options.robot);
+  const auto renderer = renderer::make_cpu_renderer(
+      std::make_shared<const renderer::SurfelCloud>(scene.surfels), {}, scene.field);
+  const auto figures = robot_coverage(*renderer, world, manifest.camera_height_m).listing();
+  manifest.statistics.insert(manifest.statistics.end(), figures.begin(), figures.end());
+  const std::string warning = coverage_warning(manifest);
+  if (!warning.empty()) std::fprintf(stderr, "warning: %s\n", warning.c_str());
+  if (options.pictures.empty()) return;
+  RobotPictureOptions pictures;
+  pictures.mast_height_m = manifest.camera_height_m;
+  perception::write_image(options.pictures,
+                          robot_pictures(*renderer, world, camera_positions_m, pictures));
+}
+
+}  // namespace
+
+renderer::LiftResult lift_recording(const renderer::RgbdSequence& sequence,
+                                    const renderer::LiftOptions& options,
+                                    const std::optional<renderer::PointCloud>& cloud) {
+  std::unique_ptr<core::Progress> progress;
+  std::string current;
+  const auto report = [&](const std::string& stage, std::int64_t done, std::int64_t total) {
+    if (stage != current) {
+      current = stage;
+      progress = std::make_unique<core::Progress>("lift: " + stage, total);
+    }
+    progress->update(done);
+  };
+  if (cloud) return renderer::start_from_cloud(*cloud, sequence, options, report);
+  if (!sequence.has_depth()) {
+    throw core::InputError::expected(sequence.name(),
+                                     "frames with depth, or a cloud to start from (--start)",
+                                     "colour alone");
+  }
+  return renderer::lift(sequence, options, report);
+}
+
+core::SceneBundle reconstruct_bundle(const renderer::RgbdSequence& sequence,
+                                     const ReconstructOptions& options,
+                                     const fs::path& folder) {
+  for (const std::string& warning : sequence.warnings()) {
+    std::fprintf(stderr, "warning: %s\n", warning.c_str());
+  }
+  const renderer::LiftOptions lift_options = lift_options_of(options);
+  renderer::LiftResult lifted = lift_recording(sequence, lift_options, options.start);
+  SceneShape lifted_shape;
+  lifted_shape.points_m = lifted.surfels.position_m;
+  lifted_shape.normals = surfel_normals(lifted.surfels);
+  lifted_shape.camera_positions_m = lifted.camera_positions_m;
+  lifted_shape.source = "lifted points";
+  Scene scene;
+  if (options.training) {
+    scene = trained(sequence, lifted, options, folder);
+  } else {
+    scene = {std::move(lifted.surfels),
+             std::nullopt,
+             nullptr,
+             lifted.classes,
+             lifted.instances,
+             lifted.statistics.listing(),
+             {}};
+  }
+  core::CameraPath cameras = camera_path(sequence, lift_options, scene.refined_poses);
+  SceneShape shape = shape_of(scene, cameras, options, std::move(lifted_shape));
+  core::BundleParts parts;
+  parts.mesh_source = shape.source;
+  parts.levelling = level_shape(shape);
+  follow(parts.levelling, scene);
+  move_cameras(parts.levelling, cameras);
+  decimate_shape(shape, options.surface.max_error_m);
+
+  const fs::path temporary = folder.string() + ".tmp" + std::to_string(::getpid());
+  fs::remove_all(temporary);
+  fs::create_directories(temporary);
+  try {
+    core::SceneManifest manifest;
+    manifest.name = options.name;
+    manifest.created_by = std::string("segsim ") + core::version();
+    manifest.source = options.source;
+    manifest.source_sha256 = options.source_sha256;
+    manifest.origin = options.origin;
+    manifest.camera_height_m = options.camera_height_m;
+    manifest.classes = scene.classes;
+    manifest.instances = scene.instances;
+    manifest.surfels.name = "surfels.ply";
+    manifest.statistics = scene.statistics;
+    manifest.statistics.emplace_back("surfels", static_cast<double>(scene.surfels.size()));
+    manifest.statistics.emplace_back("frames_skipped",
+                                     static_cast<double>(sequence.warnings().size()));
+
+    renderer::write_surfels_ply(temporary / manifest.surfels.name, scene.surfels);
+    if (scene.model) {
+      renderer::write_panoptic_model(temporary / renderer::kPanopticFileName, *scene.model);
+    }
+    parts.cameras.name = core::kCamerasFileName;
+    core::write_camera_path(temporary / parts.cameras.name, cameras);
+    if (scene.field) {
+      parts.labels.name = renderer::kPanopticFieldFileName;
+      renderer::write_panoptic_field(temporary / parts.labels.name, *scene.field);
+    }
+    const sim::CollisionMeshResult collision =
+        write_shape(temporary, shape, options.robot, options.collision, manifest);
+    for (const std::string& warning : collision.warnings) {
+      std::fprintf(stderr, "warning: %s\n", warning.c_str());
+    }
+    core::write_bundle_manifest(temporary, manifest, parts);
+    if (options.training) {
+      add_coverage(temporary, scene, shape.camera_positions_m, options, manifest);
+      core::write_bundle_manifest(temporary, manifest, parts);
+    }
+    fs::remove_all(folder);
+    fs::rename(temporary, folder);
+    if (options.training) remove_training_state(training_folder(options, folder));
+  } catch (...) {
+    fs::remove_all(temporary);
+    throw;
+  }
+  return core::load_bundle(folder);
+}
+
+void export_training_pack(const renderer::RgbdSequence& sequence,
+                          const ReconstructOptions& options, const fs::path& file) {
+  SEGSIM_CHECK(options.training.has_value(), "a pack is for training");
+  if (!sequence.has_masks()) {
+    throw core::InputError::expected(
+        sequence.name(), "labels (a capture, a labelled data set, or --boxes)", "none");
+  }
+  const renderer::LiftResult lifted =
+      lift_recording(sequence, lift_options_of(options), options.start);
+  renderer::write_training_pack(file, load_set(sequence, *options.training), lifted.surfels);
+}
+
+}  // namespace segsim::experiments

@@ -1,0 +1,68 @@
+#pragma once
+
+/// @file
+/// RGB-D recording -> scene bundle: lifting and training (renderer), levelling, collision mesh
+/// and navmesh (sim), label distributions, manifest.
+
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "core/scene_bundle.h"
+#include "experiments/scenes/bundle_shape.h"
+#include "experiments/training/training_run.h"
+#include "renderer/datasets/point_cloud_file.h"
+#include "renderer/datasets/rgbd_sequence.h"
+#include "renderer/lifting.h"
+#include "sim/collision_mesh.h"
+#include "sim/robot.h"
+
+namespace segsim::experiments {
+
+struct ReconstructOptions {
+  std::string name;           ///< Of the scene.
+  std::string source;         ///< Where the recording comes from, in words.
+  std::string source_sha256;  ///< Of the recipe that made the recording; may be empty.
+  renderer::LiftOptions lift;
+  /// Surfels begin with this cloud (renderer/cloud_start.h) instead of the frames' depth.
+  std::optional<renderer::PointCloud> start;
+  /// None: lifting alone. Its `set` decides about held-out frames; `lift` follows it. Its
+  /// `work` is filled in (<folder>.training) if empty.
+  std::optional<TrainingOptions> training;
+  /// Surfels that training starts from instead of the lifted ones, for example those that were
+  /// trained elsewhere on an exported pack (PLY); empty: the lifted ones.
+  std::filesystem::path surfels;
+  std::filesystem::path pictures;  ///< robot_pictures() of the result (PNG); empty: none.
+  MeshSource mesh = MeshSource::kAuto;
+  SurfaceOptions surface;  ///< For MeshSource::kDepth.
+  sim::CollisionMeshOptions collision;
+  sim::RobotModel robot = sim::RobotModel::jackal_gentle();
+  double camera_height_m = 1.2;  ///< Mast height that suits the recording.
+  /// Where the world origin is put on the earth. The default is the origin that the Jackal's
+  /// own simulation uses (jackal.gazebo: 49.9 N, 8.9 E).
+  core::GeodeticOrigin origin{49.9, 8.9, 0.0, 0.0};
+};
+
+/// Surfels to start from, with progress lines: the cloud's, or lifted from the frames' depth.
+/// @throws core::InputError for frames without depth and no cloud.
+[[nodiscard]] renderer::LiftResult lift_recording(
+    const renderer::RgbdSequence& sequence, const renderer::LiftOptions& options,
+    const std::optional<renderer::PointCloud>& cloud = {});
+
+/// Makes the bundle in a temporary folder beside `folder` and renames it: a bundle is there
+/// wholly or not at all. An existing bundle is replaced. Without training, frames held out by
+/// `lift` are not looked at; with it, the manifest tells the quality on them.
+/// @throws core::InputError if frames cannot be read or have no depth to start from, or no
+/// floor or room for the robot is left.
+core::SceneBundle reconstruct_bundle(const renderer::RgbdSequence& sequence,
+                                     const ReconstructOptions& options,
+                                     const std::filesystem::path& folder);
+
+/// Lifts, loads the frames as `options.training` says, and writes both to a training pack
+/// (renderer/training/training_pack.h), to be trained on another machine. Makes no bundle.
+/// @throws core::InputError if frames have no depth or no labels.
+void export_training_pack(const renderer::RgbdSequence& sequence,
+                          const ReconstructOptions& options,
+                          const std::filesystem::path& file);
+
+}  // namespace segsim::experiments

@@ -1,0 +1,117 @@
+#include "experiments/scenes/scene_source.h"
+
+#include <cstdio>
+#include <numbers>
+#include <sstream>
+
+#include "core/check.h"
+#include "core/progress.h"
+#include "renderer/datasets/box_annotation.h"
+#include "sim/capture.h"
+#include "sim/capture_plan.h"
+#include "sim/gazebo_import.h"
+#include "sim/mesh_import.h"
+#include "sim/mesh_renderer.h"
+#include "sim/procedural_flat.h"
+
+namespace segsim::experiments {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::vector<core::CameraPose> plan_path(const sim::MeshScene& scene,
+                                        const SourceSpec& source) {
+  sim::CapturePlan plan;
+  plan.heights_m = {source.capture.camera_height_m, source.capture.camera_height_m - 0.4,
+                    source.capture.camera_height_m + 0.2};
+  // Dense places and every pitch: what no frame has seen is a hole in the reconstruction.
+  plan.spacing_m = 0.8;
+  plan.views_per_place = 6;
+  plan.pitches_down_rad = {0.1, 0.45, -0.25, 0.25, 0.7, 0.0};
+  plan.max_views = source.capture.frames;
+  plan.seed = source.seed;
+  return sim::plan_capture_trajectory(scene, plan);
+}
+
+}  // namespace
+
+sim::MeshScene load_mesh_source(const SourceSpec& source) {
+  switch (source.type) {
+    case SourceType::kFlat: {
+      sim::FlatOptions options;
+      options.seed = source.seed;
+      return sim::make_flat(options);
+    }
+    case SourceType::kGazebo: {
+      sim::GazeboImportOptions options;
+      options.add_ceiling = true;
+      return sim::load_gazebo_world(source.world, options);
+    }
+    case SourceType::kMesh:
+      return sim::load_mesh_file(source.world);
+    case SourceType::kRgbd:
+      break;
+  }
+  SEGSIM_CHECK(false, "a recording has no mesh");
+  return {};
+}
+
+std::string describe_capture(const SourceSpec& source) {
+  std::ostringstream text;
+  switch (source.type) {
+    case SourceType::kFlat:
+      text << "procedural flat, seed " << source.seed;
+      break;
+    case SourceType::kGazebo:
+      text << "Gazebo world " << source.world.filename().string();
+      break;
+    case SourceType::kMesh:
+      text << "mesh " << source.world.filename().string();
+      break;
+    case SourceType::kRgbd:
+      text << "recording " << source.folder.filename().string() << ", every "
+           << source.frame_step << ". frame";
+      if (!source.boxes.empty()) text << ", boxes " << source.boxes.filename().string();
+      return text.str();
+  }
+  const CaptureSpec& capture = source.capture;
+  text << ", path seed " << source.seed << ", up to " << capture.frames << " frames "
+       << capture.width_px << "x" << capture.height_px << ", hfov " << capture.hfov_deg
+       << " deg, camera " << capture.camera_height_m << " m high";
+  return text.str();
+}
+
+void capture_mesh_source(const SourceSpec& source, const fs::path& folder,
+                         const fs::path& trajectory, bool depth_exr, bool overwrite) {
+  const sim::MeshScene scene = load_mesh_source(source);
+  for (const std::string& warning : scene.warnings) {
+    std::fprintf(stderr, "warning: %s\n", warning.c_str());
+  }
+  std::printf("%s: %zu instances, %zu triangles, %zu warnings\n", scene.name.c_str(),
+              scene.instances.size(), scene.triangle_count(), scene.warnings.size());
+  const std::vector<core::CameraPose> path =
+      trajectory.empty() ? plan_path(scene, source) : sim::read_trajectory(trajectory);
+  const auto renderer = sim::make_mesh_renderer(scene, {});
+  const auto intrinsics =
+      core::CameraIntrinsics::from_fov(source.capture.width_px, source.capture.height_px,
+                                       source.capture.hfov_deg * std::numbers::pi / 180.0);
+
+  core::Progress progress("capture", static_cast<std::int64_t>(path.size()));
+  sim::CaptureOptions options;
+  options.depth_exr = depth_exr;
+  options.overwrite = overwrite;
+  options.source = describe_capture(source);
+  if (!trajectory.empty()) options.source += ", trajectory " + trajectory.filename().string();
+  options.on_frame = [&](int done, int) { progress.update(done); };
+  sim::capture_sequence(*renderer, path, intrinsics, folder, scene.classes, scene.instances,
+                        options);
+}
+
+std::unique_ptr<renderer::RgbdSequence> open_recording(
+    const fs::path& folder, const fs::path& boxes, const renderer::SequenceOptions& options) {
+  auto sequence = renderer::open_sequence(folder, options);
+  if (boxes.empty()) return sequence;
+  return renderer::with_box_labels(std::move(sequence), boxes);
+}
+
+}  // namespace segsim::experiments

@@ -1,0 +1,34 @@
+#pragma once
+
+/// @file
+/// From a source (procedural flat, Gazebo world, mesh file, recording) to an RGB-D sequence.
+
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include "experiments/runs/spec.h"
+#include "renderer/datasets/rgbd_sequence.h"
+#include "sim/mesh_scene.h"
+
+namespace segsim::experiments {
+
+/// The mesh world of a kFlat, kGazebo or kMesh source.
+[[nodiscard]] sim::MeshScene load_mesh_source(const SourceSpec& source);
+
+/// All that decides the outcome of a capture, in one line; part of what a bundle records.
+[[nodiscard]] std::string describe_capture(const SourceSpec& source);
+
+/// Walks a virtual RGB-D camera through the mesh world of `source` and writes the 7-Scenes
+/// layout with exact labels into `folder`. Complete frames of an interrupted capture are kept;
+/// `trajectory` (may be empty) replaces the planned path.
+void capture_mesh_source(const SourceSpec& source, const std::filesystem::path& folder,
+                         const std::filesystem::path& trajectory = {}, bool depth_exr = false,
+                         bool overwrite = false);
+
+/// Opens a recording, with labels from 3-D boxes if `boxes` is not empty.
+[[nodiscard]] std::unique_ptr<renderer::RgbdSequence> open_recording(
+    const std::filesystem::path& folder, const std::filesystem::path& boxes,
+    const renderer::SequenceOptions& options);
+
+}  // namespace segsim::experiments

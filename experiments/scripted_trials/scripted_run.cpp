@@ -1,0 +1,320 @@
+#include "experiments/scripted_trials/scripted_run.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numbers>
+
+#include <glm/geometric.hpp>
+
+#include "core/error.h"
+#include "core/file_io.h"
+#include "core/progress.h"
+#include "core/random.h"
+#include "experiments/episodes/episodes.h"
+#include "experiments/internal/formatted.h"
+#include "experiments/results/trial_witness.h"
+#include "experiments/runs/frame_recorder.h"
+#include "experiments/runs/sensor_files.h"
+#include "experiments/runs/trial_video.h"
+#include "experiments/scripted_trials/internal/script_metrics.h"
+#include "perception/detector.h"
+#include "perception/image_file.h"
+#include "perception/models/object_detector.h"
+#include "sim/geodesy.h"
+#include "sim/oracle_detector.h"
+#include "sim/oracle_way.h"
+
+namespace segsim::experiments {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kVideoSpeed = 2.0;  // As the videos of runs.
+constexpr double kSnap_m = 0.30;  // As sim/trial.cpp: a base may stand beside the disc's room.
+
+sim::TrialOptions trial_options(const BoundScript& bound) {
+  const ScriptedTrial& script = *bound.script;
+  sim::TrialOptions options;
+  options.control_period_s = script.control_period_s;
+  options.time_limit_s = script.time_limit_s;
+  options.camera = script.camera.intrinsics();
+  options.camera_height_m = bound.camera_height_m;
+  options.camera_pitch_down_rad = script.camera.pitch_down_deg * std::numbers::pi / 180.0;
+  options.depth_range_m = script.camera.depth_range_m;
+  if (script.slide_on_contact) options.contact_response = sim::ContactResponse::kSlide;
+  options.collision = script.collision;
+  if (script.localisation.odometry) {
+    options.odometry = sim::OdometryNoise::skid_steered_indoors();
+  }
+  options.localiser = script.localisation.localiser;
+  if (script.sensors)
+    options.sensors = bind_sensors(*script.sensors, bound.bundle, bound.world);
+  options.clock = trial_clock(script.clock, {});
+  options.faults = script.faults;
+  return options;
+}
+
+/// The script's detector, and its sink of ground truth if it is the oracle.
+struct Eyes {
+  std::unique_ptr<core::Detector> detector;
+  sim::GroundTruthSink* truth = nullptr;
+};
+
+Eyes make_eyes(const BoundScript& bound) {
+  const ScriptedTrial& script = *bound.script;
+  Eyes eyes;
+  if (!script.weights.empty()) {
+    if (!perception::is_foreign_detector(script.weights)) {
+      eyes.detector = perception::load_detector(script.weights);
+      return eyes;
+    }
+    perception::ObjectDetectorOptions options;
+    for (const ScriptStep& step : script.steps) {
+      const bool wanted = step.kind == StepKind::kFind &&
+                          std::find(options.prompts.begin(), options.prompts.end(),
+                                    step.category) == options.prompts.end();
+      if (wanted) options.prompts.push_back(step.category);
+    }
+    eyes.detector = perception::load_object_detector(script.weights, options);
+    return eyes;
+  }
+  std::vector<std::string> names;
+  for (const core::SceneClass& c : bound.bundle.manifest.classes) {
+    if (c.thing) names.push_back(c.name);
+  }
+  sim::OracleDetectorOptions options;
+  options.seed = script.seed;
+  auto oracle = std::make_unique<sim::OracleDetector>(bound.bundle.manifest.classes,
+                                                      std::move(names), options);
+  eyes.truth = oracle.get();
+  eyes.detector = std::move(oracle);
+  return eyes;
+}
+
+/// Places from which objects of a category are seen, as generated episodes have them.
+sim::Episode places_of(const BoundScript& bound, const std::string& category) {
+  const ScriptedTrial& script = *bound.script;
+  EpisodeRules rules;
+  rules.goals = {category};
+  rules.count = 1;
+  rules.seed = script.seed;
+  rules.camera = script.camera.intrinsics();
+  rules.camera_height_m = bound.camera_height_m;
+  rules.camera_pitch_down_rad = script.camera.pitch_down_deg * std::numbers::pi / 180.0;
+  rules.min_start_m = 0.0;
+  rules.max_start_m = 1e6;
+  rules.allow_visible_start = true;
+  EpisodeSet set =
+      generate_episodes(script.name, bound.bundle, bound.world, *bound.renderer, rules);
+  if (set.episodes.empty()) {
+    throw core::InputError::expected(script.file.string(),
+                                     "a place from which a " + category + " is seen", "none");
+  }
+  return std::move(set.episodes.front());
+}
+
+/// Watches the drive with the truth in hand, and writes down what the script wants recorded.
+class Watcher {
+ public:
+  Watcher(BoundScript& bound, const ScriptDriver& driver,
+          const std::map<std::string, sim::Episode>& goals, const sim::Episode& episode,
+          const std::vector<std::string>& classes, const fs::path& folder)
+      : bound_(bound),
+        driver_(driver),
+        goals_(goals),
+        progress_("trial", std::ssize(bound.script->steps)) {
+    const ScriptedTrial& script = *bound.script;
+    scene_.plan = &bound.plan;
+    scene_.manifest = &bound.bundle.manifest;
+    scene_.episode = &episode;
+    scene_.scene_title = script.title;
+    scene_.arm = script.weights.empty() ? "oracle" : script.weights.stem().string();
+    if (script.record.video) {
+      video_.emplace(folder / "trial.mp4", scene_, classes,
+                     kVideoSpeed / script.control_period_s);
+    }
+    if (script.record.exr_every > 0) {
+      frames_.emplace(folder / "frames", bound.bundle, script.record.exr_every,
+                      *bound.renderer);
+    }
+  }
+
+  void see(const sim::TickRecord& tick, const core::Frame& frame,
+           const std::vector<core::Detection>& detections, const core::Policy& policy) {
+    const glm::dvec2 p_m(tick.pose.x_m, tick.pose.y_m);
+    if (last_m_) path_m_ += glm::distance(*last_m_, p_m);
+    last_m_ = p_m;
+    const auto& steps = driver_.records();
+    for (; begun_ < steps.size(); ++begun_) begins_.push_back({p_m, path_m_});
+    for (; ended_ < steps.size() && steps[ended_].end; ++ended_) {
+      const bool is_find = script_step(ended_).kind == StepKind::kFind;
+      if (is_find) finds_.push_back(judge(steps[ended_], begins_[ended_], p_m, frame));
+    }
+    progress_.update(
+        static_cast<std::int64_t>(ended_),
+        print("%.0f s", core::seconds(tick.time_ns)) +
+            (steps.empty() ? std::string()
+                           : print(", step %zu, %s", steps.size(),
+                                   to_string(script_step(steps.size() - 1).kind))));
+    if (video_) video_->add(tick, frame, detections, policy.view());
+    if (frames_) frames_->add(tick, frame);
+  }
+
+  [[nodiscard]] std::vector<FindResult> finish(const sim::TrialResult& result) {
+    progress_.finish();
+    if (video_) video_->finish(result);
+    if (frames_) frames_->finish();
+    return std::move(finds_);
+  }
+
+ private:
+  struct Begin {
+    glm::dvec2 p_m;
+    double path_m = 0.0;
+  };
+  [[nodiscard]] const ScriptStep& script_step(std::size_t k) const {
+    return bound_.script->steps[k];
+  }
+
+  FindResult judge(const StepRecord& step, const Begin& begin, const glm::dvec2& end_m,
+                   const core::Frame& frame) {
+    const ScriptStep& wanted = script_step(static_cast<std::size_t>(step.step));
+    const sim::Episode& goal = goals_.at(wanted.category);
+    TrialWitness witness(bound_.bundle.manifest, goal, -1);
+    witness.add(0, frame, std::nullopt);
+    const sim::DistanceField to_goal = bound_.world.distance_to(goal.view_points_m);
+    FindResult result;
+    result.step = step.step;
+    result.reason = step.reason;
+    result.visible_px = witness.evidence().front().largest_px;
+    result.view_point_m = to_goal.at(end_m, kSnap_m);
+    result.path_m = path_m_ - begin.path_m;
+    result.shortest_path_m = to_goal.at(begin.p_m, kSnap_m);
+    sim::TrialEnd end;
+    end.stopped = !step.reason.empty();
+    end.view_point_m = result.view_point_m;
+    end.visible_px = result.visible_px;
+    end.path_m = result.path_m;
+    end.shortest_path_m = result.shortest_path_m;
+    result.success = sim::succeeded(wanted.profile, end);
+    result.spl = sim::profile_spl(wanted.profile, end);
+    return result;
+  }
+
+  BoundScript& bound_;
+  const ScriptDriver& driver_;
+  const std::map<std::string, sim::Episode>& goals_;
+  core::Progress progress_;
+  TrialScene scene_;
+  std::optional<TrialVideo> video_;
+  std::optional<FrameRecorder> frames_;
+  std::optional<glm::dvec2> last_m_;
+  double path_m_ = 0.0;
+  std::size_t begun_ = 0, ended_ = 0;
+  std::vector<Begin> begins_;
+  std::vector<FindResult> finds_;
+};
+
+DriverContext driver_context(const BoundScript& bound, const core::Detector& detector,
+                             const std::map<std::string, sim::Episode>& goals) {
+  DriverContext context;
+  context.robot = bound.world.robot();
+  context.places_m = bound.places_m;
+  context.way_to = [&bound](const glm::dvec2& goal_m) -> nav::PathOracle {
+    const std::array<glm::dvec2, 1> goals_m{goal_m};
+    return [way = std::make_shared<sim::OracleWay>(bound.world, goals_m)](
+               const glm::dvec2& from_m) { return way->from(from_m); };
+  };
+  context.searcher = [&bound, &detector, &goals](const ScriptStep& step) {
+    nav::PolicyContext policy;
+    policy.class_names = detector.class_names();
+    policy.camera_height_m = bound.camera_height_m;
+    if (step.policy.type == "oracle-path") {
+      policy.oracle = [way = std::make_shared<sim::OracleWay>(
+                           bound.world, goals.at(step.category).view_points_m)](
+                          const glm::dvec2& from_m) { return way->from(from_m); };
+    }
+    return nav::make_policy(step.policy, policy);
+  };
+  context.class_index = [&detector](const std::string& category) {
+    const std::vector<std::string>& names = detector.class_names();
+    const auto found = std::find(names.begin(), names.end(), category);
+    return found == names.end() ? -1 : static_cast<int>(found - names.begin());
+  };
+  return context;
+}
+
+void write_ticks(const fs::path& file, const ScriptedResult& result) {
+  core::write_file_atomically(file, [&](std::ostream& out) {
+    out << "time_s,x_m,y_m,yaw_rad,v_mps,w_radps,step,contact,image,age_ms,hash\n";
+    for (const sim::TickRecord& tick : result.trial.track) {
+      out << print("%.3f,%.6f,%.6f,%.6f,%.4f,%.4f,", core::seconds(tick.time_ns),
+                   tick.pose.x_m, tick.pose.y_m, tick.pose.yaw_rad, tick.command.forward_mps,
+                   tick.command.turn_radps)
+          << step_at(result.steps, tick.time_ns) + 1 << (tick.in_contact ? ",1," : ",0,")
+          << tick.capture_index << print(",%.1f,", sim::ms_from_ns(tick.age_ns))
+          << hex(tick.state_hash) << '\n';
+    }
+  });
+}
+
+void write_records(const BoundScript& bound, const ScriptedResult& result,
+                   const fs::path& folder) {
+  const ScriptedTrial& script = *bound.script;
+  core::write_file_atomically(folder / "trial.json", [&](std::ostream& out) {
+    out << to_json(script, result) << '\n';
+  });
+  if (script.record.topdown) {
+    perception::write_image(folder / "trial.png", draw_script(bound, result));
+  }
+  if (script.record.ticks) write_ticks(folder / "ticks.csv", result);
+  sim::GeoTrack track;
+  track.name = script.title;
+  for (const sim::TickRecord& tick : result.trial.track) {
+    track.positions_m.emplace_back(tick.pose.x_m, tick.pose.y_m);
+  }
+  if (!track.positions_m.empty()) {
+    sim::write_track_geojson(folder / "track.geojson", bound.world.local_frame(), track);
+  }
+}
+
+}  // namespace
+
+ScriptedResult run_script(BoundScript& bound, const fs::path& folder) {
+  const ScriptedTrial& script = *bound.script;
+  fs::create_directories(folder);
+  std::map<std::string, sim::Episode> goals;
+  sim::Episode episode;
+  for (const ScriptStep& step : script.steps) {
+    if (step.kind != StepKind::kFind) continue;
+    if (!goals.contains(step.category)) goals[step.category] = places_of(bound, step.category);
+    if (episode.class_name.empty()) episode.class_name = step.category;
+  }
+  episode.id = script.name;
+  episode.start = bound.start;
+  episode.seed = core::hash64(script.name, script.seed);
+
+  const Eyes eyes = make_eyes(bound);
+  ScriptDriver driver(script.steps, driver_context(bound, *eyes.detector, goals));
+  Watcher watcher(bound, driver, goals, episode, eyes.detector->class_names(), folder);
+  const sim::TickObserver observer = [&](const sim::TickRecord& tick, const core::Frame& frame,
+                                         const std::vector<core::Detection>& detections,
+                                         const core::Policy& policy) {
+    watcher.see(tick, frame, detections, policy);
+  };
+  const sim::TrialOptions options = trial_options(bound);
+  ScriptedResult result;
+  result.trial = sim::run_trial(episode, options, bound.world, bound.world.robot(),
+                                *bound.renderer, *eyes.detector, driver, eyes.truth, observer);
+  result.steps = driver.records();
+  result.finds = watcher.finish(result.trial);
+  measure(bound, goals, result);
+  write_records(bound, result, folder);
+  if (options.sensors) {
+    write_sensor_files(folder / "sensors", *options.sensors, result.trial.sensors);
+  }
+  return result;
+}
+
+}  // namespace segsim::experiments

@@ -1,0 +1,221 @@
+#include "experiments/training/mask_quality.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "core/error.h"
+#include "core/progress.h"
+#include "experiments/internal/text_grid.h"
+#include "renderer/datasets/mask_files.h"
+
+namespace segsim::experiments {
+namespace {
+
+/// How far a share is from the wanted one: > 0 where more errors are wanted. In log odds, in
+/// which errors scale.
+double shortfall(double measured, double wanted) {
+  const auto log_odds = [](double share) {
+    const double s = std::clamp(share, 0.005, 0.995);
+    return std::log((1.0 - s) / s);
+  };
+  return log_odds(wanted) - log_odds(measured);
+}
+
+/// `factor` raised by a step in log odds; damped, for the factors act on one another's
+/// figures.
+double adjusted(double factor, double step) {
+  return std::clamp(factor * std::exp(std::clamp(0.8 * step, -0.9, 0.9)), 0.02, 20.0);
+}
+
+/// Exact labels of views spread over the recording.
+std::vector<TrueLabels> sample_views(const renderer::RgbdSequence& recording) {
+  constexpr std::size_t kViews = 64;
+  const std::size_t n = std::min(kViews, recording.frame_count());
+  std::vector<TrueLabels> views;
+  core::Progress progress("read labels", static_cast<std::int64_t>(n));
+  for (std::size_t k = 0; k < n; ++k) {
+    views.push_back(load_true_labels(recording, k * recording.frame_count() / n));
+    progress.update(static_cast<std::int64_t>(k) + 1);
+  }
+  return views;
+}
+
+sim::MaskNoise fitted_noise(const MaskSimulation& simulation,
+                            const renderer::RgbdSequence& recording) {
+  const std::vector<TrueLabels> views = sample_views(recording);
+  int round = 0;
+  return fit_mask_noise(
+      simulation.noise, recording.classes(), simulation.seed, recording.name(), views,
+      recording.intrinsics(), published_quality(), 0.01,
+      [&](const renderer::ViewQuality& reached) {
+        std::fprintf(
+            stderr, "fit, round %d: PQ %.3f, SQ %.3f, RQ %.3f, recall %.3f, precision %.3f\n",
+            ++round, reached.pq, reached.sq, reached.rq, reached.recall, reached.precision);
+      });
+}
+
+}  // namespace
+
+TrueLabels load_true_labels(const renderer::RgbdSequence& recording, std::size_t i) {
+  if (!recording.has_masks()) {
+    throw core::InputError::expected(recording.name(), "a recording with exact labels",
+                                     "none");
+  }
+  renderer::RgbdFrame frame = recording.load(i);
+  return {std::move(frame.semantic), std::move(frame.instance), frame.T_world_camera,
+          static_cast<std::uint32_t>(i)};
+}
+
+std::vector<std::pair<std::string, double>> MaskQuality::listing() const {
+  return {{"pq", views.pq},
+          {"sq", views.sq},
+          {"rq", views.rq},
+          {"recall", views.recall},
+          {"precision", views.precision},
+          {"mean_iou", views.mean_iou},
+          {"mean_accuracy", views.mean_accuracy},
+          {"mean_coverage", views.mean_coverage},
+          {"true_segments", views.true_segments},
+          {"predicted_segments", views.predicted_segments},
+          {"labelled_share", views.labelled_share},
+          {"views", static_cast<double>(views.views)},
+          {"coco_pq", coco.pq},
+          {"strict_scene_pq", strict.pq}};
+}
+
+MaskQuality mask_quality(const renderer::ContingencyTable& table,
+                         std::span<const core::SceneClass> classes, int width_px) {
+  MaskQuality quality;
+  quality.views = renderer::view_quality(table, classes, {.width_px = width_px});
+  quality.coco =
+      renderer::panoptic_quality(table, classes, renderer::PanopticRules::coco_per_frame());
+  quality.strict =
+      renderer::panoptic_quality(table, classes, renderer::PanopticRules::strict());
+  return quality;
+}
+
+renderer::ViewQuality published_quality() {
+  renderer::ViewQuality published;
+  published.pq = 0.5350, published.sq = 0.8155, published.rq = 0.6511;
+  published.mean_iou = 0.5466, published.mean_accuracy = 0.6237;
+  published.mean_coverage = 0.5621;
+  published.recall = 0.7276, published.precision = 0.6060;
+  published.true_segments = 13.70, published.predicted_segments = 16.45;
+  published.matches = 9.97;
+  return published;
+}
+
+std::string mask_quality_text(const std::string& name, const MaskQuality& quality) {
+  const auto percent = [](double share) { return internal::print("%.1f", 100.0 * share); };
+  const auto row = [&](const std::string& title, const renderer::ViewQuality& q) {
+    return std::vector<std::string>{title,
+                                    percent(q.pq),
+                                    percent(q.sq),
+                                    percent(q.rq),
+                                    percent(q.recall),
+                                    percent(q.precision),
+                                    percent(q.mean_iou),
+                                    percent(q.mean_accuracy),
+                                    percent(q.mean_coverage),
+                                    internal::print("%.2f", q.true_segments),
+                                    internal::print("%.2f", q.predicted_segments),
+                                    q.views == 0 ? "-" : percent(q.labelled_share)};
+  };
+  internal::TextGrid grid;
+  grid.header = {"Masks, single views, IoU > 0.3",
+                 "PQ",
+                 "SQ",
+                 "RQ",
+                 "Recall",
+                 "Precision",
+                 "mIoU",
+                 "mAcc",
+                 "mCov",
+                 "True/view",
+                 "Masks/view",
+                 "Labelled"};
+  grid.rows = {row(name, quality.views),
+               row("published (Grounded-SAM, ScanNet++)", published_quality())};
+  return internal::text_of(grid) + "\nCOCO per-frame PQ (IoU > 0.5) " +
+         percent(quality.coco.pq) + ", SQ " + percent(quality.coco.sq) + ", RQ " +
+         percent(quality.coco.rq) + "; strict scene PQ " + percent(quality.strict.pq) +
+         " with the ids as they are\n";
+}
+
+sim::MaskNoise fit_mask_noise(const sim::MaskNoise& noise,
+                              const std::vector<core::SceneClass>& classes, std::uint64_t seed,
+                              const std::string& scene, std::span<const TrueLabels> views,
+                              const core::CameraIntrinsics& intrinsics,
+                              const renderer::ViewQuality& target, double tolerance,
+                              const std::function<void(const renderer::ViewQuality&)>& note) {
+  constexpr int kRounds = 12;
+  double misses = 1.0, false_positives = 1.0, shapes = 1.0;
+  sim::MaskNoise fitted = noise;
+  for (int round = 0; round < kRounds; ++round) {
+    fitted = noise.scaled(misses, false_positives, shapes);
+    const sim::MaskSimulator simulator(classes, fitted, seed, scene);
+    renderer::ContingencyTable table;
+    for (const TrueLabels& truth : views) {
+      const core::FrameMasks masks = simulator.simulate(truth.view(intrinsics));
+      table.add_frame({truth.semantic, truth.instance}, {masks.semantic, masks.instance});
+    }
+    const renderer::ViewQuality reached =
+        renderer::view_quality(table, classes, {.width_px = intrinsics.width_px});
+    note(reached);
+    // Recall and precision follow from RQ and from their balance.
+    const double balance = shortfall(reached.recall, target.recall) -
+                           shortfall(reached.precision, target.precision);
+    const double rq = shortfall(reached.rq, target.rq);
+    const double sq = shortfall(reached.sq, target.sq);
+    if (std::abs(reached.rq - target.rq) <= tolerance &&
+        std::abs(reached.sq - target.sq) <= tolerance && std::abs(balance) <= 0.15) {
+      break;
+    }
+    misses = adjusted(misses, rq + 0.5 * balance);
+    false_positives = adjusted(false_positives, rq - 0.5 * balance);
+    shapes = adjusted(shapes, sq);
+  }
+  return fitted;
+}
+
+std::string describe(const MaskSimulation& simulation) {
+  return internal::print("simulated, level %g", simulation.level) +
+         (simulation.fit ? ", fitted" : "") + ", seed " + std::to_string(simulation.seed);
+}
+
+MaskQuality simulate_masks(
+    const renderer::RgbdSequence& recording, const MaskSimulation& simulation,
+    const std::filesystem::path& folder,
+    const std::function<void(const TrueLabels&, const core::FrameMasks&)>& on_view) {
+  std::filesystem::remove(folder / "masks.yaml");  // Until it is complete again.
+  const sim::MaskNoise noise =
+      (simulation.fit ? fitted_noise(simulation, recording) : simulation.noise)
+          .at_level(simulation.level);
+  const sim::MaskSimulator simulator(recording.classes(), noise, simulation.seed,
+                                     recording.name());
+  const std::size_t step = static_cast<std::size_t>(simulation.frame_step);
+  const std::size_t views = (recording.frame_count() + step - 1) / step;
+  renderer::ContingencyTable table;
+  core::Progress progress("simulate masks", static_cast<std::int64_t>(views));
+  for (std::size_t k = 0; k < views; ++k) {
+    const TrueLabels truth = load_true_labels(recording, k * step);
+    const core::FrameMasks masks = simulator.simulate(truth.view(recording.intrinsics()));
+    table.add_frame({truth.semantic, truth.instance}, {masks.semantic, masks.instance});
+    renderer::write_masks(folder, recording.frame_name(k * step), masks, recording.classes());
+    if (on_view) on_view(truth, masks);
+    progress.update(static_cast<std::int64_t>(k) + 1);
+  }
+  progress.finish();
+  const MaskQuality quality =
+      mask_quality(table, recording.classes(), recording.intrinsics().width_px);
+  renderer::MaskSetInfo info;
+  info.source = describe(simulation) + ", of " + recording.name();
+  info.classes = recording.classes();
+  info.settings = noise.listing();
+  info.measured = quality.listing();
+  renderer::write_mask_set_info(folder, info);
+  return quality;
+}
+
+}  // namespace segsim::experiments

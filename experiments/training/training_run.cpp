@@ -1,0 +1,407 @@
+#include "experiments/training/training_run.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <fstream>
+#include <memory>
+#include <numbers>
+#include <span>
+#include <utility>
+
+#include "core/error.h"
+#include "core/file_io.h"
+#include "core/progress.h"
+#include "experiments/scenes/frame_picture.h"
+#include "perception/image_file.h"
+#include "renderer/cpu_renderer.h"
+#include "renderer/datasets/mask_files.h"
+#include "renderer/training/panoptic_training.h"
+#include "renderer/training/pose_alignment.h"
+#include "renderer/training/surfel_labels.h"
+#include "renderer/training/training_memory.h"
+#include "renderer/training/training_views.h"
+
+namespace segsim::experiments {
+namespace {
+
+namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
+using renderer::SurfelCloud;
+using renderer::TrainingSet;
+
+constexpr const char* kGeometryState = "geometry.state";
+constexpr const char* kHeadState = "head.state";
+constexpr const char* kHeadMark = "head.iteration";
+constexpr double kGeometryShare = 0.6;  ///< Of a time limit.
+
+double seconds_since(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+/// True once every so many seconds.
+class Every {
+ public:
+  explicit Every(double interval_s) : interval_s_(interval_s) {}
+  bool due() {
+    if (interval_s_ <= 0.0 || seconds_since(last_) < interval_s_) return false;
+    last_ = Clock::now();
+    return true;
+  }
+
+ private:
+  double interval_s_;
+  Clock::time_point last_ = Clock::now();
+};
+
+/// Lines of losses.csv.
+class LossTable {
+ public:
+  LossTable(const fs::path& file, bool append)
+      : out_(file, append ? std::ios::app : std::ios::trunc) {
+    if (!append) out_ << "stage,iteration,seconds,surfels,loss,value\n";
+  }
+  void add(const char* stage, std::int64_t iteration, double seconds, std::int64_t surfels,
+           const std::string& loss, double value) {
+    out_ << stage << ',' << iteration << ',' << seconds << ',' << surfels << ',' << loss << ','
+         << value << '\n'
+         << std::flush;
+  }
+
+ private:
+  std::ofstream out_;
+};
+
+/// Rendered | recorded | panoptic.
+void write_preview(const fs::path& file, const TrainingSet& set,
+                   std::shared_ptr<const SurfelCloud> surfels,
+                   std::shared_ptr<const renderer::PanopticField> field, int threads) {
+  const auto& views = set.held_out.empty() ? set.training : set.held_out;
+  const renderer::TrainingView& view = views[views.size() / 2];
+  renderer::RenderOptions options;
+  options.threads = threads;
+  const auto renderer =
+      renderer::make_cpu_renderer(std::move(surfels), options, std::move(field));
+  const core::Frame frame =
+      renderer->render(view.T_world_camera, set.intrinsics, core::Channels::kAll);
+  const core::Image<core::Rgb8> labels = panoptic_picture(frame);
+  const int width = set.intrinsics.width_px, height = set.intrinsics.height_px;
+  core::Image<core::Rgb8> picture(3 * width, height);
+  for (int y = 0; y < height; ++y) {
+    std::copy_n(frame.rgb.row(y), width, picture.row(y));
+    std::copy_n(view.rgb.row(y), width, picture.row(y) + width);
+    if (!labels.empty()) std::copy_n(labels.row(y), width, picture.row(y) + 2 * width);
+  }
+  perception::write_image(file, picture);
+}
+
+/// The two stages and what they have in common.
+class TrainingRun {
+ public:
+  TrainingRun(const TrainingSet& set, const SurfelCloud& start, const TrainingOptions& options)
+      : set_(set),
+        start_(start),
+        options_(options),
+        identity_(training_identity(options, set, start)),
+        preview_due_(options.preview_every_s),
+        checkpoint_due_(options.checkpoint_every_s) {
+    fs::create_directories(options.work);
+    if (!options.resume) {
+      remove_training_state(options.work);
+    }
+    losses_ = std::make_unique<LossTable>(options.work / "losses.csv",
+                                          options.resume && fs::exists(geometry_state()));
+  }
+
+  TrainedScene run() {
+    TrainedScene scene;
+    renderer::with_memory_errors(
+        "training shape and colour", [&] { return geometry_advice(); },
+        [&] { scene.surfels = train_geometry(); });
+    scene.classes = set_.classes;
+    std::shared_ptr<const renderer::PanopticField> field;
+    if (options_.head != "none" && !set_.classes.empty()) {
+      renderer::with_memory_errors(
+          "training labels", [&] { return head_advice(); },
+          [&] { field = train_head(scene); });
+    } else if (start_.has_labels() && start_.size() == scene.surfels.size()) {
+      scene.surfels.semantic_id = start_.semantic_id;
+      scene.surfels.instance_id = start_.instance_id;
+    }
+    scene.field = field;
+    const auto surfels = std::make_shared<const SurfelCloud>(scene.surfels);
+    write_preview(options_.work / "preview.png", set_, surfels, field,
+                  options_.device.threads);
+    renderer::RenderOptions draw;
+    draw.threads = options_.device.threads;
+    const auto renderer = renderer::make_cpu_renderer(surfels, draw, field);
+    scene.field = field;
+    scene.quality = held_out_quality(*renderer, set_, {{}, exposures_});
+    const auto quality = scene.quality.listing();
+    statistics_.insert(statistics_.end(), quality.begin(), quality.end());
+    if (options_.align_held_out && !set_.held_out.empty()) {
+      scene.aligned_quality = aligned_quality(*renderer, scene.surfels);
+    }
+    scene.statistics = std::move(statistics_);
+    scene.refined_poses = poses_;
+    return scene;
+  }
+
+ private:
+  [[nodiscard]] std::string kept_state() const {
+    return fs::exists(geometry_state())
+               ? "the state in " + options_.work.string() + " is kept: --resume goes on there"
+               : "there was no state to keep yet";
+  }
+  [[nodiscard]] std::string geometry_advice() const {
+    return "fewer surfels: --voxel, geometry.densify.max_surfels; fewer frames: --frame-step; "
+           "smaller images; " +
+           kept_state();
+  }
+  [[nodiscard]] std::string head_advice() const {
+    return "less at once: panoptic.sampling.pixels, max_surfels_per_pixel, "
+           "panoptic.query.max_queries; " +
+           kept_state();
+  }
+  [[nodiscard]] fs::path geometry_state() const { return options_.work / kGeometryState; }
+  [[nodiscard]] fs::path head_state() const { return options_.work / kHeadState; }
+  [[nodiscard]] fs::path head_mark() const { return options_.work / kHeadMark; }
+
+  [[nodiscard]] bool out_of_time(double share) const {
+    return options_.time_limit_s > 0.0 &&
+           seconds_since(begin_) > share * options_.time_limit_s;
+  }
+
+  SurfelCloud train_geometry();
+  /// An error of the input, such as a loss that is not finite, tells where the state is.
+  template <class Action>
+  auto naming_state(const Action& action) const {
+    try {
+      return action();
+    } catch (const core::InputError& error) {
+      throw core::InputError(std::string(error.what()) + "; " + kept_state());
+    }
+  }
+  /// Takes the training views' poses from the trainer, if they were moved.
+  void keep_poses(const renderer::GeometryTrainer& trainer);
+  [[nodiscard]] HeldOutQuality aligned_quality(core::Renderer& renderer,
+                                               const SurfelCloud& surfels);
+  void add_change(const std::string& prefix, const renderer::PoseChange& change);
+  std::shared_ptr<const renderer::PanopticField> train_head(TrainedScene& scene);
+  /// @return  Iterations that the loaded head has behind it; 0 without a state.
+  std::int64_t load_head(renderer::PanopticHead& head);
+  void save_head(const renderer::PanopticHead& head, std::int64_t iteration);
+
+  const TrainingSet& set_;
+  const SurfelCloud& start_;
+  const TrainingOptions& options_;
+  std::string identity_;
+  Every preview_due_, checkpoint_due_;
+  Clock::time_point begin_ = Clock::now();
+  std::unique_ptr<LossTable> losses_;
+  std::vector<std::pair<std::string, double>> statistics_;
+  std::vector<core::CameraPose> poses_;        ///< Of the training views; empty: as recorded.
+  std::vector<renderer::Exposure> exposures_;  ///< Of the training views, if trained.
+};
+
+SurfelCloud TrainingRun::train_geometry() {
+  const renderer::GeometryConfig& config = options_.config.geometry;
+  renderer::GeometryTrainer trainer(set_, start_, config, options_.seed, options_.device);
+  if (options_.resume && fs::exists(geometry_state())) {
+    trainer.load(geometry_state(), identity_);
+    std::fprintf(stderr, "resumed at iteration %ld of %ld\n",
+                 static_cast<long>(trainer.iteration()), static_cast<long>(config.iterations));
+  }
+  const Clock::time_point start = Clock::now();
+  core::Progress progress("train shape and colour", config.iterations);
+  std::int64_t done_here = 0;
+  while (trainer.iteration() < config.iterations && !out_of_time(kGeometryShare)) {
+    const renderer::GeometryStep step = naming_state([&] { return trainer.step(); });
+    ++done_here;
+    char note[96];
+    std::snprintf(note, sizeof note, "colour %.4f depth %.4f normal %.4f, %ld k surfels",
+                  step.color, step.depth, step.normal, static_cast<long>(step.surfels / 1000));
+    progress.update(step.iteration, note);
+    if (step.iteration % 10 == 0) {
+      const double seconds = seconds_since(begin_);
+      losses_->add("geometry", step.iteration, seconds, step.surfels, "color", step.color);
+      losses_->add("geometry", step.iteration, seconds, step.surfels, "depth", step.depth);
+      losses_->add("geometry", step.iteration, seconds, step.surfels, "normal", step.normal);
+    }
+    if (checkpoint_due_.due()) trainer.save(geometry_state(), identity_);
+    if (preview_due_.due()) {
+      write_preview(options_.work / "preview.png", set_,
+                    std::make_shared<const SurfelCloud>(trainer.surfels()), nullptr,
+                    options_.device.threads);
+    }
+  }
+  progress.finish();
+  if (done_here > 0) {
+    trainer.save(geometry_state(), identity_);
+    fs::remove(head_mark());  // A head learns on finished surfels only.
+  }
+  const double seconds = seconds_since(start);
+  statistics_.emplace_back("geometry_iterations", static_cast<double>(trainer.iteration()));
+  statistics_.emplace_back("geometry_seconds", seconds);
+  if (done_here > 0) {
+    statistics_.emplace_back("geometry_steps_per_second",
+                             static_cast<double>(done_here) / seconds);
+  }
+  keep_poses(trainer);
+  exposures_ = trainer.exposures();
+  return trainer.surfels();
+}
+
+void TrainingRun::keep_poses(const renderer::GeometryTrainer& trainer) {
+  const auto& rate = options_.config.geometry.rate;
+  if (rate.pose_rotation <= 0.0 && rate.pose_translation <= 0.0) return;
+  poses_ = trainer.poses();
+  std::vector<core::CameraPose> recorded;
+  for (const auto& view : set_.training) recorded.push_back(view.T_world_camera);
+  add_change("pose", renderer::pose_change(recorded, poses_));
+}
+
+HeldOutQuality TrainingRun::aligned_quality(core::Renderer& renderer,
+                                            const SurfelCloud& surfels) {
+  core::Progress progress("align held-out views",
+                          static_cast<std::int64_t>(set_.held_out.size()));
+  const std::vector<core::CameraPose> poses = renderer::align_views(
+      set_.held_out, set_.intrinsics, surfels, options_.config.geometry, options_.device,
+      [&](std::int64_t done, std::int64_t) { progress.update(done); });
+  progress.finish();
+  std::vector<core::CameraPose> recorded;
+  for (const auto& view : set_.held_out) recorded.push_back(view.T_world_camera);
+  add_change("held_out_pose", renderer::pose_change(recorded, poses));
+  HeldOutQuality quality = held_out_quality(renderer, set_, {poses, exposures_});
+  const auto listing = quality.listing("held_out_aligned_");
+  statistics_.insert(statistics_.end(), listing.begin(), listing.end());
+  return quality;
+}
+
+void TrainingRun::add_change(const std::string& prefix, const renderer::PoseChange& change) {
+  const double degrees = 180.0 / std::numbers::pi;
+  statistics_.insert(statistics_.end(),
+                     {{prefix + "_mean_shift_m", change.mean_m},
+                      {prefix + "_largest_shift_m", change.largest_m},
+                      {prefix + "_mean_turn_deg", change.mean_rad * degrees},
+                      {prefix + "_largest_turn_deg", change.largest_rad * degrees}});
+}
+
+std::int64_t TrainingRun::load_head(renderer::PanopticHead& head) {
+  if (!options_.resume || !fs::exists(head_state()) || !fs::exists(head_mark())) return 0;
+  std::ifstream in(head_mark());
+  std::string identity;
+  std::int64_t iteration = 0;
+  in >> identity >> iteration;
+  if (!in || identity != identity_ || iteration < 0) {
+    throw core::InputError::expected(head_mark().string(), "a state of this run",
+                                     "that of a run with other options or data");
+  }
+  head.load(head_state());
+  return iteration;
+}
+
+void TrainingRun::save_head(const renderer::PanopticHead& head, std::int64_t iteration) {
+  // Without its mark a state is not used, so a kill in between costs time, not correctness.
+  fs::remove(head_mark());
+  head.save(head_state());
+  core::write_file_atomically(
+      head_mark(), [&](std::ostream& out) { out << identity_ << ' ' << iteration << '\n'; });
+}
+
+std::shared_ptr<const renderer::PanopticField> TrainingRun::train_head(TrainedScene& scene) {
+  const Clock::time_point start = Clock::now();
+  const auto views =
+      renderer::make_training_views(set_, scene.surfels, options_.device, poses_);
+  const renderer::PanopticTrainingConfig& config = options_.config.panoptic;
+  renderer::PanopticHeadInputs inputs;
+  inputs.position_m = scene.surfels.position_m;
+  inputs.classes = set_.classes;
+  inputs.frames = views->count();
+  inputs.cuda_device = renderer::trains_on_gpu(options_.device) ? 0 : -1;
+  inputs.query_seeds = renderer::seed_queries(*views, config, options_.seed);
+  const auto head =
+      renderer::make_panoptic_head(options_.head, std::move(inputs), config, options_.seed);
+
+  renderer::PanopticTrainingRun run;
+  run.config = config;
+  run.classes = set_.classes;
+  run.seed = options_.seed;
+  run.first_iteration = load_head(*head);
+  run.warp = options_.head == "panoptic-splatting" || config.loss.warp > 0.0;
+  core::Progress progress("train labels", config.iterations);
+  const auto surfels = std::make_shared<const SurfelCloud>(scene.surfels);
+  run.on_progress = [&](const renderer::PanopticProgress& p) {
+    char note[64];
+    std::snprintf(note, sizeof note, "loss %.4f",
+                  p.losses.empty() ? 0.0 : p.losses.back().value);
+    progress.update(p.iteration, note);
+    if (p.iteration % 10 == 0) {
+      for (const renderer::NamedLoss& loss : p.losses) {
+        losses_->add("labels", p.iteration, seconds_since(begin_),
+                     static_cast<std::int64_t>(surfels->size()), loss.name, loss.value);
+      }
+    }
+    if (checkpoint_due_.due()) save_head(*head, p.iteration);
+    if (preview_due_.due()) {
+      write_preview(options_.work / "preview.png", set_, surfels,
+                    std::make_shared<const renderer::PanopticField>(head->result().field),
+                    options_.device.threads);
+    }
+    return !out_of_time(1.0);
+  };
+  const std::int64_t iterations =
+      naming_state([&] { return train_panoptic(*views, *head, run); });
+  progress.finish();
+  save_head(*head, iterations);
+
+  renderer::PanopticResult result = head->result();
+  scene.model = std::move(result.model);
+  scene.surfels.semantic_feature = std::move(result.semantic_feature);
+  scene.surfels.instance_feature = std::move(result.instance_feature);
+  renderer::label_surfels(result.field, scene.surfels);
+  scene.instances = renderer::instances_of(scene.surfels, scene.classes);
+  statistics_.emplace_back("label_iterations", static_cast<double>(iterations));
+  statistics_.emplace_back("label_seconds", seconds_since(start));
+  return std::make_shared<const renderer::PanopticField>(std::move(result.field));
+}
+
+}  // namespace
+
+TrainingSet load_set(const renderer::RgbdSequence& recording, const TrainingOptions& options) {
+  std::unique_ptr<renderer::MaskSet> masks;
+  if (!options.masks.empty()) masks = renderer::open_masks(options.masks, recording.classes());
+  std::unique_ptr<core::Progress> progress;
+  renderer::TrainingSet set = renderer::load_training_set(
+      recording, masks.get(), options.set, [&](std::int64_t done, std::int64_t total) {
+        if (!progress) progress = std::make_unique<core::Progress>("load frames", total);
+        progress->update(done);
+      });
+  for (const std::string& warning : set.warnings) {
+    std::fprintf(stderr, "warning: %s\n", warning.c_str());
+  }
+  return set;
+}
+
+std::string training_identity(const TrainingOptions& options, const TrainingSet& set,
+                              const SurfelCloud& start) {
+  std::string text = renderer::training_config_text(options.config);
+  text += options.head + " seed " + std::to_string(options.seed) + " start " +
+          core::sha256_hex(std::as_bytes(std::span(start.position_m))) + " masks " +
+          fs::weakly_canonical(options.masks).string() + " size " +
+          std::to_string(set.intrinsics.width_px) + " x " +
+          std::to_string(set.intrinsics.height_px);
+  for (const auto& view : set.training) text += ' ' + view.name;
+  return core::sha256_hex(text);
+}
+
+void remove_training_state(const fs::path& work) {
+  for (const char* name : {kGeometryState, kHeadState, kHeadMark}) fs::remove(work / name);
+}
+
+TrainedScene train_scene(const TrainingSet& set, const SurfelCloud& start,
+                         const TrainingOptions& options) {
+  return TrainingRun(set, start, options).run();
+}
+
+}  // namespace segsim::experiments

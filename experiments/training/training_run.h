@@ -1,0 +1,77 @@
+#pragma once
+
+/// @file
+/// Lifted surfels -> trained surfels with labels: geometry first, then a panoptic head on the
+/// frozen result (docs/training.md). Long, so it can be stopped and gone on with:
+///
+///     <work>/geometry.state, <work>/head.state   everything that training needs to go on
+///     <work>/preview.png                         rendered | recorded | panoptic, every few s
+///     <work>/losses.csv                          iteration, losses, surfels, seconds
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/scene_bundle.h"
+#include "experiments/training/training_evaluation.h"
+#include "renderer/datasets/rgbd_sequence.h"
+#include "renderer/panoptic_field.h"
+#include "renderer/surfels.h"
+#include "renderer/training/geometry_training.h"
+#include "renderer/training/training_config.h"
+#include "renderer/training/training_set.h"
+
+namespace segsim::experiments {
+
+struct TrainingOptions {
+  renderer::TrainingConfig config;
+  std::string head = "query";   ///< panoptic_head_names(), or "none": shape and colour only.
+  std::filesystem::path masks;  ///< Folder of per-view masks; empty: the recording's labels.
+  renderer::TrainingSetOptions set;
+  renderer::GeometryDevice device;
+  std::uint64_t seed = 1;
+  std::filesystem::path work;   ///< Folder of the state.
+  bool resume = false;          ///< Go on from the state if there is one; else begin anew.
+  bool align_held_out = false;  ///< Also test at poses that fit the surfels best.
+  double time_limit_s = 0.0;    ///< > 0: geometry may use 60 % of it, the head the rest.
+  double checkpoint_every_s = 60.0, preview_every_s = 15.0;
+};
+
+struct TrainedScene {
+  renderer::SurfelCloud surfels;                 ///< With ids if a head was trained.
+  std::optional<renderer::PanopticModel> model;  ///< Of query heads.
+  /// Label distributions of the surfels; nullptr without a head.
+  std::shared_ptr<const renderer::PanopticField> field;
+  std::vector<core::SceneClass> classes;
+  std::vector<core::SceneInstance> instances;
+  HeldOutQuality quality;
+  std::optional<HeldOutQuality> aligned_quality;  ///< With align_held_out.
+  /// T_world_camera of the training views; empty unless training moved them.
+  std::vector<core::CameraPose> refined_poses;
+  std::vector<std::pair<std::string, double>> statistics;  ///< For the manifest.
+};
+
+/// Loads frames and masks as the options say.
+[[nodiscard]] renderer::TrainingSet load_set(const renderer::RgbdSequence& recording,
+                                             const TrainingOptions& options);
+
+/// @param start  From lift() of the training frames, or start_from_cloud().
+/// @throws core::InputError: a state of another run, no GPU; a loss that is not finite or too
+///     little memory, with the last state kept.
+[[nodiscard]] TrainedScene train_scene(const renderer::TrainingSet& set,
+                                       const renderer::SurfelCloud& start,
+                                       const TrainingOptions& options);
+
+/// What a state belongs to: other settings, frames or seeds are another run.
+[[nodiscard]] std::string training_identity(const TrainingOptions& options,
+                                            const renderer::TrainingSet& set,
+                                            const renderer::SurfelCloud& start);
+
+/// Removes what is only good for going on; pictures and losses stay.
+void remove_training_state(const std::filesystem::path& work);
+
+}  // namespace segsim::experiments
