@@ -13,7 +13,7 @@ fi
 source "$(dirname "${BASH_SOURCE[0]}")/../tools/setup.sh"
 cd "$root"
 
-install_packages
+install_packages debian_packages.txt
 build release segsim
 
 work=out/flat

@@ -21,7 +21,7 @@ if [[ -z ${SEGSIM_DATA:-} && -d $root/../shared/data ]]; then
   export SEGSIM_DATA
 fi
 
-install_packages
+install_packages debian_packages.txt debian_test_packages.txt
 build "$preset"
 
 # The GPU renderer compiles wherever there is a CUDA compiler; it is run where there is a GPU.

@@ -1,18 +1,18 @@
 # Sourced by experiments/quickstart.sh and tests/run.sh: installs what is missing and builds.
-# Defines: say, fail, install_packages, build <preset>.
+# Defines: say, fail, install_packages <list...>, build <preset>.
 
 say() { printf '\n== %s\n' "$*"; }
 fail() { printf 'error: %s\n' "$*" >&2; exit 3; }
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 
-install_packages() {
-  command -v dpkg-query >/dev/null || fail "this script installs Debian packages; on another system install the equivalents of tools/debian_packages.txt and run cmake --preset release"
+install_packages() {  # install_packages <file below tools/>...
+  command -v dpkg-query >/dev/null || fail "this script installs Debian packages; on another system install the equivalents of $* in tools/ and run cmake --preset release"
   local missing=() package
   while read -r package; do
     [[ -z $package || $package == \#* ]] && continue
     dpkg-query -W -f='${Status}' "$package" 2>/dev/null | grep -q 'ok installed' || missing+=("$package")
-  done < "$root/tools/debian_packages.txt"
+  done < <(cd "$root/tools" && cat "$@")
   if ((${#missing[@]} == 0)); then
     say "Debian packages: all installed"
     return

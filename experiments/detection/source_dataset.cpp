@@ -7,7 +7,7 @@
 
 #include "core/file_io.h"
 #include "core/progress.h"
-#include "experiments/training/step_record.h"
+#include "experiments/runs/step_record.h"
 #include "perception/box_labels.h"
 #include "perception/dataset.h"
 #include "perception/image_file.h"

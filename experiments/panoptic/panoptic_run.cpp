@@ -14,7 +14,7 @@
 #include "experiments/scenes/reconstruct.h"
 #include "experiments/scenes/scene_source.h"
 #include "experiments/training/mask_quality.h"
-#include "experiments/training/step_record.h"
+#include "experiments/runs/step_record.h"
 #include "experiments/training/training_run.h"
 #include "renderer/cpu_renderer.h"
 #include "renderer/datasets/label_map.h"

@@ -17,7 +17,7 @@
 #include "experiments/detection/view_labels.h"
 #include "experiments/scenes/reconstruct.h"
 #include "experiments/scenes/scene_source.h"
-#include "experiments/training/step_record.h"
+#include "experiments/runs/step_record.h"
 #include "perception/dataset.h"
 #include "perception/training.h"
 #include "perception/weights_file.h"

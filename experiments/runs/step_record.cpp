@@ -1,4 +1,4 @@
-#include "experiments/training/step_record.h"
+#include "experiments/runs/step_record.h"
 
 #include <ostream>
 
