@@ -5,13 +5,14 @@
 ///
 ///     train_pack PACK [--geometry 7000] [--labels 15000] [--head query] [--max-surfels N]
 ///                [--masks PACK2]... [--sh 2] [--exposure 0.001] [--pose-rate 0.001]
+///                [--loss-depth 0.1] [--loss-normal 0.05] [--position-rate 1]
 ///                [--fixed-order] [--start IN.ply] [--out OUT.ply]
 ///
 /// `segsim reconstruct --export-pack` writes packs, and `--start OUT.ply --iterations 0` makes
 /// a bundle of what comes back. --exposure is the rate of every image's gain, --pose-rate
-/// that of its pose [rad and m]. --start takes other surfels than the pack's, --out keeps the
-/// trained ones; --masks trains the labels once more with the masks of another pack of the
-/// same views.
+/// that of its pose [rad and m]; --position-rate is a factor on that of positions. --start
+/// takes other surfels than the pack's, --out keeps the trained ones; --masks trains the
+/// labels once more with the masks of another pack of the same views.
 
 #include <chrono>
 #include <cstdio>
@@ -78,6 +79,14 @@ Flags parse(int argc, char** argv) {
       flags.geometry.sh_degree = std::stoi(value());
     } else if (word == "--exposure") {
       flags.geometry.rate.exposure = std::stod(value());
+    } else if (word == "--loss-depth") {
+      flags.geometry.loss.depth = std::stod(value());
+    } else if (word == "--loss-normal") {
+      flags.geometry.loss.normal = std::stod(value());
+    } else if (word == "--position-rate") {
+      const double factor = std::stod(value());
+      flags.geometry.rate.position *= factor;
+      flags.geometry.rate.position_final *= factor;
     } else if (word == "--pose-rate") {
       flags.geometry.rate.pose_rotation = std::stod(value());
       flags.geometry.rate.pose_translation = flags.geometry.rate.pose_rotation;
