@@ -49,6 +49,22 @@ HttpReply binary_reply(const char* type, std::string body, bool keeps) {
   return {200, type, std::move(body), keeps};
 }
 
+/// Asks the workers of a run for pictures, and reads what they have sent so far. Those of a
+/// run that is over are left alone: asking would put a folder beside its results.
+struct LiveAnswer {
+  bool could_ask = true;
+  std::vector<internal::LiveFile> files;
+};
+LiveAnswer ask_workers(const internal::RunSnapshot& run) {
+  LiveAnswer answer;
+  if (!run.stored.run.ended.empty()) return answer;
+  for (const fs::path& folder : run.live_folders) {
+    answer.could_ask = internal::ask_for_live_files(folder) && answer.could_ask;
+  }
+  answer.files = internal::read_live_files(run.live_folders);
+  return answer;
+}
+
 /// A library of the distribution, from the one place where it is installed.
 HttpReply library_reply(const fs::path& file, const char* package) {
   std::error_code error;
@@ -146,12 +162,7 @@ struct Dashboard::Impl {
     Json json{{"runs", Json::array()}, {"problems", Json::array()}};
     const std::string now = utc_now();
     for (const RunPointer& run : index.runs()) {
-      const bool over = !run->stored.run.ended.empty();
-      // Asking would put a folder beside the results of a run that is long over.
-      if (!over) internal::ask_for_live_files(run->stored.folder);
-      const auto live = over ? std::vector<internal::LiveFile>{}
-                             : internal::read_live_files(run->stored.folder);
-      json["runs"].push_back(internal::overview_json(*run, live, now));
+      json["runs"].push_back(internal::overview_json(*run, ask_workers(*run).files, now));
     }
     for (const std::string& problem : index.problems()) json["problems"].push_back(problem);
     return json_reply(json);
@@ -169,7 +180,7 @@ struct Dashboard::Impl {
           internal::trials_json(run, static_cast<std::size_t>(*offset), kTrialsPerPage));
     }
     if (rest[0] == "workers" && rest.size() == 3) {
-      const auto part = internal::read_live_part(run.stored.folder, rest[1], rest[2]);
+      const auto part = internal::read_live_part(run.live_folders, rest[1], rest[2]);
       if (!part) return not_found("no such picture of a worker");
       return binary_reply(rest[2].ends_with(".png") ? "image/png" : "image/jpeg", *part,
                           false);
@@ -188,14 +199,11 @@ struct Dashboard::Impl {
   }
 
   static HttpReply whole_run(const internal::RunSnapshot& run) {
-    const bool over = !run.stored.run.ended.empty();
-    const bool asked = over || internal::ask_for_live_files(run.stored.folder);
-    const auto live = over ? std::vector<internal::LiveFile>{}
-                           : internal::read_live_files(run.stored.folder);
-    Json json = internal::overview_json(run, live, utc_now());
-    json["can_ask"] = asked;
+    const LiveAnswer live = ask_workers(run);
+    Json json = internal::overview_json(run, live.files, utc_now());
+    json["can_ask"] = live.could_ask;
     json["live"] = Json::array();
-    for (const internal::LiveFile& file : live) {
+    for (const internal::LiveFile& file : live.files) {
       Json worker = Json::parse(file.header);
       worker["worker"] = file.worker;
       worker["age_s"] = file.age_s;
@@ -213,7 +221,7 @@ struct Dashboard::Impl {
       if (!fs::exists(run.stored.folder / trial.log, error)) continue;
       return internal::bundle_of(run.stored, *viewer.log(run.stored, trial));
     }
-    for (const internal::LiveFile& file : internal::read_live_files(run.stored.folder)) {
+    for (const internal::LiveFile& file : internal::read_live_files(run.live_folders)) {
       const Json trial = Json::parse(file.header).value("trial", Json::object());
       if (trial.value("scene", "") == scene) return fs::path(trial.value("bundle", ""));
     }

@@ -98,6 +98,10 @@ void LiveView::begin(LiveTrial trial) {
   last_tick_.reset();
 }
 
+double LiveView::watched_s() const {
+  return first_write_ ? Seconds(Clock::now() - *first_write_).count() : 0.0;
+}
+
 bool LiveView::due(Clock::time_point now) {
   if (broken_) return false;
   if (now >= next_look_) {
@@ -126,6 +130,7 @@ void LiveView::add(const sim::TickRecord& tick, const core::Frame& frame,
     path_.emplace_back(at_m, tick.mode);
   }
   if (due(now)) {
+    if (!first_write_) first_write_ = now;
     try {
       write(tick, frame, detections, policy.view());
       written_ = true;
@@ -192,6 +197,7 @@ std::string LiveView::header(
              {{"origin", json_point(view.origin_m)},
               {"resolution_m", view.resolution_m},
               {"size", {view.cells.width_px(), view.cells.height_px()}}}},
+            {"cost", {{"spent_s", rounded(spent_s_)}, {"of_s", rounded(watched_s())}}},
             {"stages", Json::array()},
             {"parts", Json::array()}};
   for (const core::Detection& d : detections) {

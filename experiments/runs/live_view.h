@@ -80,6 +80,7 @@ class LiveView {
     double age_ms = 0;  ///< Of the image in use, simulated.
   };
   [[nodiscard]] bool due(Clock::time_point now);
+  [[nodiscard]] double watched_s() const;  ///< Since the first file.
   void write(const sim::TickRecord& tick, const core::Frame& frame,
              std::span<const core::Detection> detections, const core::PolicyView& view);
   [[nodiscard]] std::string header(
@@ -93,7 +94,7 @@ class LiveView {
   std::vector<std::pair<glm::dvec2, core::PolicyMode>> path_;
   std::deque<StageTimes> times_;
   StageTimes pending_;
-  std::optional<Clock::time_point> last_tick_;
+  std::optional<Clock::time_point> last_tick_, first_write_;
   Clock::time_point next_look_, next_write_;
   bool watched_ = false, broken_ = false, written_ = false;
   double spent_s_ = 0.0;

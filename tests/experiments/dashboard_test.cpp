@@ -3,6 +3,7 @@
 #include <atomic>
 #include <cstring>
 #include <fstream>
+#include <set>
 
 #include <gmock/gmock.h>
 #include <sqlite3.h>
@@ -12,6 +13,7 @@
 #include "dashboard_fixture.h"
 #include "experiments/dashboard/internal/http_server.h"
 #include "experiments/dashboard/internal/live_files.h"
+#include "experiments/dashboard/internal/run_index.h"
 #include "experiments/dashboard/internal/run_json.h"
 #include "experiments/dashboard/internal/scene_viewer.h"
 
@@ -373,6 +375,69 @@ TEST(Dashboard, AnUnfinishedRunIsInterim) {
   EXPECT_EQ(served.get("/api/runs/" + key + "/scenes/0/floor.json").status, 404);
 }
 
+TEST(Dashboard, ShardsAreOneRun) {
+  const TemporaryFolder folder;
+  const fs::path work = folder.path() / "work";
+  constexpr int kEpisodes = 10;
+  Store whole(work / "results.sqlite");
+  const std::int64_t merged = begin_made_up_run(whole, kEpisodes);
+  for (int part = 0; part < 2; ++part) {
+    Store store(work / "shards" / (std::to_string(part) + "-of-2") / "results.sqlite");
+    const std::int64_t id = begin_made_up_run(store, kEpisodes);
+    for (int k = part; k < kEpisodes - 1; k += 2) {
+      for (const char* arm : {"before", "after"}) store.add_trial(id, made_up_trial(k, arm));
+    }
+    store.end_run(id);
+  }
+  const ServedFolder served(folder.path());
+  const std::string key = served.only_run();
+  const auto run = [&] { return served.get("/api/runs/" + key).json(); };
+  EXPECT_EQ(run()["done"], 18);
+  EXPECT_EQ(run()["planned"], 20);
+  EXPECT_EQ(run()["folder"], work.string());
+  EXPECT_TRUE(run()["interim"]);  // That both parts have ended says nothing.
+  EXPECT_TRUE(fs::exists(work / "shards" / "1-of-2" / "live" / "watched"));
+  const nlohmann::json trials = served.get("/api/runs/" + key + "/trials").json();
+  std::set<int> ids;
+  for (const auto& trial : trials["trials"]) ids.insert(trial["id"].get<int>());
+  EXPECT_EQ(ids.size(), 18U);
+
+  // Merging doubles nothing; a trial that failed in a part and succeeded here counts once.
+  for (int k = 0; k < kEpisodes; ++k) {
+    for (const char* arm : {"before", "after"}) whole.add_trial(merged, made_up_trial(k, arm));
+  }
+  for (int polls = 0; polls < 200 && run()["done"] != 20; ++polls) ::usleep(50'000);
+  EXPECT_EQ(run()["done"], 20);
+  EXPECT_EQ(run()["failed"], 0);
+  EXPECT_EQ(run()["arms"][1]["successes"], 8);
+  EXPECT_EQ(run()["pair"]["pairs"], 10);
+}
+
+TEST(DashboardShards, FinishedTrialsComeBeforeFailedOnes) {
+  const auto part = [](const char* folder, int episode, bool failed) {
+    auto run = std::make_shared<internal::RunSnapshot>();
+    run->stored.folder = folder;
+    run->stored.run.started = "2026-01-31T12:00:00Z";
+    TrialRow trial = made_up_trial(episode, "after");
+    trial.trial_id = 7;
+    trial.log = "logs/x.json.gz";
+    if (failed) trial.outcome = "error";
+    run->stored.trials = {trial};
+    run->finish_times = {"2026-01-31T12:00:0" + std::to_string(episode) + "Z"};
+    return run;
+  };
+  const internal::RunPointer both = internal::combined_run(
+      "/work", nullptr,
+      {part("/work/shards/0-of-3", 1, true), part("/work/shards/1-of-3", 1, false),
+       part("/work/shards/2-of-3", 2, true)});
+  ASSERT_EQ(both->stored.trials.size(), 2U);
+  EXPECT_FALSE(both->stored.trials[0].failed());
+  EXPECT_EQ(both->stored.trials[0].log, "shards/1-of-3/logs/x.json.gz");
+  EXPECT_TRUE(both->stored.trials[1].failed());
+  EXPECT_NE(both->stored.trials[0].trial_id, both->stored.trials[1].trial_id);
+  EXPECT_EQ(both->finish_times.front(), "2026-01-31T12:00:02Z");
+}
+
 TEST(Dashboard, OlderDatabasesAreLeftAsTheyAre) {
   const TemporaryFolder folder;
   { const Store store(folder.path() / "results.sqlite"); }
@@ -429,11 +494,11 @@ TEST(DashboardLive, FilesThatAreNoneAreLeftOut) {
   write(".good.tmp1.live", good + "\nabcde");
   write("good.txt", good + "\nabcde");
   std::vector<std::string> names;
-  for (const auto& file : internal::read_live_files(folder.path()))
+  for (const auto& file : internal::read_live_files({folder.path()}))
     names.push_back(file.worker);
   EXPECT_THAT(names, ElementsAre("good", "odd", "short"));
   const auto part = [&](const std::string& worker, const std::string& name) {
-    return internal::read_live_part(folder.path(), worker, name).value_or("none");
+    return internal::read_live_part({folder.path()}, worker, name).value_or("none");
   };
   EXPECT_EQ(part("good", "camera.jpg"), "abc");
   EXPECT_EQ(part("good", "cells.png"), "de");

@@ -87,7 +87,7 @@ TEST_F(LiveViewFiles, AreOnlyThereWhileSomebodyWatches) {
     tick(live, 0.0);
     file = live.file();
     ASSERT_TRUE(fs::exists(file));
-    const auto workers = internal::read_live_files(folder_.path());
+    const auto workers = internal::read_live_files({folder_.path()});
     ASSERT_EQ(workers.size(), 1U);
     const auto json = nlohmann::json::parse(workers[0].header);
     EXPECT_EQ(json["trial"]["goal_class"], "couch");
@@ -97,7 +97,7 @@ TEST_F(LiveViewFiles, AreOnlyThereWhileSomebodyWatches) {
     EXPECT_EQ(json["stages"][0][2], 7.0);
     EXPECT_GE(json["stages"][0][4], 3.0);  // The policy slept so long.
     const auto part = [&](const char* name) {
-      return internal::read_live_part(folder_.path(), workers[0].worker, name).value_or("");
+      return internal::read_live_part({folder_.path()}, workers[0].worker, name).value_or("");
     };
     EXPECT_THAT(part("camera.jpg"), StartsWith("\xff\xd8\xff"));
     EXPECT_THAT(part("panoptic.jpg"), StartsWith("\xff\xd8\xff"));
@@ -176,7 +176,7 @@ TEST(LiveViewOfARun, ChangesNoResult) {
   EXPECT_EQ(plain.size(), 6U);
   EXPECT_FALSE(fs::exists(folder.path() / "plain" / kLiveFolder));
   EXPECT_EQ(hashes("watched", true), plain);
-  EXPECT_TRUE(internal::read_live_files(folder.path() / "watched").empty());
+  EXPECT_TRUE(internal::read_live_files({folder.path() / "watched"}).empty());
 }
 
 }  // namespace

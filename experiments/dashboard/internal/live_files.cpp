@@ -38,16 +38,18 @@ bool is_live_header(const Json& json) {
 }
 
 /// Worker and path of each file that is new enough.
-std::vector<std::pair<std::string, fs::path>> recent_files(const fs::path& folder) {
+std::vector<std::pair<std::string, fs::path>> recent_files(
+    const std::vector<fs::path>& folders) {
   std::vector<std::pair<std::string, fs::path>> files;
-  std::error_code error;
-  for (const fs::directory_entry& entry :
-       fs::directory_iterator(folder / kLiveFolder, error)) {
-    const fs::path& file = entry.path();
-    std::error_code gone;
-    if (file.extension() != kLiveEnding || file.filename().string().front() == '.') continue;
-    if (age_of(file, gone) > kForgottenAfter_s || gone) continue;
-    files.emplace_back(file.stem().string(), file);
+  for (const fs::path& folder : folders) {
+    std::error_code error;
+    for (const auto& entry : fs::directory_iterator(folder / kLiveFolder, error)) {
+      const fs::path& file = entry.path();
+      std::error_code gone;
+      if (file.extension() != kLiveEnding || file.filename().string().front() == '.') continue;
+      if (age_of(file, gone) > kForgottenAfter_s || gone) continue;
+      files.emplace_back(file.stem().string(), file);
+    }
   }
   std::sort(files.begin(), files.end());
   if (files.size() > kMostWorkers) files.resize(kMostWorkers);
@@ -65,9 +67,9 @@ bool ask_for_live_files(const fs::path& folder) {
   return static_cast<bool>(std::ofstream(marker));
 }
 
-std::vector<LiveFile> read_live_files(const fs::path& folder) {
+std::vector<LiveFile> read_live_files(const std::vector<fs::path>& folders) {
   std::vector<LiveFile> live;
-  for (const auto& [worker, file] : recent_files(folder)) {
+  for (const auto& [worker, file] : recent_files(folders)) {
     std::error_code error;
     const double age_s = age_of(file, error);
     std::ifstream in(file, std::ios::binary);
@@ -79,9 +81,9 @@ std::vector<LiveFile> read_live_files(const fs::path& folder) {
   return live;
 }
 
-std::optional<std::string> read_live_part(const fs::path& folder, const std::string& worker,
-                                          const std::string& part) {
-  const auto files = recent_files(folder);
+std::optional<std::string> read_live_part(const std::vector<fs::path>& folders,
+                                          const std::string& worker, const std::string& part) {
+  const auto files = recent_files(folders);
   const auto found = std::find_if(files.begin(), files.end(),
                                   [&](const auto& file) { return file.first == worker; });
   if (found == files.end()) return std::nullopt;

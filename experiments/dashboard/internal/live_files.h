@@ -21,11 +21,13 @@ struct LiveFile {
 bool ask_for_live_files(const std::filesystem::path& folder);
 
 /// Of all workers that were heard of lately, by name. Files that are none are left out.
-[[nodiscard]] std::vector<LiveFile> read_live_files(const std::filesystem::path& folder);
+/// @param folders  Of the results of one run.
+[[nodiscard]] std::vector<LiveFile> read_live_files(
+    const std::vector<std::filesystem::path>& folders);
 
 /// One part of a worker's file, as "camera.jpg"; none if there is no such worker or part.
-[[nodiscard]] std::optional<std::string> read_live_part(const std::filesystem::path& folder,
-                                                        const std::string& worker,
-                                                        const std::string& part);
+[[nodiscard]] std::optional<std::string> read_live_part(
+    const std::vector<std::filesystem::path>& folders, const std::string& worker,
+    const std::string& part);
 
 }  // namespace segsim::experiments::internal

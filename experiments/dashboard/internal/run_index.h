@@ -1,7 +1,8 @@
 #pragma once
 
 /// @file
-/// The runs below some folders, read again when their databases change.
+/// The runs below some folders, read again when their databases change. The parts of a run
+/// that lie in WORK/shards/NAME (docs/scale_out.md) are shown as one run of WORK.
 
 #include <chrono>
 #include <cstdint>
@@ -24,8 +25,18 @@ struct RunSnapshot {
   ResultTable table;
   /// When the newest trials finished, newest first.
   std::vector<std::string> finish_times;
+  /// Where its workers may show themselves (live_files.h).
+  std::vector<std::filesystem::path> live_folders;
 };
 using RunPointer = std::shared_ptr<const RunSnapshot>;
+
+/// The parts of one run as one: trials of the same arm, episode and repetition count once,
+/// finished ones before failed ones, those of shards before those of `merged`. Trials have new
+/// numbers. @param merged  Of the work folder itself; may be null.
+/// @param shards  At least one.
+[[nodiscard]] RunPointer combined_run(const std::filesystem::path& work,
+                                      const RunPointer& merged,
+                                      const std::vector<RunPointer>& shards);
 
 class RunIndex {
  public:
@@ -51,10 +62,12 @@ class RunIndex {
   void refresh();
   void look_for_databases();
   static void read(const std::filesystem::path& file, Database& database);
+  void combine();
 
   std::vector<std::filesystem::path> roots_;
   std::mutex mutex_;  // Guards what follows.
   std::map<std::filesystem::path, Database> databases_;
+  std::vector<RunPointer> shown_;  ///< Of all databases, shards combined; newest first.
   Clock::time_point next_look_;
 };
 

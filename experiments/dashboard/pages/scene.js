@@ -140,7 +140,7 @@
   controls.target.copy(centre);
   camera.position.set(centre.x - 0.2 * side, centre.y - 0.62 * side, 0.68 * side);
   // Points of about the size of the gaps between them.
-  node("size").value = 100 * side / Math.sqrt(Math.max(1, xyz.length / 3));
+  node("size").value = 130 * side / Math.sqrt(Math.max(1, xyz.length / 3));
   controls.update();
   controls.addEventListener("change", draw);
   window.addEventListener("resize", fit);
