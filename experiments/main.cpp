@@ -49,6 +49,7 @@ int main(int argc, char** argv) {
   experiments::add_plan_command(app);
   experiments::add_export_command(app);
   experiments::add_report_command(app);
+  experiments::add_serve_command(app);
   experiments::add_sensors_command(app);
   experiments::add_trial_command(app);
 

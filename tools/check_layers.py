@@ -31,7 +31,7 @@ LIBRARY_HOME = {  # library: the only folders that may include it
 }
 # Third-party types stay out of public headers, so that no includer pays for them.
 NOT_IN_HEADERS = re.compile(r"torch/|ATen/|pcl/|opencv2/|embree3/|assimp/|sdf/|ignition/|recastnavigation/|"
-                            r"GeographicLib/|yaml-cpp/|sqlite3|CLI/|onnx/|google/protobuf|Imf|OpenEXR/|hwy/")
+                            r"GeographicLib/|yaml-cpp/|sqlite3|CLI/|httplib|onnx/|google/protobuf|Imf|OpenEXR/|hwy/")
 INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]')
 SUFFIXES = {".h", ".cpp", ".cu", ".cuh"}
 

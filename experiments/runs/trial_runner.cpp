@@ -212,6 +212,23 @@ TrialLog make_log(const TrialScene& scene, const sim::TrialOptions& options,
   return log;
 }
 
+/// What people who watch are told of the trial.
+LiveTrial live_trial(const TrialTask& task, const TrialScene& scene,
+                     const std::vector<std::string>& detector_classes, double time_limit_s) {
+  return {task.scene->spec->name,
+          scene.scene_title,
+          scene.arm,
+          task.episode->id,
+          task.episode->class_name,
+          task.repetition,
+          scene.goal_index,
+          detector_classes,
+          fs::absolute(task.scene->bundle.folder).lexically_normal(),
+          time_limit_s,
+          task.episode->start,
+          scene.shortest_path_m};
+}
+
 int index_of(const std::vector<std::string>& names, const std::string& name) {
   const auto found = std::find(names.begin(), names.end(), name);
   return found == names.end() ? -1 : static_cast<int>(found - names.begin());
@@ -243,7 +260,7 @@ PreparedWeights weights_of(const ArmSpec& arm, const PreparedDetectors& detector
 
 TrialRunner::TrialRunner(const ExperimentSpec& spec, PreparedDetectors detectors,
                          fs::path work)
-    : spec_(spec), detectors_(std::move(detectors)), work_(std::move(work)) {}
+    : spec_(spec), detectors_(std::move(detectors)), work_(std::move(work)), live_(work_) {}
 
 void TrialRunner::set_renderer(const std::string& scene,
                                std::unique_ptr<core::Renderer> renderer) {
@@ -384,10 +401,14 @@ void TrialRunner::run_checked(const TrialTask& task, TrialRow& row) {
                 tick.fresh ? std::optional(image) : std::nullopt);
     if (video) video->add(tick, frame, detections, of.view());
     if (frames) frames->add(tick, frame);
+    live_.add(tick, frame, detections, of);
   };
 
   ReplayLog log = start_log(spec_, task);
-  RecordingDetector recorded(*slot.detector, log);
+  live_.begin(live_trial(task, scene, slot.detector->class_names(), spec_.time_limit_s));
+  TimedDetector timed(*slot.detector, live_);
+  TimedPolicy timed_policy(*policy, live_);
+  RecordingDetector recorded(timed, log);
   WitnessedDetector detector(recorded, slot.truth, witness);
   const fs::path log_file = work_ / "replays" / (stem + ".jsonl");
   std::optional<RecordingRenderer> kept_images;
@@ -395,7 +416,7 @@ void TrialRunner::run_checked(const TrialTask& task, TrialRow& row) {
   core::Renderer* const eye = kept_images ? &*kept_images : &renderer;
   sim::TrialResult result =
       sim::run_trial(episode, options, task.scene->world, task.scene->world.robot(), *eye,
-                     detector, *policy, &detector, observer);
+                     detector, timed_policy, &detector, observer);
   if (task.replay_log) write_replay_log(log_file, with_result(std::move(log), result));
   std::vector<double> distance_m;
   row.why = judge_trial(task, episode, scene.goal_index, witness, result, distance_m);

@@ -14,6 +14,7 @@
 #include "core/stages.h"
 #include "experiments/episodes/episodes.h"
 #include "experiments/results/trial_witness.h"
+#include "experiments/runs/live_view.h"
 #include "experiments/runs/prepare.h"
 #include "experiments/runs/spec.h"
 #include "experiments/scenes/floor_plan.h"
@@ -108,6 +109,7 @@ class TrialRunner {
   const ExperimentSpec& spec_;
   PreparedDetectors detectors_;
   std::filesystem::path work_;
+  LiveView live_;
   std::map<std::string, std::unique_ptr<core::Renderer>> renderers_;  ///< By scene.
   std::map<std::string, ArmDetectorSlot>
       slots_;  ///< By arm; the oracle's and prompted ones by scene and arm.

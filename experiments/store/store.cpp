@@ -118,6 +118,31 @@ Store::Store(const std::filesystem::path& file) : impl_(std::make_unique<Impl>()
   impl_->create_or_check_schema();
 }
 
+Store::Store(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+
+Store Store::for_reading(const std::filesystem::path& file) {
+  auto impl = std::make_unique<Impl>();
+  impl->file = file;
+  if (sqlite3_open_v2(file.c_str(), &impl->db, SQLITE_OPEN_READONLY, nullptr) != SQLITE_OK) {
+    throw core::InputError::expected(file.string(), "a results database",
+                                     sqlite3_errmsg(impl->db));
+  }
+  sqlite3_busy_timeout(impl->db, 2000);
+  impl->execute("BEGIN");  // All that follows sees one state.
+  if (impl->query_integer("SELECT COUNT(*) FROM sqlite_master WHERE name = 'meta'", 0) == 0) {
+    throw core::InputError::expected(file.string(), "a results database of segsim",
+                                     "another SQLite database");
+  }
+  const std::int64_t found = impl->query_integer("SELECT schema_version FROM meta", -1);
+  if (found != kSchemaVersion) {
+    throw core::InputError::expected(
+        file.string(), "schema version " + std::to_string(kSchemaVersion),
+        "version " + std::to_string(found) +
+            (found < kSchemaVersion ? " (`segsim table` brings it up to date)" : ""));
+  }
+  return Store(std::move(impl));
+}
+
 Store::~Store() = default;
 
 std::int64_t Store::begin_run(const RunRow& run, const std::vector<SceneRow>& scene_rows,
@@ -336,6 +361,16 @@ std::vector<TrialRow> Store::trials(std::int64_t run_id) const {
   }
   read_attributions(impl_->db, impl_->file, run_id, rows);
   return rows;
+}
+
+std::vector<std::string> Store::finish_times(std::int64_t run_id, int count) const {
+  Statement select(impl_->db, impl_->file,
+                   "SELECT finished FROM trial WHERE run_id = ? "
+                   "ORDER BY trial_id DESC LIMIT ?");
+  select.bind(run_id).bind(count);
+  std::vector<std::string> times;
+  while (select.step()) times.push_back(select.text());
+  return times;
 }
 
 std::string utc_now() {

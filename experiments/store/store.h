@@ -91,6 +91,10 @@ class Store {
   /// Opens the file, or makes it.
   /// @throws core::InputError if it is no such database or has another schema version.
   explicit Store(const std::filesystem::path& file);
+  /// For those who look on: opens an existing file without a change to it, and shows its state
+  /// of that moment whatever is written meanwhile.
+  /// @throws core::InputError also for a file of an older schema version.
+  [[nodiscard]] static Store for_reading(const std::filesystem::path& file);
   ~Store();
   Store(const Store&) = delete;
   Store& operator=(const Store&) = delete;
@@ -114,8 +118,12 @@ class Store {
   /// Ordered by scene, episode, repetition, arm, whatever the order in which they were added.
   [[nodiscard]] std::vector<TrialRow> trials(std::int64_t run_id) const;
 
+  /// When the newest trials finished: UTC, ISO 8601, newest first, at most `count`.
+  [[nodiscard]] std::vector<std::string> finish_times(std::int64_t run_id, int count) const;
+
  private:
   struct Impl;
+  explicit Store(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;
 };
 

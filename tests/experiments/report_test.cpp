@@ -1,8 +1,5 @@
 #include "experiments/report/report.h"
 
-#include <array>
-#include <cstdio>
-#include <cstdlib>
 #include <fstream>
 #include <regex>
 #include <set>
@@ -12,6 +9,7 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
+#include "browser.h"
 #include "experiments/runs/run.h"
 #include "perception/image_file.h"
 #include "tiny_scene.h"
@@ -23,6 +21,8 @@ namespace fs = std::filesystem;
 using testing::Contains;
 using testing::HasSubstr;
 using testing::Not;
+using tests::browse;
+using tests::Browsed;
 
 constexpr const char* kHostile = R"(<b>"x" & 'y'</b>)";
 
@@ -261,30 +261,6 @@ TEST_F(ReportOfARun, AMissingBundleIsSaidAndNoFailure) {
   expect_links_resolve(folder_->path() / "without");
 }
 
-struct Browsed {
-  std::string dom, log;
-};
-
-/// The page as a browser has it after its scripts have run.
-Browsed browse(const std::string& address, const fs::path& scratch) {
-  const fs::path log = scratch / "browser.log";
-  const std::string command =
-      "chromium --headless --no-sandbox --disable-gpu --disable-dev-shm-usage "
-      "--user-data-dir='" +
-      (scratch / "profile").string() +
-      "' --enable-logging=stderr --virtual-time-budget=10000 --window-size=1400,1000 "
-      "--dump-dom '" +
-      address + "' 2>'" + log.string() + "'";
-  Browsed browsed;
-  FILE* pipe = ::popen(command.c_str(), "r");
-  std::array<char, 4096> buffer{};
-  while (std::fgets(buffer.data(), buffer.size(), pipe) != nullptr)
-    browsed.dom += buffer.data();
-  ::pclose(pipe);
-  browsed.log = core::read_file(log);
-  return browsed;
-}
-
 int count_of(const std::string& text, const std::string& word) {
   int count = 0;
   for (std::size_t at = text.find(word); at != std::string::npos;
@@ -295,7 +271,7 @@ int count_of(const std::string& text, const std::string& word) {
 }
 
 TEST_F(ReportOfARun, OpensInABrowserWithoutAnError) {
-  if (std::system("command -v chromium >/dev/null 2>&1") != 0) {
+  if (!tests::has_browser()) {
     GTEST_SKIP() << "no chromium on this machine (Debian: apt-get install chromium)";
   }
   for (const fs::path& page : pages_of(report_)) {
