@@ -51,6 +51,7 @@ int main(int argc, char** argv) {
   experiments::add_report_command(app);
   experiments::add_sensors_command(app);
   experiments::add_trial_command(app);
+  experiments::add_video_command(app);
 
   try {
     app.parse(argc, argv);

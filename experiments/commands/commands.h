@@ -50,5 +50,6 @@ void add_compare_command(CLI::App& app);
 void add_plan_command(CLI::App& app);
 void add_export_command(CLI::App& app);
 void add_report_command(CLI::App& app);
+void add_video_command(CLI::App& app);
 
 }  // namespace segsim::experiments

@@ -14,7 +14,7 @@
 #include "experiments/runs/sensor_files.h"
 #include "experiments/runs/trial_log.h"
 #include "experiments/runs/trial_picture.h"
-#include "experiments/runs/trial_video.h"
+#include "experiments/video/trial_video.h"
 #include "nav/policy_factory.h"
 #include "perception/detector.h"
 #include "perception/image_file.h"
@@ -29,6 +29,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kVideoSpeed = 2.0;  // Twice as fast as simulated time.
+constexpr double kSnap_m = 0.30;     // As sim/trial.cpp measures the distance to the goal.
 
 double radians(double degrees) { return degrees * std::numbers::pi / 180.0; }
 
@@ -358,8 +359,10 @@ void TrialRunner::run_checked(const TrialTask& task, TrialRow& row) {
   scene.scene_title = task.scene->spec->title;
   scene.arm = task.arm->name;
   scene.goal_index = index_of(slot.detector->class_names(), episode.class_name);
-  scene.shortest_path_m = task.scene->world.distance_to(episode.view_points_m)
-                              .path_from({episode.start.x_m, episode.start.y_m});
+  const auto to_goal = std::make_shared<sim::DistanceField>(
+      task.scene->world.distance_to(episode.view_points_m));
+  scene.shortest_path_m = to_goal->path_from({episode.start.x_m, episode.start.y_m});
+  scene.distance_m = [to_goal](const glm::dvec2& p_m) { return to_goal->at(p_m, kSnap_m); };
 
   TrialWitness witness(task.scene->bundle.manifest, episode, scene.goal_index);
   std::optional<TrialVideo> video;
@@ -375,6 +378,7 @@ void TrialRunner::run_checked(const TrialTask& task, TrialRow& row) {
     frames.emplace(work_ / "frames" / stem, task.scene->bundle,
                    std::max(1, static_cast<int>(ticks)), renderer);
   }
+  if (task.viewer != nullptr) task.viewer->begin(scene, slot.detector->class_names());
   const sim::TickObserver observer = [&](const sim::TickRecord& tick, const core::Frame& frame,
                                          const std::vector<core::Detection>& detections,
                                          const core::Policy& of) {
@@ -383,6 +387,7 @@ void TrialRunner::run_checked(const TrialTask& task, TrialRow& row) {
     witness.add(static_cast<int>(std::lround(tick_index)), frame,
                 tick.fresh ? std::optional(image) : std::nullopt);
     if (video) video->add(tick, frame, detections, of.view());
+    if (task.viewer != nullptr) task.viewer->add(tick, frame, detections, of.view());
     if (frames) frames->add(tick, frame);
   };
 
@@ -401,6 +406,7 @@ void TrialRunner::run_checked(const TrialTask& task, TrialRow& row) {
   row.why = judge_trial(task, episode, scene.goal_index, witness, result, distance_m);
   copy_result(result, row);
   if (video) video->finish(result);
+  if (task.viewer != nullptr) task.viewer->finish(result);
   if (frames) frames->finish();
   if (!task.record) return;
   if (options.sensors) {

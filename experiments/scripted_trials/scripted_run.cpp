@@ -16,7 +16,7 @@
 #include "experiments/results/trial_witness.h"
 #include "experiments/runs/frame_recorder.h"
 #include "experiments/runs/sensor_files.h"
-#include "experiments/runs/trial_video.h"
+#include "experiments/video/trial_video.h"
 #include "experiments/scripted_trials/internal/script_metrics.h"
 #include "perception/detector.h"
 #include "perception/image_file.h"
