@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <optional>
 
 #include "core/error.h"
@@ -13,6 +12,7 @@
 #include "experiments/runs/frame_recorder.h"
 #include "experiments/runs/sensor_files.h"
 #include "experiments/runs/trial_log.h"
+#include "experiments/runs/trial_options.h"
 #include "experiments/runs/trial_picture.h"
 #include "experiments/video/trial_video.h"
 #include "nav/policy_factory.h"
@@ -30,8 +30,6 @@ namespace fs = std::filesystem;
 
 constexpr double kVideoSpeed = 2.0;  // Twice as fast as simulated time.
 constexpr double kSnap_m = 0.30;     // As sim/trial.cpp measures the distance to the goal.
-
-double radians(double degrees) { return degrees * std::numbers::pi / 180.0; }
 
 /// What is searched for in a scene, by the spec or by its episodes.
 std::vector<std::string> goal_names(const LoadedScene& scene) {
@@ -68,28 +66,15 @@ std::unique_ptr<core::Detector> load_arm_detector(const fs::path& file, const Ar
 }
 
 sim::TrialOptions trial_options(const ExperimentSpec& spec, const LoadedScene& loaded) {
-  const SceneSpec& scene = *loaded.spec;
   const sim::SuccessProfile rule = spec.success.rule();
-  sim::TrialOptions options;
-  options.control_period_s = spec.control_period_s;
-  options.time_limit_s = spec.time_limit_s;
+  sim::TrialOptions options =
+      base_trial_options(spec, loaded.spec->camera_height_m, loaded.sensors);
   // Rules of another kind are applied to the end of the trial, in judge_trial().
   const bool by_view_point = rule.rule == sim::SuccessRule::kViewPoint;
   options.success_distance_m =
       by_view_point ? rule.distance_m : sim::SuccessProfile{}.distance_m;
   options.require_visible = by_view_point && rule.require_visible;
   options.visible_pixels = spec.success.visible_pixels;
-  options.camera = spec.camera.intrinsics();
-  options.camera_height_m = scene.camera_height_m;
-  options.camera_pitch_down_rad = radians(spec.camera.pitch_down_deg);
-  options.depth_range_m = spec.camera.depth_range_m;
-  if (spec.localisation.odometry) {
-    options.odometry = sim::OdometryNoise::skid_steered_indoors();
-  }
-  options.localiser = spec.localisation.localiser;
-  options.sensors = loaded.sensors;
-  options.collision = spec.collision;
-  if (spec.slide_on_contact) options.contact_response = sim::ContactResponse::kSlide;
   return options;
 }
 
