@@ -52,6 +52,7 @@ int main(int argc, char** argv) {
   experiments::add_serve_command(app);
   experiments::add_sensors_command(app);
   experiments::add_trial_command(app);
+  experiments::add_video_command(app);
 
   try {
     app.parse(argc, argv);

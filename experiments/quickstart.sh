@@ -30,7 +30,8 @@ say "Done in $(((SECONDS - started) / 60)) min $(((SECONDS - started) % 60)) s. 
 cat <<TEXT
   table      $work/table.md            success rate before and after, with intervals
   pictures   $work/pictures/           one top-down picture for each trial: path, frontiers, goal, detections
-  video      $work/videos/             camera, panoptic image and map side by side
+  video      $work/videos/             camera, panoptic image and map side by side; the whole run in 80 s:
+                                  build/release/experiments/segsim video $work --demo
   database   $work/results.sqlite      one row a trial: sqlite3 $work/results.sqlite 'select * from trial limit 3'
   tracks     $work/tracks/             GeoJSON and KML for any map program
 

@@ -241,6 +241,7 @@ class Loop {
     TickRecord record;
     record.time_ns = now_ns;
     record.pose = drive_.pose();
+    record.estimate = drive_.estimate();
     record.in_contact = drive_.in_contact();
     bool goes_on = true;
     if (take_news(now_ns)) {

@@ -99,6 +99,7 @@ enum class Outcome : std::uint8_t {
 struct TickRecord {
   core::TimeNs time_ns = 0;
   core::Pose2 pose;
+  core::Pose2 estimate;  ///< Where the robot believes to be, in Odom.
   core::VelocityCommand command;
   core::PolicyMode mode = core::PolicyMode::kInitialize;
   bool in_contact = false;

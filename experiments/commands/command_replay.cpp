@@ -1,20 +1,16 @@
 // `segsim replay`: runs recorded trials again and compares them tick by tick.
 #include <algorithm>
 #include <cstdio>
-#include <map>
 #include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 
-#include <unistd.h>
 #include <CLI/CLI.hpp>
 
 #include "core/error.h"
 #include "core/version.h"
 #include "experiments/commands/commands.h"
-#include "experiments/runs/prepare.h"
-#include "experiments/runs/trial_runner.h"
+#include "experiments/runs/trial_replay.h"
 #include "experiments/timing/replay_log.h"
 
 namespace segsim::experiments {
@@ -51,135 +47,6 @@ std::vector<fs::path> log_files(const std::vector<fs::path>& paths) {
   return files;
 }
 
-/// The work folder that the log lies in: what stands before replays/.
-fs::path work_of(const fs::path& file) {
-  for (fs::path folder = fs::absolute(file).parent_path(); folder.has_relative_path();
-       folder = folder.parent_path()) {
-    if (folder.filename() == "replays") return folder.parent_path();
-  }
-  throw core::InputError::expected(file.string(), "a log below <work>/replays, or --work",
-                                   "another place");
-}
-
-/// A folder for what the replays write; gone in the end.
-class Scratch {
- public:
-  Scratch()
-      : path_(fs::temp_directory_path() / ("segsim-replay-" + std::to_string(getpid()))) {
-    fs::create_directories(path_);
-  }
-  ~Scratch() {
-    std::error_code ignored;
-    fs::remove_all(path_, ignored);
-  }
-  Scratch(const Scratch&) = delete;
-  Scratch& operator=(const Scratch&) = delete;
-  [[nodiscard]] const fs::path& path() const { return path_; }
-
- private:
-  fs::path path_;
-};
-
-/// The experiment that logs belong to: one spec, its scenes as they are needed.
-class Stage {
- public:
-  Stage(const ReplayLog& log, SpecFolders folders, bool from_log)
-      : text_(log.spec_text),
-        folders_(std::move(folders)),
-        spec_(parse_spec(log.spec_text, log.spec_file, folders_)) {
-    // Only the log of a replay is wanted.
-    spec_.pictures = false;
-    spec_.videos = Recorded::kNone;
-    spec_.frames.of = Recorded::kNone;
-    spec_.replays.images = false;
-    const bool needs_weights =
-        !from_log && std::any_of(spec_.arms.begin(), spec_.arms.end(), [](const ArmSpec& arm) {
-          return arm.detector != ArmDetector::kOracle;
-        });
-    if (needs_weights) {
-      std::vector<fs::path> bundles;
-      std::vector<Starts> starts;
-      for (const SceneSpec& scene : spec_.scenes) {
-        bundles.push_back(prepare_scene(spec_, scene, folders_.work));
-        starts.push_back(starts_of(load(scene)));
-      }
-      detectors_ = prepare_detectors(spec_, bundles, starts, folders_.work);
-    }
-    runner_ = std::make_unique<TrialRunner>(spec_, detectors_, scratch_.path());
-  }
-
-  [[nodiscard]] bool fits(const ReplayLog& log, const fs::path& work) const {
-    return log.spec_text == text_ && work == folders_.work;
-  }
-
-  /// The trial again. @throws core::InputError if what it needs is not what it was.
-  ReplayLog play(const ReplayLog& log, const fs::path& file, bool from_log) {
-    const ArmSpec* arm = spec_.find_arm(log.arm);
-    if (arm == nullptr) {
-      throw core::InputError::expected(file.string(), "an arm of its spec", log.arm);
-    }
-    const LoadedScene& scene = load(log, file);
-    const auto episode =
-        std::find_if(scene.episodes.episodes.begin(), scene.episodes.episodes.end(),
-                     [&](const sim::Episode& e) { return e.id == log.episode; });
-    if (episode == scene.episodes.episodes.end()) {
-      throw core::InputError::expected(file.string(), "an episode of its scene", log.episode);
-    }
-    TrialTask task;
-    task.scene = &scene;
-    task.episode = &*episode;
-    task.arm = arm;
-    task.repetition = log.repetition;
-    task.replay_log = true;
-    task.replay = &log;
-    task.replay_perception = from_log;
-    if (from_log && log.images) task.replay_images = replay_images(file);
-    const TrialRow row = runner_->run(task);
-    if (row.failed()) throw core::InputError(file.string() + ": " + row.error);
-    return read_replay_log(only_log());
-  }
-
- private:
-  const LoadedScene& load(const SceneSpec& wanted) {
-    auto& scene = scenes_[wanted.name];
-    if (scene == nullptr) {
-      scene = std::make_unique<LoadedScene>(load_scene(
-          spec_, wanted, prepare_scene(spec_, wanted, folders_.work), folders_.work));
-    }
-    return *scene;
-  }
-
-  const LoadedScene& load(const ReplayLog& log, const fs::path& file) {
-    const SceneSpec* wanted = spec_.find_scene(log.scene);
-    if (wanted == nullptr) {
-      throw core::InputError::expected(file.string(), "a scene of its spec", log.scene);
-    }
-    const LoadedScene& scene = load(*wanted);
-    if (scene.bundle.scene_sha256 != log.scene_sha256) {
-      throw core::InputError::expected(file.string(), "the scene as it was when the trial ran",
-                                       "another bundle in " + scene.bundle.folder.string());
-    }
-    return scene;
-  }
-
-  /// The log that the replay wrote; it is taken away for the next one.
-  fs::path only_log() const {
-    const fs::path kept = scratch_.path() / "log.jsonl";
-    for (const auto& entry : fs::recursive_directory_iterator(scratch_.path() / "replays")) {
-      if (entry.path().extension() == ".jsonl") fs::rename(entry.path(), kept);
-    }
-    return kept;
-  }
-
-  std::string text_;
-  SpecFolders folders_;
-  ExperimentSpec spec_;
-  PreparedDetectors detectors_;
-  Scratch scratch_;
-  std::unique_ptr<TrialRunner> runner_;
-  std::map<std::string, std::unique_ptr<LoadedScene>> scenes_;
-};
-
 /// @return  Whether the replay equals the record.
 bool report(const fs::path& file, const ReplayLog& recorded, const ReplayLog& replayed) {
   const Divergence found = first_divergence(recorded.ticks, replayed.ticks);
@@ -205,18 +72,17 @@ bool report(const fs::path& file, const ReplayLog& recorded, const ReplayLog& re
 }
 
 void replay(const ReplayFlags& flags) {
-  std::unique_ptr<Stage> stage;
+  std::unique_ptr<TrialReplay> stage;
   int different = 0;
   const std::vector<fs::path> files = log_files(flags.paths);
   for (const fs::path& file : files) {
     const ReplayLog log = read_replay_log(file);
     SpecFolders folders = flags.folders;
-    if (folders.work.empty()) folders.work = work_of(file);
+    if (folders.work.empty()) folders.work = work_of_replay(file);
     if (stage == nullptr || !stage->fits(log, folders.work)) {
-      stage.reset();  // Its scratch folder has the same name.
-      stage = std::make_unique<Stage>(log, folders, flags.from_log);
+      stage = std::make_unique<TrialReplay>(log, folders, flags.from_log);
     }
-    if (!report(file, log, stage->play(log, file, flags.from_log))) ++different;
+    if (!report(file, log, stage->play(log, file))) ++different;
   }
   if (flags.verify && different > 0) {
     throw core::CheckFailed(std::to_string(different) + " of " + std::to_string(files.size()) +

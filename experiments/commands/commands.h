@@ -51,5 +51,6 @@ void add_plan_command(CLI::App& app);
 void add_export_command(CLI::App& app);
 void add_report_command(CLI::App& app);
 void add_serve_command(CLI::App& app);
+void add_video_command(CLI::App& app);
 
 }  // namespace segsim::experiments

@@ -110,10 +110,10 @@ void MapCanvas::draw_knowledge(const core::PolicyView& view) {
   for (int y = 0; y < image_.rows; ++y) {
     cv::Vec3b* row = image_.ptr<cv::Vec3b>(y);
     const double y_m = origin_m_.y + (image_.rows - (y + 0.5)) / px_per_m_;
-    const int j = static_cast<int>(std::floor((y_m - view.origin_m.y) / view.resolution_m));
     for (int x = 0; x < image_.cols; ++x) {
       const double x_m = origin_m_.x + (x + 0.5) / px_per_m_;
-      const int i = static_cast<int>(std::floor((x_m - view.origin_m.x) / view.resolution_m));
+      const glm::dvec2 at = (view_.to_odom({x_m, y_m}) - view.origin_m) / view.resolution_m;
+      const int i = static_cast<int>(std::floor(at.x)), j = static_cast<int>(std::floor(at.y));
       const std::uint8_t cell = view.cells.contains(i, j) ? view.cells(i, j) : std::uint8_t{0};
       // Unknown fades to fog; obstacles get a red shade.
       const double keep = cell == 0 ? 0.30 : (cell == 2 ? 0.55 : 1.0);
@@ -128,7 +128,7 @@ void MapCanvas::draw_knowledge(const core::PolicyView& view) {
 
 void MapCanvas::draw_frontiers(const core::PolicyView& view) {
   for (const glm::dvec2& p : view.frontiers_m) {
-    disc(p, 3.2 * unit_, ink::kFrontier, cv::Scalar(0, 110, 150));
+    disc(view_.to_world(p), 3.2 * unit_, ink::kFrontier, cv::Scalar(0, 110, 150));
   }
 }
 
@@ -235,11 +235,10 @@ void MapCanvas::draw_objects(const core::PolicyView& view, int goal_index) {
   for (const core::PolicyView::Object& object : view.objects) {
     const bool goal = object.class_index == goal_index;
     const double r_m = (goal ? 6.5 : 3.0) * unit_ / px_per_m_;
+    const glm::dvec2 p_m = view_.to_world(object.position_m);
     const std::vector<std::vector<cv::Point>> diamond{
-        {fixed(px(object.position_m + glm::dvec2(r_m, 0.0))),
-         fixed(px(object.position_m + glm::dvec2(0.0, r_m))),
-         fixed(px(object.position_m - glm::dvec2(r_m, 0.0))),
-         fixed(px(object.position_m - glm::dvec2(0.0, r_m)))}};
+        {fixed(px(p_m + glm::dvec2(r_m, 0.0))), fixed(px(p_m + glm::dvec2(0.0, r_m))),
+         fixed(px(p_m - glm::dvec2(r_m, 0.0))), fixed(px(p_m - glm::dvec2(0.0, r_m)))}};
     cv::fillPoly(image_, diamond, goal ? ink::kDetected : ink::kFaint, cv::LINE_AA, kShift);
     cv::polylines(image_, diamond, true, ink::kPaper, thickness(0.8 * unit_), cv::LINE_AA,
                   kShift);
@@ -248,11 +247,13 @@ void MapCanvas::draw_objects(const core::PolicyView& view, int goal_index) {
 
 void MapCanvas::draw_target(const core::PolicyView& view) {
   for (std::size_t k = 1; k < view.path_m.size(); ++k) {
-    line(view.path_m[k - 1], view.path_m[k], ink::kFaint, unit_);
+    line(view_.to_world(view.path_m[k - 1]), view_.to_world(view.path_m[k]), ink::kFaint,
+         unit_);
   }
   if (!view.target_m) return;
-  cv::circle(image_, fixed(px(*view.target_m)), static_cast<int>(5.0 * unit_ * (1 << kShift)),
-             ink::kDetected, thickness(1.3 * unit_), cv::LINE_AA, kShift);
+  cv::circle(image_, fixed(px(view_.to_world(*view.target_m))),
+             static_cast<int>(5.0 * unit_ * (1 << kShift)), ink::kDetected,
+             thickness(1.3 * unit_), cv::LINE_AA, kShift);
 }
 
 void MapCanvas::draw_scale_bar() {

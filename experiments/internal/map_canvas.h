@@ -12,6 +12,7 @@
 #include "core/frames.h"
 #include "core/scene_bundle.h"
 #include "core/stages.h"
+#include "experiments/internal/odom_placement.h"
 #include "experiments/scenes/floor_plan.h"
 #include "sim/trial.h"
 
@@ -44,6 +45,9 @@ class MapCanvas {
   /// @param scale  Canvas pixels per pixel of the plan.
   MapCanvas(const FloorPlan& plan, double scale);
 
+  /// Where the frame of the views to come lies; without it they are taken for World's.
+  void place_views(const OdomPlacement& placement) { view_ = placement; }
+
   /// Fades what the policy does not know and marks what it holds for an obstacle.
   void draw_knowledge(const core::PolicyView& view);
   void draw_frontiers(const core::PolicyView& view);
@@ -74,6 +78,7 @@ class MapCanvas {
             const cv::Scalar& rim);
 
   cv::Mat image_;
+  OdomPlacement view_;
   glm::dvec2 origin_m_;
   double px_per_m_;
   double unit_;  ///< Width of a thin line [canvas pixels].

@@ -7,6 +7,7 @@
 #include <glm/geometric.hpp>
 
 #include "core/check.h"
+#include "experiments/internal/odom_placement.h"
 
 namespace segsim::experiments {
 namespace {
@@ -202,16 +203,7 @@ std::vector<core::Detection> WitnessedDetector::detect(const core::Observation& 
 }
 
 glm::dvec2 world_from_odom(const sim::TrialResult& result, const glm::dvec2& p_odom_m) {
-  const core::Pose2 &truth = result.final_pose, &estimate = result.final_estimate;
-  if (truth.x_m == estimate.x_m && truth.y_m == estimate.y_m &&
-      truth.yaw_rad == estimate.yaw_rad) {
-    return p_odom_m;  // Perfect localisation.
-  }
-  const double turn_rad = truth.yaw_rad - estimate.yaw_rad;
-  const double c = std::cos(turn_rad), s = std::sin(turn_rad);
-  const glm::dvec2 offset_m = p_odom_m - glm::dvec2(estimate.x_m, estimate.y_m);
-  return glm::dvec2(truth.x_m, truth.y_m) +
-         glm::dvec2(c * offset_m.x - s * offset_m.y, s * offset_m.x + c * offset_m.y);
+  return OdomPlacement(result.final_pose, result.final_estimate).to_world(p_odom_m);
 }
 
 Attribution attribute(const AttributionContext& context, const sim::TrialResult& result,

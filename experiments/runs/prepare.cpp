@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <numbers>
 #include <optional>
 #include <sstream>
 #include <utility>
@@ -15,9 +14,9 @@
 #include "experiments/detection/label_report.h"
 #include "experiments/detection/source_dataset.h"
 #include "experiments/detection/view_labels.h"
+#include "experiments/runs/step_record.h"
 #include "experiments/scenes/reconstruct.h"
 #include "experiments/scenes/scene_source.h"
-#include "experiments/runs/step_record.h"
 #include "perception/dataset.h"
 #include "perception/training.h"
 #include "perception/weights_file.h"
@@ -101,7 +100,7 @@ fs::path label_scenes(const ExperimentSpec& spec, const std::vector<LabelScene>&
     options.views = views;
     options.camera = view_camera(spec);
     options.camera_height_m = scene.spec->camera_height_m;
-    options.camera_pitch_down_rad = spec.camera.pitch_down_deg * std::numbers::pi / 180.0;
+    options.camera_pitch_down_rad = spec.camera.pitch_down_rad();
     options.class_names = class_names;
     options.prefix = purpose + "-" + scene.spec->name + "-";
     if (spec.detectors.finetune->start_clearance_m > 0.0) {
@@ -149,7 +148,7 @@ void render_foreign_sets(const ExperimentSpec& spec, const fs::path& work, HeldO
   unseen.seed = kUnseenSeed;
   unseen.camera = view_camera(spec);
   unseen.camera_height_m = spec.scenes.front().camera_height_m;
-  unseen.camera_pitch_down_rad = spec.camera.pitch_down_deg * std::numbers::pi / 180.0;
+  unseen.camera_pitch_down_rad = spec.camera.pitch_down_rad();
   sets.unseen = render_unseen_homes(unseen, work / "unseen_homes");
 }
 

@@ -391,6 +391,8 @@ core::CameraIntrinsics CameraSpec::intrinsics() const {
                                           hfov_deg * std::numbers::pi / 180.0);
 }
 
+double CameraSpec::pitch_down_rad() const { return pitch_down_deg * std::numbers::pi / 180.0; }
+
 const SceneSpec* ExperimentSpec::find_scene(const std::string& scene_name) const {
   for (const SceneSpec& scene : scenes) {
     if (scene.name == scene_name) return &scene;

@@ -139,6 +139,7 @@ struct CameraSpec {
   /// That draws the camera's view; kAuto falls back to the CPU with one warning.
   renderer::Backend backend = renderer::Backend::kCpu;
   [[nodiscard]] core::CameraIntrinsics intrinsics() const;
+  [[nodiscard]] double pitch_down_rad() const;
 };
 
 /// Which trials are recorded: of kFirst, those of each scene's first episode.

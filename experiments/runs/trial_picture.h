@@ -4,6 +4,7 @@
 /// One picture per trial: the scene from above, what the robot explored of it, the path that
 /// it drove, what it took for the goal and where the goal really is.
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -29,6 +30,8 @@ struct TrialScene {
   int goal_index = -1;  ///< Of the goal class among the detector's classes; -1 if it has none.
   std::vector<glm::dvec2> shortest_path_m;  ///< Empty if not known.
   std::vector<TrialMark> marks{};
+  /// Geodesic, from a place in World to the goal; empty: not told.
+  std::function<double(const glm::dvec2&)> distance_m{};
   std::string cause{};  ///< Why it failed (failure_cause.h); empty: not told.
 };
 

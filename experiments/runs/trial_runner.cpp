@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <optional>
 
 #include "core/error.h"
@@ -13,8 +12,9 @@
 #include "experiments/runs/frame_recorder.h"
 #include "experiments/runs/sensor_files.h"
 #include "experiments/runs/trial_log.h"
+#include "experiments/runs/trial_options.h"
 #include "experiments/runs/trial_picture.h"
-#include "experiments/runs/trial_video.h"
+#include "experiments/video/trial_video.h"
 #include "nav/policy_factory.h"
 #include "perception/detector.h"
 #include "perception/image_file.h"
@@ -29,8 +29,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kVideoSpeed = 2.0;  // Twice as fast as simulated time.
-
-double radians(double degrees) { return degrees * std::numbers::pi / 180.0; }
+constexpr double kSnap_m = 0.30;     // As sim/trial.cpp measures the distance to the goal.
 
 /// What is searched for in a scene, by the spec or by its episodes.
 std::vector<std::string> goal_names(const LoadedScene& scene) {
@@ -67,28 +66,15 @@ std::unique_ptr<core::Detector> load_arm_detector(const fs::path& file, const Ar
 }
 
 sim::TrialOptions trial_options(const ExperimentSpec& spec, const LoadedScene& loaded) {
-  const SceneSpec& scene = *loaded.spec;
   const sim::SuccessProfile rule = spec.success.rule();
-  sim::TrialOptions options;
-  options.control_period_s = spec.control_period_s;
-  options.time_limit_s = spec.time_limit_s;
+  sim::TrialOptions options =
+      base_trial_options(spec, loaded.spec->camera_height_m, loaded.sensors);
   // Rules of another kind are applied to the end of the trial, in judge_trial().
   const bool by_view_point = rule.rule == sim::SuccessRule::kViewPoint;
   options.success_distance_m =
       by_view_point ? rule.distance_m : sim::SuccessProfile{}.distance_m;
   options.require_visible = by_view_point && rule.require_visible;
   options.visible_pixels = spec.success.visible_pixels;
-  options.camera = spec.camera.intrinsics();
-  options.camera_height_m = scene.camera_height_m;
-  options.camera_pitch_down_rad = radians(spec.camera.pitch_down_deg);
-  options.depth_range_m = spec.camera.depth_range_m;
-  if (spec.localisation.odometry) {
-    options.odometry = sim::OdometryNoise::skid_steered_indoors();
-  }
-  options.localiser = spec.localisation.localiser;
-  options.sensors = loaded.sensors;
-  options.collision = spec.collision;
-  if (spec.slide_on_contact) options.contact_response = sim::ContactResponse::kSlide;
   return options;
 }
 
@@ -375,8 +361,10 @@ void TrialRunner::run_checked(const TrialTask& task, TrialRow& row) {
   scene.scene_title = task.scene->spec->title;
   scene.arm = task.arm->name;
   scene.goal_index = index_of(slot.detector->class_names(), episode.class_name);
-  scene.shortest_path_m = task.scene->world.distance_to(episode.view_points_m)
-                              .path_from({episode.start.x_m, episode.start.y_m});
+  const auto to_goal = std::make_shared<sim::DistanceField>(
+      task.scene->world.distance_to(episode.view_points_m));
+  scene.shortest_path_m = to_goal->path_from({episode.start.x_m, episode.start.y_m});
+  scene.distance_m = [to_goal](const glm::dvec2& p_m) { return to_goal->at(p_m, kSnap_m); };
 
   TrialWitness witness(task.scene->bundle.manifest, episode, scene.goal_index);
   std::optional<TrialVideo> video;
@@ -392,6 +380,7 @@ void TrialRunner::run_checked(const TrialTask& task, TrialRow& row) {
     frames.emplace(work_ / "frames" / stem, task.scene->bundle,
                    std::max(1, static_cast<int>(ticks)), renderer);
   }
+  if (task.viewer != nullptr) task.viewer->begin(scene, slot.detector->class_names());
   const sim::TickObserver observer = [&](const sim::TickRecord& tick, const core::Frame& frame,
                                          const std::vector<core::Detection>& detections,
                                          const core::Policy& of) {
@@ -400,6 +389,7 @@ void TrialRunner::run_checked(const TrialTask& task, TrialRow& row) {
     witness.add(static_cast<int>(std::lround(tick_index)), frame,
                 tick.fresh ? std::optional(image) : std::nullopt);
     if (video) video->add(tick, frame, detections, of.view());
+    if (task.viewer != nullptr) task.viewer->add(tick, frame, detections, of.view());
     if (frames) frames->add(tick, frame);
     live_.add(tick, frame, detections, of);
   };
@@ -422,6 +412,7 @@ void TrialRunner::run_checked(const TrialTask& task, TrialRow& row) {
   row.why = judge_trial(task, episode, scene.goal_index, witness, result, distance_m);
   copy_result(result, row);
   if (video) video->finish(result);
+  if (task.viewer != nullptr) task.viewer->finish(result);
   if (frames) frames->finish();
   if (!task.record) return;
   if (options.sensors) {

@@ -17,6 +17,7 @@
 #include "experiments/runs/live_view.h"
 #include "experiments/runs/prepare.h"
 #include "experiments/runs/spec.h"
+#include "experiments/runs/trial_viewer.h"
 #include "experiments/scenes/floor_plan.h"
 #include "experiments/store/store.h"
 #include "experiments/timing/replay_log.h"
@@ -70,7 +71,8 @@ struct TrialTask {
   const ReplayLog* replay = nullptr;  ///< Play this trial again: measured times come from it.
   bool replay_perception = false;     ///< Detections (and images, if kept) too.
   std::filesystem::path replay_images{};  ///< Where they are; empty: the renderer draws.
-  bool record = true;  ///< Picture, track and log, where the spec wants them.
+  bool record = true;             ///< Picture, track and log, where the spec wants them.
+  TrialViewer* viewer = nullptr;  ///< Of this trial; does not change it.
 };
 
 /// Weights of an arm; empty for the oracle.

@@ -1,7 +1,6 @@
 // From a spec's scene to what trials need in memory.
 #include <cstdio>
 #include <functional>
-#include <numbers>
 
 #include "core/error.h"
 #include "core/file_io.h"
@@ -22,7 +21,7 @@ EpisodeRules episode_rules(const ExperimentSpec& spec, const SceneSpec& scene) {
   rules.seed = spec.seed;
   rules.camera = spec.camera.intrinsics();
   rules.camera_height_m = scene.camera_height_m;
-  rules.camera_pitch_down_rad = spec.camera.pitch_down_deg * std::numbers::pi / 180.0;
+  rules.camera_pitch_down_rad = spec.camera.pitch_down_rad();
   rules.min_visible_pixels = spec.success.visible_pixels;
   rules.visible_start_pixels = spec.success.visible_pixels;
   rules.min_start_m = scene.min_start_distance_m;

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <numbers>
 
 #include <glm/geometric.hpp>
 
@@ -16,8 +15,9 @@
 #include "experiments/results/trial_witness.h"
 #include "experiments/runs/frame_recorder.h"
 #include "experiments/runs/sensor_files.h"
-#include "experiments/runs/trial_video.h"
+#include "experiments/runs/trial_options.h"
 #include "experiments/scripted_trials/internal/script_metrics.h"
+#include "experiments/video/trial_video.h"
 #include "perception/detector.h"
 #include "perception/image_file.h"
 #include "perception/models/object_detector.h"
@@ -35,21 +35,10 @@ constexpr double kSnap_m = 0.30;  // As sim/trial.cpp: a base may stand beside t
 
 sim::TrialOptions trial_options(const BoundScript& bound) {
   const ScriptedTrial& script = *bound.script;
-  sim::TrialOptions options;
-  options.control_period_s = script.control_period_s;
-  options.time_limit_s = script.time_limit_s;
-  options.camera = script.camera.intrinsics();
-  options.camera_height_m = bound.camera_height_m;
-  options.camera_pitch_down_rad = script.camera.pitch_down_deg * std::numbers::pi / 180.0;
-  options.depth_range_m = script.camera.depth_range_m;
-  if (script.slide_on_contact) options.contact_response = sim::ContactResponse::kSlide;
-  options.collision = script.collision;
-  if (script.localisation.odometry) {
-    options.odometry = sim::OdometryNoise::skid_steered_indoors();
-  }
-  options.localiser = script.localisation.localiser;
-  if (script.sensors)
-    options.sensors = bind_sensors(*script.sensors, bound.bundle, bound.world);
+  std::shared_ptr<const sim::SensorSettings> sensors;
+  if (script.sensors) sensors = bind_sensors(*script.sensors, bound.bundle, bound.world);
+  sim::TrialOptions options =
+      base_trial_options(script, bound.camera_height_m, std::move(sensors));
   options.clock = trial_clock(script.clock, {});
   options.faults = script.faults;
   return options;
@@ -101,7 +90,7 @@ sim::Episode places_of(const BoundScript& bound, const std::string& category) {
   rules.seed = script.seed;
   rules.camera = script.camera.intrinsics();
   rules.camera_height_m = bound.camera_height_m;
-  rules.camera_pitch_down_rad = script.camera.pitch_down_deg * std::numbers::pi / 180.0;
+  rules.camera_pitch_down_rad = script.camera.pitch_down_rad();
   rules.min_start_m = 0.0;
   rules.max_start_m = 1e6;
   rules.allow_visible_start = true;

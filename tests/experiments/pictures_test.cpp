@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include "experiments/runs/trial_video.h"
+#include "experiments/video/trial_video.h"
 #include "tiny_scene.h"
 
 namespace segsim::experiments {

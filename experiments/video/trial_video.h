@@ -28,11 +28,11 @@ class TrialVideo {
   TrialVideo(const TrialVideo&) = delete;
   TrialVideo& operator=(const TrialVideo&) = delete;
 
-  /// @param frame  With RGB and labels.
+  /// @param frame  With RGB and labels. @param view  In Odom.
   void add(const sim::TickRecord& tick, const core::Frame& frame,
            std::span<const core::Detection> detections, const core::PolicyView& view);
 
-  /// Shows the result for two seconds and closes the file.
+  /// Shows the result for two seconds and closes the file. Without a tick there is no video.
   /// @throws core::InputError if the video could not be written.
   void finish(const sim::TrialResult& result);
 

@@ -1,0 +1,159 @@
+#include "experiments/runs/trial_replay.h"
+
+#include <algorithm>
+#include <cstdlib>
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/error.h"
+#include "experiments/runs/prepare.h"
+#include "experiments/runs/trial_runner.h"
+
+namespace segsim::experiments {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A folder for what replays write; gone in the end.
+class Scratch {
+ public:
+  Scratch() {
+    std::string name = (fs::temp_directory_path() / "segsim-replay-XXXXXX").string();
+    if (::mkdtemp(name.data()) == nullptr) {
+      throw core::InputError::expected(name, "a place for a temporary folder", "none");
+    }
+    path_ = name;
+  }
+  ~Scratch() {
+    std::error_code ignored;
+    fs::remove_all(path_, ignored);
+  }
+  Scratch(const Scratch&) = delete;
+  Scratch& operator=(const Scratch&) = delete;
+  [[nodiscard]] const fs::path& path() const { return path_; }
+
+ private:
+  fs::path path_;
+};
+
+}  // namespace
+
+fs::path work_of_replay(const fs::path& log_file) {
+  for (fs::path folder = fs::absolute(log_file).parent_path(); folder.has_relative_path();
+       folder = folder.parent_path()) {
+    if (folder.filename() == "replays") return folder.parent_path();
+  }
+  throw core::InputError::expected(log_file.string(), "a log below <work>/replays, or --work",
+                                   "another place");
+}
+
+struct TrialReplay::Impl {
+  Impl(const ReplayLog& log, SpecFolders of, bool use_log)
+      : text(log.spec_text),
+        folders(std::move(of)),
+        from_log(use_log),
+        spec(parse_spec(log.spec_text, log.spec_file, folders)) {
+    // Only the log of a replay is wanted.
+    spec.pictures = false;
+    spec.videos = Recorded::kNone;
+    spec.frames.of = Recorded::kNone;
+    spec.replays.images = false;
+    const bool needs_weights =
+        !from_log && std::any_of(spec.arms.begin(), spec.arms.end(), [](const ArmSpec& arm) {
+          return arm.detector != ArmDetector::kOracle;
+        });
+    PreparedDetectors detectors;
+    if (needs_weights) {
+      std::vector<fs::path> bundles;
+      std::vector<Starts> starts;
+      for (const SceneSpec& scene : spec.scenes) {
+        bundles.push_back(prepare_scene(spec, scene, folders.work));
+        starts.push_back(starts_of(load(scene)));
+      }
+      detectors = prepare_detectors(spec, bundles, starts, folders.work);
+    }
+    runner = std::make_unique<TrialRunner>(spec, detectors, scratch.path());
+  }
+
+  const LoadedScene& load(const SceneSpec& wanted) {
+    auto& scene = scenes[wanted.name];
+    if (scene == nullptr) {
+      scene = std::make_unique<LoadedScene>(
+          load_scene(spec, wanted, prepare_scene(spec, wanted, folders.work), folders.work));
+    }
+    return *scene;
+  }
+
+  const LoadedScene& scene_of(const ReplayLog& log, const fs::path& file) {
+    const SceneSpec* wanted = spec.find_scene(log.scene);
+    if (wanted == nullptr) {
+      throw core::InputError::expected(file.string(), "a scene of its spec", log.scene);
+    }
+    const LoadedScene& scene = load(*wanted);
+    if (scene.bundle.scene_sha256 != log.scene_sha256) {
+      throw core::InputError::expected(file.string(), "the scene as it was when the trial ran",
+                                       "another bundle in " + scene.bundle.folder.string());
+    }
+    return scene;
+  }
+
+  /// The log that the replay wrote; it is taken away for the next one.
+  [[nodiscard]] fs::path only_log() const {
+    const fs::path kept = scratch.path() / "log.jsonl";
+    for (const auto& entry : fs::recursive_directory_iterator(scratch.path() / "replays")) {
+      if (entry.path().extension() == ".jsonl") fs::rename(entry.path(), kept);
+    }
+    return kept;
+  }
+
+  std::string text;
+  SpecFolders folders;
+  bool from_log;
+  ExperimentSpec spec;
+  Scratch scratch;
+  std::map<std::string, std::unique_ptr<LoadedScene>> scenes;
+  std::unique_ptr<TrialRunner> runner;
+};
+
+TrialReplay::TrialReplay(const ReplayLog& log, SpecFolders folders, bool from_log)
+    : impl_(std::make_unique<Impl>(log, std::move(folders), from_log)) {}
+
+TrialReplay::~TrialReplay() = default;
+
+bool TrialReplay::fits(const ReplayLog& log, const fs::path& work) const {
+  return log.spec_text == impl_->text && work == impl_->folders.work;
+}
+
+ReplayLog TrialReplay::play(const ReplayLog& log, const fs::path& file, TrialViewer* viewer) {
+  const ArmSpec* arm = impl_->spec.find_arm(log.arm);
+  if (arm == nullptr) {
+    throw core::InputError::expected(file.string(), "an arm of its spec", log.arm);
+  }
+  const LoadedScene& scene = impl_->scene_of(log, file);
+  const auto episode =
+      std::find_if(scene.episodes.episodes.begin(), scene.episodes.episodes.end(),
+                   [&](const sim::Episode& e) { return e.id == log.episode; });
+  if (episode == scene.episodes.episodes.end()) {
+    throw core::InputError::expected(file.string(), "an episode of its scene", log.episode);
+  }
+  TrialTask task;
+  task.scene = &scene;
+  task.episode = &*episode;
+  task.arm = arm;
+  task.repetition = log.repetition;
+  task.replay_log = true;
+  task.replay = &log;
+  task.replay_perception = impl_->from_log;
+  task.record = false;
+  task.viewer = viewer;
+  if (impl_->from_log && log.images && viewer == nullptr) {
+    task.replay_images = replay_images(file);
+  }
+  const TrialRow row = impl_->runner->run(task);
+  if (row.failed()) throw core::InputError(file.string() + ": " + row.error);
+  return read_replay_log(impl_->only_log());
+}
+
+}  // namespace segsim::experiments

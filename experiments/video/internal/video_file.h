@@ -1,0 +1,47 @@
+#pragma once
+
+/// @file
+/// A video file, frame by frame.
+
+#include <filesystem>
+
+#include <opencv2/core.hpp>
+#include <opencv2/videoio.hpp>
+
+namespace segsim::experiments::internal {
+
+/// H.264 in MP4 where OpenCV can encode it (browsers play that), MPEG-4 otherwise. The file
+/// appears under its name when it is complete; without finish() nothing stays behind.
+class VideoFile {
+ public:
+  VideoFile(std::filesystem::path file, double frames_per_s);
+  ~VideoFile();
+  VideoFile(const VideoFile&) = delete;
+  VideoFile& operator=(const VideoFile&) = delete;
+
+  /// @param page  8-bit BGR, of equal size each time; a row and a column are added where a
+  /// side is odd, which encoders refuse.
+  /// @throws core::InputError if there is no encoder or no place.
+  void write(const cv::Mat& page);
+  /// The last page again. Not before the first.
+  void hold(double duration_s);
+  /// Closes the file, reads back how many frames it has and gives it its name.
+  /// @throws core::InputError if frames are missing (a full disk, for example).
+  void finish();
+
+  [[nodiscard]] int frames() const { return frames_; }
+  [[nodiscard]] double duration_s() const { return frames_ / frames_per_s_; }
+  [[nodiscard]] double frames_per_s() const { return frames_per_s_; }
+  [[nodiscard]] const std::filesystem::path& file() const { return file_; }
+
+ private:
+  void open(const cv::Size& size);
+
+  std::filesystem::path file_, temporary_;
+  double frames_per_s_;
+  cv::VideoWriter writer_;
+  cv::Mat last_;
+  int frames_ = 0;
+};
+
+}  // namespace segsim::experiments::internal

@@ -1,0 +1,77 @@
+#include "experiments/internal/odom_placement.h"
+
+#include <cmath>
+
+#include <gtest/gtest.h>
+#include <opencv2/core.hpp>
+
+#include "experiments/internal/map_canvas.h"
+
+namespace segsim::experiments {
+namespace {
+
+TEST(OdomPlacement, TheRobotLiesWhereItIsAndTheWayBackIsExact) {
+  const core::Pose2 truth{2.0, -1.0, 1.2}, estimate{1.5, 0.5, 0.7};
+  const OdomPlacement placement(truth, estimate);
+  const glm::dvec2 robot_m = placement.to_world({estimate.x_m, estimate.y_m});
+  EXPECT_DOUBLE_EQ(robot_m.x, truth.x_m);
+  EXPECT_DOUBLE_EQ(robot_m.y, truth.y_m);
+  // A metre ahead in Odom is a metre ahead in World.
+  const glm::dvec2 ahead_m =
+      placement.to_world({estimate.x_m + std::cos(0.7), estimate.y_m + std::sin(0.7)});
+  EXPECT_NEAR(ahead_m.x, truth.x_m + std::cos(1.2), 1e-12);
+  EXPECT_NEAR(ahead_m.y, truth.y_m + std::sin(1.2), 1e-12);
+  const glm::dvec2 back_m = placement.to_odom(placement.to_world({3.0, 4.0}));
+  EXPECT_NEAR(back_m.x, 3.0, 1e-12);
+  EXPECT_NEAR(back_m.y, 4.0, 1e-12);
+}
+
+TEST(OdomPlacement, PerfectLocalisationChangesNoBit) {
+  const core::Pose2 pose{0.1, 0.2, 0.3};
+  EXPECT_EQ(OdomPlacement(pose, pose).to_world({0.7, 1.0 / 3.0}), glm::dvec2(0.7, 1.0 / 3.0));
+  EXPECT_EQ(OdomPlacement().to_odom({0.7, 1.0 / 3.0}), glm::dvec2(0.7, 1.0 / 3.0));
+}
+
+/// Centre of the pixels that differ between two pictures.
+cv::Point2d centre_of_change(const cv::Mat& a, const cv::Mat& b) {
+  cv::Point2d sum;
+  int count = 0;
+  for (int y = 0; y < a.rows; ++y) {
+    for (int x = 0; x < a.cols; ++x) {
+      if (a.at<cv::Vec3b>(y, x) == b.at<cv::Vec3b>(y, x)) continue;
+      sum += cv::Point2d(x + 0.5, y + 0.5);
+      ++count;
+    }
+  }
+  return count == 0 ? cv::Point2d(-1.0, -1.0) : sum / count;
+}
+
+TEST(MapCanvas, DrawsADriftedMapWhereItLiesInWorld) {
+  FloorPlan plan;
+  plan.rgb = core::Image<core::Rgb8>(400, 400, {200, 200, 200});
+  plan.px_per_m = 100.0;  // World [0, 4] x [0, 4].
+  core::PolicyView view;
+  view.objects = {{{1.0, 1.0}, 0, 0.9F}};
+  // Known everywhere but in one cell, the one that the object lies in.
+  view.resolution_m = 0.25;
+  view.origin_m = {-3.0, -3.0};
+  view.cells = core::Image<std::uint8_t>(40, 40, 1);
+  view.cells(16, 16) = 0;
+  // Half a turn: Odom's (1, 1) is World's (3, 2).
+  const double pi = std::acos(-1.0);
+  const OdomPlacement placement({4.0, 3.0, pi}, {0.0, 0.0, 0.0});
+  const cv::Mat blank = MapCanvas(plan, 1.0).image();
+  MapCanvas objects(plan, 1.0), cells(plan, 1.0);
+  for (MapCanvas* map : {&objects, &cells}) map->place_views(placement);
+  objects.draw_objects(view, 0);
+  cells.draw_knowledge(view);
+  const cv::Point2d object = centre_of_change(objects.image(), blank);
+  EXPECT_NEAR(object.x, 300.0, 2.0);
+  EXPECT_NEAR(object.y, 200.0, 2.0);
+  const cv::Point2d cell = centre_of_change(cells.image(), blank);
+  EXPECT_NEAR(cell.x, 300.0 - 12.5, 1.0);  // Cell (16, 16) spans Odom 1 to 1.25 m.
+  EXPECT_NEAR(cell.y, 200.0 + 12.5, 1.0);
+}
+
+}  // namespace
+}  // namespace segsim::experiments
