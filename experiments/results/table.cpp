@@ -5,6 +5,9 @@
 #include <cstdio>
 #include <functional>
 #include <map>
+#include <set>
+#include <span>
+#include <tuple>
 
 #include "core/config.h"
 #include "core/error.h"
@@ -15,55 +18,124 @@ namespace {
 
 using internal::find_arm;
 
-/// Trials of one episode, by arm.
-using EpisodeTrials = std::map<std::string, std::vector<const TrialRow*>>;
-
-/// What one arm made of one episode; nothing if no usable trial exists.
+/// What one arm made of one episode; `usable` is 0 if no usable trial exists.
 struct EpisodeResult {
+  int usable = 0;
   bool success = false;
   double spl = 0.0, soft_spl = 0.0, sim_s = 0.0, path_m = 0.0;
 };
 
-std::optional<EpisodeResult> result_of(const EpisodeTrials& episode, const std::string& arm) {
-  const auto found = episode.find(arm);
-  if (found == episode.end()) return std::nullopt;
+EpisodeResult result_of(std::span<const TrialRow* const> trials) {
   EpisodeResult result;
-  int usable = 0, successes = 0;
-  for (const TrialRow* trial : found->second) {
+  int successes = 0;
+  for (const TrialRow* trial : trials) {
     if (!trial->counts()) continue;
-    ++usable;
+    ++result.usable;
     successes += trial->success ? 1 : 0;
     result.spl += trial->spl;
     result.soft_spl += trial->soft_spl;
     result.sim_s += trial->sim_s;
     result.path_m += trial->path_m;
   }
-  if (usable == 0) return std::nullopt;
-  result.success = 2 * successes > usable;
-  result.spl /= usable;
-  result.soft_spl /= usable;
-  result.sim_s /= usable;
-  result.path_m /= usable;
+  if (result.usable == 0) return result;
+  result.success = 2 * successes > result.usable;
+  result.spl /= result.usable;
+  result.soft_spl /= result.usable;
+  result.sim_s /= result.usable;
+  result.path_m /= result.usable;
   return result;
 }
 
-ArmSummary summarise_arm(const std::string& arm,
-                         const std::map<std::string, EpisodeTrials>& episodes) {
+/// Trials of one arm in one episode.
+struct EpisodeArm {
+  std::span<const TrialRow* const> trials;
+  EpisodeResult result;
+};
+
+/// The trials of a run, sorted once for all groups: by episode, so that sums have a fixed
+/// order, then by arm.
+class SortedTrials {
+ public:
+  using Belongs = std::function<bool(const TrialRow&)>;
+  /// One episode of a group, by arm.
+  using Episode = std::span<const EpisodeArm>;
+
+  SortedTrials(const std::vector<TrialRow>& trials, const std::vector<ArmRow>& arms)
+      : arms_(arms.size()) {
+    struct Entry {
+      std::size_t arm;
+      const TrialRow* trial;
+    };
+    std::vector<Entry> entries;
+    entries.reserve(trials.size());
+    for (const TrialRow& trial : trials) {
+      std::size_t arm = 0;
+      while (arm < arms_ && arms[arm].name != trial.arm) ++arm;
+      if (arm < arms_) entries.push_back({arm, &trial});  // Others are in no group.
+    }
+    const auto of_one_episode = [](const TrialRow& a, const TrialRow& b) {
+      return a.episode == b.episode && a.scene == b.scene && a.goal_class == b.goal_class;
+    };
+    std::stable_sort(entries.begin(), entries.end(), [](const Entry& a, const Entry& b) {
+      const auto key = [](const Entry& e) {
+        return std::tie(e.trial->episode, e.trial->scene, e.trial->goal_class, e.arm);
+      };
+      return key(a) < key(b);
+    });
+    sorted_.reserve(entries.size());
+    for (const Entry& entry : entries) sorted_.push_back(entry.trial);
+    for (std::size_t begin = 0; begin < entries.size();) {
+      const std::size_t first = cells_.size();
+      cells_.resize(first + arms_);
+      std::size_t end = begin;
+      while (end < entries.size() && of_one_episode(*sorted_[begin], *sorted_[end])) {
+        const std::size_t from = end;
+        while (end < entries.size() && entries[end].arm == entries[from].arm &&
+               of_one_episode(*sorted_[begin], *sorted_[end])) {
+          ++end;
+        }
+        EpisodeArm& cell = cells_[first + entries[from].arm];
+        cell.trials = std::span(sorted_).subspan(from, end - from);
+        cell.result = result_of(cell.trials);
+      }
+      firsts_.push_back(sorted_[begin]);
+      begin = end;
+    }
+  }
+
+  /// Its episodes of which the trials belong to a group.
+  [[nodiscard]] std::vector<Episode> episodes(const Belongs& belongs) const {
+    std::vector<Episode> chosen;
+    for (std::size_t k = 0; k < firsts_.size(); ++k) {
+      if (belongs(*firsts_[k])) chosen.push_back(Episode(cells_).subspan(k * arms_, arms_));
+    }
+    return chosen;
+  }
+
+ private:
+  std::size_t arms_;
+  std::vector<const TrialRow*> sorted_;
+  std::vector<EpisodeArm> cells_;        ///< Episodes x arms.
+  std::vector<const TrialRow*> firsts_;  ///< A trial of each episode.
+};
+
+using Episodes = std::span<const SortedTrials::Episode>;
+
+ArmSummary summarise_arm(const std::string& name, std::size_t arm, Episodes episodes) {
   ArmSummary summary;
-  summary.arm = arm;
+  summary.arm = name;
   std::map<std::string, int> outcomes;
   std::vector<const TrialRow*> all;
   int usable = 0;
-  for (const auto& [id, episode] : episodes) {
-    if (const auto result = result_of(episode, arm)) {
+  for (const SortedTrials::Episode& episode : episodes) {
+    const EpisodeResult& result = episode[arm].result;
+    if (result.usable > 0) {
       ++summary.success.trials;
-      summary.success.successes += result->success ? 1 : 0;
-      summary.spl += result->spl;
-      summary.soft_spl += result->soft_spl;
+      summary.success.successes += result.success ? 1 : 0;
+      summary.spl += result.spl;
+      summary.soft_spl += result.soft_spl;
     }
-    const auto found = episode.find(arm);
-    if (found == episode.end()) continue;
-    for (const TrialRow* trial : found->second) {
+    for (const TrialRow* trial : episode[arm].trials) {
       ++summary.trials;
       ++outcomes[trial->outcome];
       all.push_back(trial);
@@ -93,12 +165,12 @@ ArmSummary summarise_arm(const std::string& arm,
 }
 
 /// Counts the pairs of one group and tests them.
-void compare(const std::map<std::string, EpisodeTrials>& episodes, const std::string& before,
-             const std::string& after, GroupSummary& group) {
+void compare(Episodes episodes, std::size_t before, std::size_t after, GroupSummary& group) {
   std::vector<double> spl, sim_s, path_m;
-  for (const auto& [id, episode] : episodes) {
-    const auto first = result_of(episode, before), second = result_of(episode, after);
-    if (!first || !second) {
+  for (const SortedTrials::Episode& episode : episodes) {
+    const EpisodeResult* first = &episode[before].result;
+    const EpisodeResult* second = &episode[after].result;
+    if (first->usable == 0 || second->usable == 0) {
       ++group.dropped_pairs;
       continue;
     }
@@ -124,20 +196,22 @@ void compare(const std::map<std::string, EpisodeTrials>& episodes, const std::st
 }
 
 GroupSummary summarise_group(const ResultTable& table, const std::string& name,
-                             const std::string& title, const std::vector<TrialRow>& trials,
-                             const std::function<bool(const TrialRow&)>& belongs) {
+                             const std::string& title, const SortedTrials& trials,
+                             const SortedTrials::Belongs& belongs) {
   GroupSummary group;
   group.name = name;
   group.title = title;
-  std::map<std::string, EpisodeTrials> episodes;  // Ordered, so sums have a fixed order.
-  for (const TrialRow& trial : trials) {
-    if (belongs(trial)) episodes[trial.episode][trial.arm].push_back(&trial);
-  }
-  for (const ArmRow& arm : table.arm_rows) {
-    group.arms.push_back(summarise_arm(arm.name, episodes));
+  const std::vector<SortedTrials::Episode> episodes = trials.episodes(belongs);
+  const auto position = [&](const std::string& arm) {
+    const auto found = std::find_if(table.arm_rows.begin(), table.arm_rows.end(),
+                                    [&](const ArmRow& row) { return row.name == arm; });
+    return static_cast<std::size_t>(found - table.arm_rows.begin());
+  };
+  for (std::size_t arm = 0; arm < table.arm_rows.size(); ++arm) {
+    group.arms.push_back(summarise_arm(table.arm_rows[arm].name, arm, episodes));
   }
   if (!table.before.empty() && !table.after.empty()) {
-    compare(episodes, table.before, table.after, group);
+    compare(episodes, position(table.before), position(table.after), group);
   }
   return group;
 }
@@ -202,16 +276,17 @@ ResultTable summarise(const RunRow& run, const std::vector<SceneRow>& scenes,
   choose_arms(before, after, table);
   for (const TrialRow& trial : trials) table.finished_trials += trial.failed() ? 0 : 1;
 
+  const SortedTrials sorted(trials, arms);
   const ArmRow* after_arm = find_arm(arms, table.after);
   for (const SceneRow& scene : scenes) {
     GroupSummary group =
-        summarise_group(table, scene.name, scene.title, trials,
+        summarise_group(table, scene.name, scene.title, sorted,
                         [&](const TrialRow& t) { return t.scene == scene.name; });
     group.leak = after_arm != nullptr && lists(after_arm->tuned_on, scene.name);
     table.scenes.push_back(std::move(group));
   }
   if (scenes.size() > 1) {
-    table.all = summarise_group(table, "all", "All scenes", trials,
+    table.all = summarise_group(table, "all", "All scenes", sorted,
                                 [](const TrialRow&) { return true; });
     std::vector<ClusterSum> differences;
     for (const GroupSummary& scene : table.scenes) {
@@ -222,14 +297,12 @@ ResultTable summarise(const RunRow& run, const std::vector<SceneRow>& scenes,
     table.all->over_scenes = cluster_bootstrap_mean(differences);
   }
 
-  std::vector<std::string> class_names;
-  for (const TrialRow& trial : trials) class_names.push_back(trial.goal_class);
-  std::sort(class_names.begin(), class_names.end());
-  class_names.erase(std::unique(class_names.begin(), class_names.end()), class_names.end());
+  std::set<std::string> class_names;
+  for (const TrialRow& trial : trials) class_names.insert(trial.goal_class);
   std::vector<double> p_values;
   for (const std::string& name : class_names) {
     table.classes.push_back(summarise_group(
-        table, name, name, trials, [&](const TrialRow& t) { return t.goal_class == name; }));
+        table, name, name, sorted, [&](const TrialRow& t) { return t.goal_class == name; }));
     p_values.push_back(table.classes.back().p_exact);
   }
   const std::vector<double> corrected = holm_correction(p_values);

@@ -1,17 +1,13 @@
 #include "experiments/store/store.h"
 
 #include <chrono>
-#include <cmath>
-#include <cstdio>
 #include <ctime>
-#include <string_view>
 
 #include <sqlite3.h>
 
 #include "core/error.h"
-#include "experiments/internal/formatted.h"
-#include "experiments/store/internal/sqlite_statement.h"
 #include "experiments/store/internal/store_attribution.h"
+#include "experiments/store/internal/store_impl.h"
 #include "experiments/store/internal/store_schema.h"
 
 namespace segsim::experiments {
@@ -22,84 +18,48 @@ constexpr double kNotMeasured = -1.0;
 
 }  // namespace
 
-struct Store::Impl {
-  std::filesystem::path file;
-  sqlite3* db = nullptr;
-
-  ~Impl() { sqlite3_close(db); }
-
-  void execute(const char* sql) const {
-    if (sqlite3_exec(db, sql, nullptr, nullptr, nullptr) != SQLITE_OK) {
-      throw core::InputError::expected(file.string(), "a working SQLite database",
-                                       sqlite3_errmsg(db));
+void Store::Impl::create_or_check_schema() const {
+  const Impl& self = *this;
+  Transaction transaction(self);
+  if (query_integer("SELECT COUNT(*) FROM sqlite_master WHERE name = 'meta'", 0) == 0) {
+    if (query_integer("SELECT COUNT(*) FROM sqlite_master", 0) != 0) {
+      throw core::InputError::expected(file.string(), "a results database of segsim",
+                                       "another SQLite database");
     }
-  }
-
-  /// The first column of the first row; `fallback` if there is no row.
-  [[nodiscard]] std::int64_t query_integer(const char* sql, std::int64_t fallback) const {
-    Statement statement(db, file, sql);
-    return statement.step() ? statement.integer() : fallback;
-  }
-
-  /// Rolls back unless `commit` was called.
-  class Transaction {
-   public:
-    explicit Transaction(const Impl& impl) : impl_(impl) { impl.execute("BEGIN IMMEDIATE"); }
-    ~Transaction() {
-      if (!done_) sqlite3_exec(impl_.db, "ROLLBACK", nullptr, nullptr, nullptr);
-    }
-    Transaction(const Transaction&) = delete;
-    Transaction& operator=(const Transaction&) = delete;
-    void commit() {
-      impl_.execute("COMMIT");
-      done_ = true;
-    }
-
-   private:
-    const Impl& impl_;
-    bool done_ = false;
-  };
-
-  void create_or_check_schema() const {
-    const Impl& self = *this;
-    Transaction transaction(self);
-    if (query_integer("SELECT COUNT(*) FROM sqlite_master WHERE name = 'meta'", 0) == 0) {
-      if (query_integer("SELECT COUNT(*) FROM sqlite_master", 0) != 0) {
-        throw core::InputError::expected(file.string(), "a results database of segsim",
-                                         "another SQLite database");
-      }
-      execute(kSchema);
+    execute(kSchema);
+    execute(kAttributionSchema);
+    execute(kImagesColumn);
+    execute(kProvenanceTable);
+    Statement insert(db, file, "INSERT INTO meta VALUES (?, ?)");
+    const std::string now = utc_now();
+    insert.bind(kSchemaVersion).bind(now).step();
+  } else {
+    const auto version = [&] { return query_integer("SELECT schema_version FROM meta", -1); };
+    if (version() == kBeforeHeldOut) execute(kHeldOutMigration);
+    if (version() == kBeforeAttribution) {
       execute(kAttributionSchema);
-      execute(kImagesColumn);
-      Statement insert(db, file, "INSERT INTO meta VALUES (?, ?)");
-      const std::string now = utc_now();
-      insert.bind(kSchemaVersion).bind(now).step();
-    } else {
-      const auto version = [&] {
-        return query_integer("SELECT schema_version FROM meta", -1);
-      };
-      if (version() == kBeforeHeldOut) execute(kHeldOutMigration);
-      if (version() == kBeforeAttribution) {
-        execute(kAttributionSchema);
-        execute(kAttributionMigration);
-      }
-      if (version() == kBeforeTuningCost) execute(kTuningCostMigration);
-      if (version() == kBeforeImages) {
-        execute(kImagesColumn);
-        execute("UPDATE meta SET schema_version = 5;");
-      }
-      const std::int64_t found = version();
-      if (found != kSchemaVersion) {
-        throw core::InputError::expected(file.string(),
-                                         "schema version " + std::to_string(kSchemaVersion),
-                                         "version " + std::to_string(found) +
-                                             " (keep it for that program version, or give "
-                                             "another --work folder)");
-      }
+      execute(kAttributionMigration);
     }
-    transaction.commit();
+    if (version() == kBeforeTuningCost) execute(kTuningCostMigration);
+    if (version() == kBeforeImages) {
+      execute(kImagesColumn);
+      execute("UPDATE meta SET schema_version = 5;");
+    }
+    if (version() == kBeforeProvenance) {
+      execute(kProvenanceTable);
+      execute("UPDATE meta SET schema_version = 6;");
+    }
+    const std::int64_t found = version();
+    if (found != kSchemaVersion) {
+      throw core::InputError::expected(file.string(),
+                                       "schema version " + std::to_string(kSchemaVersion),
+                                       "version " + std::to_string(found) +
+                                           " (keep it for that program version, or give "
+                                           "another --work folder)");
+    }
   }
-};
+  transaction.commit();
+}
 
 Store::Store(const std::filesystem::path& file) : impl_(std::make_unique<Impl>()) {
   impl_->file = file;
@@ -107,7 +67,8 @@ Store::Store(const std::filesystem::path& file) : impl_(std::make_unique<Impl>()
     std::error_code ignored;  // Opening the file reports it.
     std::filesystem::create_directories(file.parent_path(), ignored);
   }
-  if (sqlite3_open(file.c_str(), &impl_->db) != SQLITE_OK) {
+  const int flags = SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX;
+  if (sqlite3_open_v2(file.c_str(), &impl_->db, flags, nullptr) != SQLITE_OK) {
     throw core::InputError::expected(file.string(), "a place for a SQLite database",
                                      sqlite3_errmsg(impl_->db));
   }
@@ -185,8 +146,20 @@ std::int64_t Store::begin_run(const RunRow& run, const std::vector<SceneRow>& sc
     const StartLeak leak = arm.start_leak.value_or(StartLeak{});
     row.bind(leak.views).bind(leak.near_starts).bind(leak.radius_m).step();
   }
+  for (const auto& [name, value] : run.provenance) impl_->put_provenance(run_id, name, value);
   transaction.commit();
   return run_id;
+}
+
+void Store::Impl::put_provenance(std::int64_t run_id, const std::string& name,
+                                 const std::string& value) {
+  Statement& insert = prepared("INSERT OR REPLACE INTO provenance VALUES (?, ?, ?)");
+  insert.bind(run_id).bind(name).bind(value).step();
+}
+
+void Store::set_provenance(std::int64_t run_id, const std::string& name,
+                           const std::string& value) {
+  impl_->put_provenance(run_id, name, value);
 }
 
 void Store::end_run(std::int64_t run_id) {
@@ -216,6 +189,15 @@ std::vector<RunRow> Store::runs() const {
     run.started = select.text();
     run.ended = select.text();
     rows.push_back(std::move(run));
+  }
+  Statement provenance(impl_->db, impl_->file,
+                       "SELECT name, value FROM provenance WHERE run_id = ?");
+  for (RunRow& run : rows) {
+    provenance.reset().bind(run.run_id);
+    while (provenance.step()) {
+      std::string name = provenance.text();
+      run.provenance[std::move(name)] = provenance.text();
+    }
   }
   return rows;
 }
@@ -276,101 +258,6 @@ std::vector<ArmRow> Store::arms(std::int64_t run_id) const {
     rows.push_back(std::move(arm));
   }
   return rows;
-}
-
-void Store::add_trial(std::int64_t run_id, const TrialRow& t) {
-  Impl::Transaction transaction(*impl_);
-  remove_attribution_of_failed(impl_->db, impl_->file, run_id, t);
-  Statement remove_failed(impl_->db, impl_->file,
-                          "DELETE FROM trial WHERE run_id = ? AND arm = ? AND episode = ? AND "
-                          "repetition = ? AND outcome = 'error'");
-  remove_failed.bind(run_id).bind(t.arm).bind(t.episode).bind(t.repetition).step();
-
-  Statement insert(
-      impl_->db, impl_->file,
-      "INSERT INTO trial (run_id, arm, scene, episode, goal_class, repetition, outcome, "
-      "success, stop_reason, spl, soft_spl, path_m, shortest_path_m, distance_to_goal_m, "
-      "sim_s, wall_s, ticks, contacts, contact_s, first_visible_tick, first_detected_tick, "
-      "invalid_pixel_fraction, state_hash, render_ms, detect_ms, policy_ms, error, picture, "
-      "video, track, finished) VALUES "
-      "(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, "
-      "?, ?, ?, ?, ?, ?, ?, ?, ?, ?, "
-      "?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
-  const std::string hash = hex(t.state_hash), now = utc_now();
-  insert.bind(run_id).bind(t.arm).bind(t.scene).bind(t.episode).bind(t.goal_class);
-  insert.bind(t.repetition).bind(t.outcome).bind(t.success ? 1 : 0).bind(t.stop_reason);
-  insert.bind(t.spl).bind(t.soft_spl).bind(t.path_m).bind(t.shortest_path_m);
-  if (t.distance_to_goal_m && std::isfinite(*t.distance_to_goal_m)) {
-    insert.bind(*t.distance_to_goal_m);
-  } else {
-    insert.bind_null();
-  }
-  insert.bind(t.sim_s).bind(t.wall_s).bind(t.ticks).bind(t.contacts).bind(t.contact_s);
-  insert.bind(t.first_visible_tick).bind(t.first_detected_tick).bind(t.invalid_pixel_fraction);
-  insert.bind(hash).bind(t.render_ms).bind(t.detect_ms).bind(t.policy_ms).bind(t.error);
-  insert.bind(t.picture).bind(t.video).bind(t.track).bind(now);
-  insert.step();
-  insert_attribution(impl_->db, impl_->file, sqlite3_last_insert_rowid(impl_->db), t);
-  transaction.commit();
-}
-
-std::vector<TrialRow> Store::trials(std::int64_t run_id) const {
-  Statement select(
-      impl_->db, impl_->file,
-      "SELECT trial_id, trial.arm, trial.scene, episode, goal_class, repetition, outcome, "
-      "success, "
-      "stop_reason, spl, soft_spl, path_m, shortest_path_m, distance_to_goal_m, sim_s, "
-      "wall_s, "
-      "ticks, contacts, contact_s, first_visible_tick, first_detected_tick, "
-      "invalid_pixel_fraction, state_hash, render_ms, detect_ms, policy_ms, error, picture, "
-      "video, track FROM trial "
-      "LEFT JOIN scene ON scene.run_id = trial.run_id AND scene.name = trial.scene "
-      "LEFT JOIN arm ON arm.run_id = trial.run_id AND arm.name = trial.arm "
-      "WHERE trial.run_id = ? ORDER BY scene.position, episode, repetition, arm.position");
-  select.bind(run_id);
-  std::vector<TrialRow> rows;
-  while (select.step()) {
-    TrialRow t;
-    t.trial_id = select.integer();
-    for (std::string* column : {&t.arm, &t.scene, &t.episode, &t.goal_class}) {
-      *column = select.text();
-    }
-    t.repetition = select.small_integer();
-    t.outcome = select.text();
-    t.success = select.integer() != 0;
-    t.stop_reason = select.text();
-    for (double* column : {&t.spl, &t.soft_spl, &t.path_m, &t.shortest_path_m}) {
-      *column = select.number();
-    }
-    t.distance_to_goal_m = select.optional_number();
-    t.sim_s = select.number();
-    t.wall_s = select.number();
-    t.ticks = select.small_integer();
-    t.contacts = select.small_integer();
-    t.contact_s = select.number();
-    t.first_visible_tick = select.small_integer();
-    t.first_detected_tick = select.small_integer();
-    t.invalid_pixel_fraction = select.number();
-    t.state_hash = std::stoull(select.text(), nullptr, 16);
-    for (double* column : {&t.render_ms, &t.detect_ms, &t.policy_ms})
-      *column = select.number();
-    for (std::string* column : {&t.error, &t.picture, &t.video, &t.track}) {
-      *column = select.text();
-    }
-    rows.push_back(std::move(t));
-  }
-  read_attributions(impl_->db, impl_->file, run_id, rows);
-  return rows;
-}
-
-std::vector<std::string> Store::finish_times(std::int64_t run_id, int count) const {
-  Statement select(impl_->db, impl_->file,
-                   "SELECT finished FROM trial WHERE run_id = ? "
-                   "ORDER BY trial_id DESC LIMIT ?");
-  select.bind(run_id).bind(count);
-  std::vector<std::string> times;
-  while (select.step()) times.push_back(select.text());
-  return times;
 }
 
 std::string utc_now() {

@@ -2,14 +2,17 @@
 
 /// @file
 /// All results of an experiment in one SQLite file. A trial is either wholly in or absent (one
-/// transaction each, write-ahead log), so a killed run loses at most the trials in flight.
-/// What can be computed from trials (rates, tests) is not stored.
+/// transaction each, write-ahead log), so a killed run loses at most the trials in flight, and
+/// a machine without power also those of its last kSyncPeriod_s. What can be computed from
+/// trials (rates, tests) is not stored.
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <optional>
 #include <ostream>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -29,6 +32,9 @@ struct RunRow {
   int planned_n = 0;           ///< Episodes per arm and scene; 0 = all.
   int planned_trials = 0;      ///< Over all arms.
   std::string started, ended;  ///< UTC, ISO 8601; `ended` is empty while trials are missing.
+  /// What else a result may depend on, by name: "clock", "library/<name>",
+  /// "training_scenes/<arm>", "shard"; of merged runs "merged/<shard>".
+  std::map<std::string, std::string> provenance{};
 };
 
 struct SceneRow {
@@ -75,6 +81,7 @@ struct TrialRow {
 
   std::string log;  ///< File, relative to the work folder (trial_log.h); empty if none.
   Attribution why;
+  std::string finished;  ///< UTC, ISO 8601; empty: when it is added.
 
   [[nodiscard]] bool failed() const { return outcome == "error"; }
   /// Whether it enters rates.
@@ -86,7 +93,9 @@ struct TrialRow {
 /// One writer at a time. Not thread-safe: the caller serialises.
 class Store {
  public:
-  static constexpr int kSchemaVersion = 5;  ///< Files of versions 1 to 4 are brought up to it.
+  static constexpr int kSchemaVersion = 6;  ///< Files of versions 1 to 5 are brought up to it.
+  /// A trial is on the disk, not only in the system's memory, after so long.
+  static constexpr double kSyncPeriod_s = 5.0;
 
   /// Opens the file, or makes it.
   /// @throws core::InputError if it is no such database or has another schema version.
@@ -103,6 +112,8 @@ class Store {
   std::int64_t begin_run(const RunRow& run, const std::vector<SceneRow>& scenes,
                          const std::vector<ArmRow>& arms);
   void end_run(std::int64_t run_id);
+  /// Adds to RunRow::provenance, or replaces what is there under that name.
+  void set_provenance(std::int64_t run_id, const std::string& name, const std::string& value);
 
   /// All runs, oldest first.
   [[nodiscard]] std::vector<RunRow> runs() const;
@@ -114,6 +125,8 @@ class Store {
   /// @throws core::InputError if the trial is there already (key: run, arm, episode,
   /// repetition).
   void add_trial(std::int64_t run_id, const TrialRow& trial);
+  /// All of them or, if one cannot be added, none.
+  void add_trials(std::int64_t run_id, std::span<const TrialRow> trials);
 
   /// Ordered by scene, episode, repetition, arm, whatever the order in which they were added.
   [[nodiscard]] std::vector<TrialRow> trials(std::int64_t run_id) const;

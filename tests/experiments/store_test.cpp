@@ -277,11 +277,11 @@ TEST_F(StoreTest, AFileOfVersion2IsBroughtUpToDate) {
     id = begin(store);
     store.add_trial(id, a_trial("before", "b/chair/00", true));
   }
-  // What versions 3 to 5 added is taken away again.
+  // What versions 3 to 6 added is taken away again.
   sqlite3* db = nullptr;
   ASSERT_EQ(sqlite3_open(file_.c_str(), &db), SQLITE_OK);
   ASSERT_EQ(sqlite3_exec(db,
-                         "DROP TABLE attribution;"
+                         "DROP TABLE attribution; DROP TABLE provenance;"
                          "ALTER TABLE arm DROP COLUMN source_ap50;"
                          "ALTER TABLE arm DROP COLUMN unseen_ap50;"
                          "ALTER TABLE arm DROP COLUMN tuning_views;"
@@ -388,6 +388,7 @@ TEST_F(StoreTest, AFileOfVersion3IsBroughtUpToDate) {
   sqlite3* db = nullptr;
   ASSERT_EQ(sqlite3_open(file_.c_str(), &db), SQLITE_OK);
   ASSERT_EQ(sqlite3_exec(db,
+                         "DROP TABLE provenance;"
                          "ALTER TABLE attribution DROP COLUMN images;"
                          "ALTER TABLE arm DROP COLUMN source_ap50;"
                          "ALTER TABLE arm DROP COLUMN unseen_ap50;"
@@ -403,6 +404,57 @@ TEST_F(StoreTest, AFileOfVersion3IsBroughtUpToDate) {
   EXPECT_EQ(store.arms(id)[1].held_out->ap50, 0.5);
   EXPECT_FALSE(store.arms(id)[1].held_out->source_ap50.has_value());
   EXPECT_FALSE(store.arms(id)[1].start_leak.has_value());
+}
+
+TEST_F(StoreTest, AFileOfVersion5IsBroughtUpToDate) {
+  std::int64_t id = 0;
+  {
+    Store store(file_);
+    id = begin(store);
+    store.add_trial(id, a_trial("before", "b/chair/00", true));
+  }
+  sqlite3* db = nullptr;
+  ASSERT_EQ(sqlite3_open(file_.c_str(), &db), SQLITE_OK);
+  ASSERT_EQ(sqlite3_exec(db, "DROP TABLE provenance; UPDATE meta SET schema_version = 5",
+                         nullptr, nullptr, nullptr),
+            SQLITE_OK);
+  sqlite3_close(db);
+  Store store(file_);
+  EXPECT_EQ(store.trials(id).size(), 1U);
+  EXPECT_TRUE(store.runs()[0].provenance.empty());
+  store.set_provenance(id, "clock", "lockstep");
+  EXPECT_EQ(store.runs()[0].provenance.at("clock"), "lockstep");
+}
+
+TEST_F(StoreTest, ProvenanceIsKeptByRunAndReplaced) {
+  Store store(file_);
+  RunRow run = a_run();
+  run.provenance = {{"clock", "lockstep"}, {"library/libtorch", "1.13"}};
+  const std::int64_t first = store.begin_run(run, {}, {{"before", "w.bin", "ff", "", -1, {}}});
+  const std::int64_t second = begin(store);
+  store.set_provenance(first, "clock", "virtual time");
+  store.set_provenance(first, "shard", "0/2");
+  using Provenance = std::map<std::string, std::string>;
+  EXPECT_EQ(
+      store.runs()[0].provenance,
+      (Provenance{{"clock", "virtual time"}, {"library/libtorch", "1.13"}, {"shard", "0/2"}}));
+  EXPECT_EQ(store.runs()[1].run_id, second);
+  EXPECT_TRUE(store.runs()[1].provenance.empty());
+}
+
+TEST_F(StoreTest, AllTrialsOfACallAreAddedOrNone) {
+  Store store(file_);
+  const std::int64_t id = begin(store);
+  store.add_trial(id, a_trial("before", "b/chair/01", true));
+  std::vector<TrialRow> trials{a_trial("before", "b/chair/00", true),
+                               a_trial("before", "b/chair/01", true)};
+  trials[0].finished = "2026-01-01T00:00:00Z";
+  EXPECT_THROW(store.add_trials(id, trials), core::InputError);
+  EXPECT_EQ(store.trials(id).size(), 1U);
+  trials.pop_back();
+  store.add_trials(id, trials);
+  ASSERT_EQ(store.trials(id).size(), 2U);
+  EXPECT_EQ(store.trials(id)[0].finished, "2026-01-01T00:00:00Z");
 }
 
 TEST_F(StoreTest, JsonLinesHoldTheRunAndEveryColumn) {

@@ -7,12 +7,23 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <string_view>
 
 #include <sqlite3.h>
 
 #include "core/error.h"
 
 namespace segsim::experiments {
+
+/// What went wrong last.
+[[nodiscard]] inline core::InputError sqlite_error(sqlite3* db,
+                                                   const std::filesystem::path& file) {
+  const bool full = sqlite3_errcode(db) == SQLITE_FULL;
+  return core::InputError::expected(
+      file.string(),
+      full ? "room for results (those that are in are kept)" : "a working SQLite database",
+      sqlite3_errmsg(db));
+}
 
 /// A prepared statement; values are bound and read in order.
 class Statement {
@@ -24,6 +35,13 @@ class Statement {
   ~Statement() { sqlite3_finalize(statement_); }
   Statement(const Statement&) = delete;
   Statement& operator=(const Statement&) = delete;
+
+  /// Makes it ready for other values.
+  Statement& reset() {
+    sqlite3_reset(statement_);  // Repeats the code of the last step, which was checked.
+    bound_ = read_ = 0;
+    return *this;
+  }
 
   Statement& bind(const std::string& text) {
     // SQLITE_TRANSIENT is a C cast; the text outlives the step, so no copy is needed.
@@ -39,6 +57,9 @@ class Statement {
     return *this;
   }
   Statement& bind(int value) { return bind(std::int64_t{value}); }
+  Statement& bind(const std::optional<double>& value) {
+    return value ? bind(*value) : bind_null();
+  }
   Statement& bind_null() {
     check(sqlite3_bind_null(statement_, ++bound_));
     return *this;
@@ -52,10 +73,14 @@ class Statement {
     return code == SQLITE_ROW;
   }
 
-  std::string text() {
-    const unsigned char* value = sqlite3_column_text(statement_, read_++);
-    return value == nullptr ? std::string()
-                            : std::string(reinterpret_cast<const char*>(value));
+  std::string text() { return std::string(text_view()); }
+  /// Until the next step.
+  std::string_view text_view() {
+    const unsigned char* value = sqlite3_column_text(statement_, read_);
+    const int bytes = sqlite3_column_bytes(statement_, read_++);
+    return value == nullptr ? std::string_view()
+                            : std::string_view(reinterpret_cast<const char*>(value),
+                                               static_cast<std::size_t>(bytes));
   }
   double number() { return sqlite3_column_double(statement_, read_++); }
   std::int64_t integer() { return sqlite3_column_int64(statement_, read_++); }
@@ -70,9 +95,7 @@ class Statement {
 
  private:
   void check(int code) const {
-    if (code == SQLITE_OK) return;
-    throw core::InputError::expected(file_.string(), "a working SQLite database",
-                                     sqlite3_errmsg(db_));
+    if (code != SQLITE_OK) throw sqlite_error(db_, file_);
   }
 
   sqlite3* db_;

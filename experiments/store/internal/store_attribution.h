@@ -5,11 +5,8 @@
 /// came with schema version 3; trials of older runs have no row there.
 
 #include <cstdint>
-#include <filesystem>
-#include <vector>
 
-#include <sqlite3.h>
-
+#include "experiments/store/internal/sqlite_statement.h"
 #include "experiments/store/store.h"
 
 namespace segsim::experiments {
@@ -42,13 +39,24 @@ inline constexpr const char* kImagesColumn = R"sql(
 ALTER TABLE attribution ADD COLUMN images INTEGER NOT NULL DEFAULT -1;
 )sql";
 
+/// The columns that read_attribution() reads, in its order.
+inline constexpr const char* kAttributionColumns =
+    "cause, inevitable_tick, decisive_tick, visible_frames, detected_frames, "
+    "true_detections, false_detections, first_true_tick, true_clouds, false_clouds, stopped, "
+    "final_visible_px, object_m, planar_m, shortest_object_m, collision_ticks, "
+    "off_navmesh_ticks, reached_instance, log, images";
+
 /// Before the failed trial itself is removed.
-void remove_attribution_of_failed(sqlite3* db, const std::filesystem::path& file,
-                                  std::int64_t run_id, const TrialRow& trial);
-void insert_attribution(sqlite3* db, const std::filesystem::path& file, std::int64_t trial_id,
-                        const TrialRow& trial);
-/// Fills in `why` and `log` of the rows.
-void read_attributions(sqlite3* db, const std::filesystem::path& file, std::int64_t run_id,
-                       std::vector<TrialRow>& rows);
+inline constexpr const char* kRemoveAttributionOfFailed =
+    "DELETE FROM attribution WHERE trial_id IN (SELECT trial_id FROM trial WHERE run_id = ? "
+    "AND arm = ? AND episode = ? AND repetition = ? AND outcome = 'error')";
+inline constexpr const char* kInsertAttribution =
+    "INSERT INTO attribution VALUES "
+    "(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)";
+
+/// Runs kInsertAttribution.
+void insert_attribution(Statement& insert, std::int64_t trial_id, const TrialRow& trial);
+/// Fills in `why` and `log` of the row; all of it is NULL for trials without an attribution.
+void read_attribution(Statement& row, TrialRow& trial);
 
 }  // namespace segsim::experiments

@@ -65,4 +65,12 @@ ALTER TABLE arm ADD COLUMN start_radius_m REAL NOT NULL DEFAULT 0;
 UPDATE meta SET schema_version = 4;
 )sql";
 
+/// From version 5 to 6, and after kSchema in a new file: what else a run's results depend on.
+constexpr int kBeforeProvenance = 5;
+constexpr const char* kProvenanceTable = R"sql(
+CREATE TABLE provenance (
+  run_id INTEGER NOT NULL REFERENCES run, name TEXT NOT NULL, value TEXT NOT NULL,
+  PRIMARY KEY (run_id, name)) WITHOUT ROWID;
+)sql";
+
 }  // namespace segsim::experiments
