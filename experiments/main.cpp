@@ -1,3 +1,4 @@
+#include <csignal>
 #include <cstdio>
 #include <exception>
 #include <new>
@@ -5,6 +6,7 @@
 #include <CLI/CLI.hpp>
 
 #include "core/error.h"
+#include "core/interrupted.h"
 #include "core/version.h"
 #include "experiments/commands/commands.h"
 
@@ -13,12 +15,14 @@ namespace {
 constexpr int kCheckFailedExit = 1;
 constexpr int kInputErrorExit = 2;
 constexpr int kInternalErrorExit = 3;
+constexpr int kInterruptedExit = 4;
 
 }  // namespace
 
 int main(int argc, char** argv) {
   using namespace segsim;  // NOLINT(google-build-using-namespace): main wires everything
 
+  std::signal(SIGXFSZ, SIG_IGN);  // A file at its limit is an error like a full disk.
   CLI::App app{
       "Fast-SegSim: does this perception change make the robot reach its goal more often?\n"
       "Closed-loop navigation trials in reconstructed scenes.",
@@ -26,9 +30,8 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", core::version());
   app.require_subcommand(1);
   app.footer(
-      "Exit codes: 0 done, 1 an expectation failed, 2 bad input or too little memory, 3 "
-      "internal "
-      "error.\n"
+      "Exit codes: 0 done, 1 an expectation failed, 2 bad input, too little memory or room on "
+      "the disk,\n3 internal error, 4 stopped by a signal with trials left.\n"
       "Each subcommand has its own --help.");
   experiments::add_run_command(app);
   experiments::add_table_command(app);
@@ -62,6 +65,9 @@ int main(int argc, char** argv) {
   } catch (const core::InputError& error) {
     std::fprintf(stderr, "segsim: %s\n", error.what());
     return kInputErrorExit;
+  } catch (const core::Interrupted& error) {
+    std::fprintf(stderr, "segsim: %s\n", error.what());
+    return kInterruptedExit;
   } catch (const core::CheckFailed& error) {
     std::fprintf(stderr, "segsim: %s\n", error.what());
     return kCheckFailedExit;

@@ -1,39 +1,85 @@
-// `segsim run` and `segsim table`.
+// `segsim run`, `segsim merge` and `segsim table`.
 #include <cstdio>
 #include <memory>
+#include <vector>
 
 #include <CLI/CLI.hpp>
 
 #include "core/error.h"
+#include "core/interrupted.h"
 #include "experiments/commands/commands.h"
+#include "experiments/runs/merge_runs.h"
 #include "experiments/runs/run.h"
 #include "experiments/store/stored_run.h"
 
 namespace segsim::experiments {
 namespace {
 
+namespace fs = std::filesystem;
+
 struct RunFlags {
-  std::string spec;
+  std::string spec, shard;
   RunOptions options;
 };
 
-void run(RunFlags& flags) {
-  const ExperimentSpec spec = load_spec(flags.spec, flags.options.folders);
-  const RunReport report = run_experiment(spec, flags.options);
-  std::fputs(format_table(report.table, TableFormat::kText).c_str(), stdout);
-  std::printf("\nResults in %s\n", flags.options.folders.work.c_str());
-  if (report.interrupted) {
-    std::printf("Stopped with %d trials left; run the same command again to go on.\n",
-                report.trials_left);
+/// @throws what its exit code stands for, if the run did not end well.
+void check_end(const RunReport& report) {
+  if (report.interrupted && report.trials_left > 0) {
+    throw core::Interrupted("stopped with " + std::to_string(report.trials_left) +
+                            " trials left; run the same command again to go on");
   }
-  int failed = 0;
-  for (const GroupSummary& scene : report.table.scenes) {
-    for (const ArmSummary& arm : scene.arms) failed += arm.failed_trials;
-  }
-  if (failed > 0) {
-    throw core::CheckFailed(std::to_string(failed) +
+  if (report.trials_failed > 0) {
+    throw core::CheckFailed(std::to_string(report.trials_failed) +
                             " trials failed in the harness; run again to repeat them");
   }
+}
+
+void run(RunFlags& flags) {
+  if (!flags.shard.empty()) flags.options.shard = shard_from(flags.shard);
+  const ExperimentSpec spec = load_spec(flags.spec, flags.options.folders);
+  const RunReport report = run_experiment(spec, flags.options);
+  if (flags.options.shard) {
+    std::printf("Shard %s: %d trials run, %d left; storing them took %.2f s\n",
+                flags.options.shard->text().c_str(), report.trials_run, report.trials_left,
+                report.store_s);
+  } else {
+    std::fputs(format_table(report.table, TableFormat::kText).c_str(), stdout);
+    std::printf("\n");
+  }
+  std::printf("Results in %s, SHA-256 %s\n", report.results.c_str(),
+              report.results_sha256.c_str());
+  check_end(report);
+}
+
+struct MergeFlags {
+  fs::path out;
+  std::vector<fs::path> shards;
+};
+
+void merge(const MergeFlags& flags) {
+  const std::vector<fs::path> shards =
+      flags.shards.empty() ? shard_folders(flags.out) : flags.shards;
+  if (shards.empty()) {
+    throw core::InputError::expected((flags.out / "shards").string(),
+                                     "shards of segsim run --shard", "none");
+  }
+  const MergeReport report = merge_runs(flags.out, shards);
+  std::fputs(format_table(report.table, TableFormat::kText).c_str(), stdout);
+  std::printf("\nMerged %zu shards into %s: %d trials added, %d known, %d failed.\n",
+              shards.size(), flags.out.c_str(), report.added, report.known, report.failed);
+  std::printf("%d of %d trials are done. SHA-256 of the results: %s\n",
+              report.table.finished_trials, report.table.run.planned_trials,
+              report.results_sha256.c_str());
+}
+
+void add_merge_command(CLI::App& app) {
+  auto flags = std::make_shared<MergeFlags>();
+  CLI::App* command =
+      app.add_subcommand("merge", "Put the shards of a run together (docs/scale_out.md)");
+  command->add_option("out", flags->out, "Work folder that gets the whole run")->required();
+  command->add_option("shards", flags->shards,
+                      "Folders of shards, or their databases (default: all in OUT/shards)");
+  command->callback([flags] { merge(*flags); });
 }
 
 struct TableFlags {
@@ -72,11 +118,20 @@ void add_run_command(CLI::App& app) {
       ->add_option("--max-trials", flags->options.max_trials,
                    "Stop after so many trials (0 = all)")
       ->check(CLI::NonNegativeNumber);
-  command->add_flag("--new", flags->options.new_run,
-                    "Begin a new run, even if an unfinished or different one is there");
-  command->add_flag("--prepare-only", flags->options.prepare_only,
-                    "Make bundles, detectors and episodes, but run no trial");
+  CLI::Option* shard = command->add_option(
+      "--shard", flags->shard,
+      "Run one part, beside workers with the others: I/N (0 <= I < N), or auto: as the batch "
+      "engine's variables say. Then `segsim merge`. See docs/scale_out.md");
+  command
+      ->add_flag("--new", flags->options.new_run,
+                 "Begin a new run, even if an unfinished or different one is there")
+      ->excludes(shard);
+  command
+      ->add_flag("--prepare-only", flags->options.prepare_only,
+                 "Make bundles, detectors and episodes, but run no trial")
+      ->excludes(shard);
   command->callback([flags] { run(*flags); });
+  add_merge_command(app);
 }
 
 void add_table_command(CLI::App& app) {

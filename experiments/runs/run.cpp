@@ -1,135 +1,36 @@
 #include "experiments/runs/run.h"
 
 #include <atomic>
+#include <chrono>
 #include <cstdio>
-#include <cstring>
 #include <map>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <thread>
 
-#include <fcntl.h>
-#include <sqlite3.h>
-#include <sys/file.h>
-#include <unistd.h>
-#include <zlib.h>
-#include <opencv2/core/version.hpp>
-
+#include "core/check.h"
 #include "core/error.h"
 #include "core/file_io.h"
 #include "core/progress.h"
 #include "core/version.h"
-#include "experiments/benchmarks/machine_peaks.h"
+#include "experiments/runs/folder_lock.h"
 #include "experiments/runs/prepare.h"
+#include "experiments/runs/run_provenance.h"
+#include "experiments/runs/step_record.h"
 #include "experiments/runs/stop_signal.h"
 #include "experiments/runs/trial_runner.h"
-#include "renderer/simd_target.h"
+#include "experiments/store/results_digest.h"
 
 namespace segsim::experiments {
 namespace {
 
 namespace fs = std::filesystem;
 
-/// Keeps a second `segsim run` out of a work folder; released when the process ends, however.
-class FolderLock {
- public:
-  explicit FolderLock(const fs::path& work) {
-    std::error_code error;
-    fs::create_directories(work, error);
-    const fs::path file = work / ".lock";
-    descriptor_ = open(file.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0644);
-    if (descriptor_ < 0) {
-      throw core::InputError::expected(work.string(), "a folder that can be written to",
-                                       std::strerror(errno));
-    }
-    if (flock(descriptor_, LOCK_EX | LOCK_NB) != 0) {
-      close(descriptor_);
-      throw core::InputError::expected(work.string(), "a work folder of its own",
-                                       "another segsim run at work there");
-    }
-  }
-  ~FolderLock() { close(descriptor_); }
-  FolderLock(const FolderLock&) = delete;
-  FolderLock& operator=(const FolderLock&) = delete;
-
- private:
-  int descriptor_ = -1;
-};
-
-std::string host_name() {
-  char name[256] = {};
-  return gethostname(name, sizeof name - 1) == 0 ? name : "unknown";
-}
-
-/// What results may depend on and a version of segsim does not fix.
-std::string library_versions() {
-  return std::string("compiler " __VERSION__ "; OpenCV " CV_VERSION "; SQLite ") +
-         sqlite3_libversion() + "; zlib " + zlibVersion() + "; SIMD " +
-         renderer::simd_target();
-}
-
 std::string number_text(double value) {
   char text[32];
   std::snprintf(text, sizeof text, "%g", value);
   return text;
-}
-
-std::vector<SceneRow> scene_rows(const std::vector<LoadedScene>& scenes) {
-  std::vector<SceneRow> rows;
-  for (const LoadedScene& scene : scenes) {
-    rows.push_back({scene.spec->name, scene.spec->title, scene.bundle.scene_sha256,
-                    scene.episodes_sha256,
-                    static_cast<std::int64_t>(scene.episodes.episodes.size())});
-    if (scene.episodes.oracle) {
-      rows.back().oracle_successes = scene.episodes.oracle->successes;
-      rows.back().oracle_episodes = scene.episodes.oracle->episodes;
-    }
-  }
-  return rows;
-}
-
-std::vector<ArmRow> arm_rows(const ExperimentSpec& spec, const PreparedDetectors& detectors) {
-  std::vector<ArmRow> rows;
-  for (const ArmSpec& arm : spec.arms) {
-    ArmRow row;
-    row.name = arm.name;
-    const PreparedWeights weights = weights_of(arm, detectors);
-    row.detector = weights.file.empty() ? "oracle" : weights.file.filename().string();
-    if (!weights.file.empty()) row.weights_sha256 = core::sha256_of_file(weights.file);
-    row.held_out = weights.held_out;
-    if (arm.detector == ArmDetector::kAfter) row.start_leak = detectors.start_leak;
-    for (const SceneSpec& scene : spec.scenes) {
-      if (spec.leaks(arm, scene))
-        row.tuned_on += (row.tuned_on.empty() ? "" : ", ") + scene.name;
-    }
-    row.score_threshold = arm.score_threshold.value_or(-1.0);
-    rows.push_back(std::move(row));
-  }
-  return rows;
-}
-
-/// Refuses to go on with a run whose inputs are not what they were.
-void check_same_inputs(const Store& store, std::int64_t run_id,
-                       const std::vector<SceneRow>& scenes, const std::vector<ArmRow>& arms) {
-  const auto refuse = [](const std::string& what) {
-    throw core::InputError(what +
-                           " changed since the run began: finished trials and new ones "
-                           "would not compare. Give --new to begin another run.");
-  };
-  const std::vector<SceneRow> old_scenes = store.scenes(run_id);
-  for (std::size_t i = 0; i < scenes.size() && i < old_scenes.size(); ++i) {
-    if (scenes[i].scene_sha256 != old_scenes[i].scene_sha256)
-      refuse("scene " + scenes[i].name);
-    if (scenes[i].episodes_sha256 != old_scenes[i].episodes_sha256) {
-      refuse("episodes of scene " + scenes[i].name);
-    }
-  }
-  const std::vector<ArmRow> old_arms = store.arms(run_id);
-  for (std::size_t i = 0; i < arms.size() && i < old_arms.size(); ++i) {
-    if (arms[i].weights_sha256 != old_arms[i].weights_sha256) {
-      refuse("weights of arm " + arms[i].name);
-    }
-  }
 }
 
 /// The run to go on with, or a new one.
@@ -148,6 +49,11 @@ std::int64_t open_run(Store& store, const ExperimentSpec& spec, const RunOptions
     }
     check_same_inputs(store, last.run_id, scenes, arms);
     if (last.code_version != core::version()) {
+      if (options.shard) {
+        throw core::InputError::expected("shard " + options.shard->text(),
+                                         "segsim " + last.code_version + ", it began so",
+                                         core::version());
+      }
       std::fprintf(stderr, "segsim: note: run %lld began with segsim %s, this is %s\n",
                    static_cast<long long>(last.run_id), last.code_version.c_str(),
                    core::version());
@@ -160,7 +66,7 @@ std::int64_t open_run(Store& store, const ExperimentSpec& spec, const RunOptions
   run.spec_sha256 = spec.sha256;
   run.spec_text = spec.text;
   run.code_version = core::version();
-  run.host = host_name() + ", " + cpu_model();
+  run.host = host_and_processor();
   run.libraries = library_versions();
   run.success_profile = success_in_words(spec);
   const std::string clock = clock_in_words(spec.clock);
@@ -168,6 +74,7 @@ std::int64_t open_run(Store& store, const ExperimentSpec& spec, const RunOptions
   run.seed = spec.seed;
   run.planned_n = spec.planned_n;
   run.planned_trials = planned_trials;
+  run.provenance = run_provenance(spec, options.shard);
   return store.begin_run(run, scenes, arms);
 }
 
@@ -192,6 +99,16 @@ std::vector<TrialTask> all_tasks(const ExperimentSpec& spec,
       }
       first = false;
     }
+  }
+  return tasks;
+}
+
+/// Those of one part: whole units, of which each has as many tasks as there are arms.
+std::vector<TrialTask> tasks_of(const Shard& shard, const std::vector<TrialTask>& all,
+                                std::size_t arms) {
+  std::vector<TrialTask> tasks;
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    if (shard.has(k / arms)) tasks.push_back(all[k]);
   }
   return tasks;
 }
@@ -244,36 +161,52 @@ class Tally {
   int failed_ = 0;
 };
 
-/// Runs the tasks on `workers` threads. @return  How many were run.
-int run_tasks(const ExperimentSpec& spec, const std::vector<TrialTask>& tasks,
-              const PreparedDetectors& detectors, const RunOptions& options,
-              std::int64_t run_id, Store& store, Tally& tally) {
+/// If nothing can be written, the next trial will fail like the last one: the disk is full, or
+/// gone, and the run ends instead.
+/// @throws core::InputError
+void check_disk(const fs::path& results) {
+  constexpr std::size_t kProbe_bytes = 1 << 20;
+  const fs::path probe = results / ".probe";
+  core::write_file_atomically(
+      probe, [&](std::ostream& out) { out << std::string(kProbe_bytes, '\0'); });
+  fs::remove(probe);
+}
+
+/// Runs the tasks on `workers` threads. Fills in trials_run and store_s.
+void run_tasks(const ExperimentSpec& spec, const std::vector<TrialTask>& tasks,
+               const PreparedDetectors& detectors, const RunOptions& options,
+               const fs::path& results, Store& store, Tally& tally, RunReport& report) {
+  using Clock = std::chrono::steady_clock;
   std::atomic<std::size_t> next{0};
   std::mutex mutex;  // Guards what follows.
   std::exception_ptr failure;
-  int done = 0;
   std::string first_error;
   core::Progress progress("trials", static_cast<std::int64_t>(tasks.size()));
   progress.update(0, tally.text());
 
+  const auto store_row = [&](const TrialRow& row) {
+    if (row.failed()) check_disk(results);
+    const Clock::time_point start = Clock::now();
+    store.add_trial(report.run_id, row);
+    report.store_s += std::chrono::duration<double>(Clock::now() - start).count();
+    if (row.failed() && first_error.empty()) first_error = row.episode + ": " + row.error;
+    tally.count(row);
+    progress.update(++report.trials_run, tally.text());
+  };
   const auto work = [&] {
-    TrialRunner runner(spec, detectors,
-                       options.results.empty() ? options.folders.work : options.results);
+    TrialRunner runner(spec, detectors, results);
     while (!StopOnSignal::requested()) {
       const std::size_t index = next.fetch_add(1);
       if (index >= tasks.size()) return;
       const TrialRow row = runner.run(tasks[index]);
       const std::lock_guard<std::mutex> lock(mutex);
       try {
-        store.add_trial(run_id, row);
+        store_row(row);
       } catch (...) {
-        failure = std::current_exception();
+        if (!failure) failure = std::current_exception();
         StopOnSignal::request();
         return;
       }
-      if (row.failed() && first_error.empty()) first_error = row.episode + ": " + row.error;
-      tally.count(row);
-      progress.update(++done, tally.text());
     }
   };
   std::vector<std::thread> threads;
@@ -285,7 +218,6 @@ int run_tasks(const ExperimentSpec& spec, const std::vector<TrialTask>& tasks,
   if (!first_error.empty()) {
     std::fprintf(stderr, "segsim: a trial failed: %s\n", first_error.c_str());
   }
-  return done;
 }
 
 void write_text(const fs::path& file, const std::string& text) {
@@ -308,22 +240,27 @@ void write_tables(const fs::path& work, const ResultTable& table,
                               [&](std::ostream& out) { write_trials_csv(out, trials); });
 }
 
-RunReport run_experiment(const ExperimentSpec& spec, const RunOptions& options) {
-  const fs::path& work = options.folders.work;
-  const FolderLock lock(work);
+namespace {
 
-  // What the trials need.
+/// What the trials need.
+struct Inputs {
+  std::vector<LoadedScene> scenes;
+  PreparedDetectors detectors;
+};
+
+/// Makes what is missing, and loads it.
+Inputs load_inputs(const ExperimentSpec& spec, const fs::path& work) {
   std::vector<fs::path> bundles;
   for (const SceneSpec& scene : spec.scenes)
     bundles.push_back(prepare_scene(spec, scene, work));
-  std::vector<LoadedScene> scenes;
+  Inputs inputs;
   std::vector<Starts> starts;
   std::set<std::string> episode_ids;
   for (std::size_t i = 0; i < spec.scenes.size(); ++i) {
     std::fprintf(stderr, "segsim: loading %s\n", spec.scenes[i].title.c_str());
-    scenes.push_back(load_scene(spec, spec.scenes[i], bundles[i], work));
-    starts.push_back(starts_of(scenes.back()));
-    const EpisodeSet& set = scenes.back().episodes;
+    inputs.scenes.push_back(load_scene(spec, spec.scenes[i], bundles[i], work));
+    starts.push_back(starts_of(inputs.scenes.back()));
+    const EpisodeSet& set = inputs.scenes.back().episodes;
     for (const sim::Episode& episode : set.episodes) {
       if (episode_ids.insert(episode.id).second) continue;
       throw core::InputError::expected("episodes of scene " + spec.scenes[i].name,
@@ -337,16 +274,72 @@ RunReport run_experiment(const ExperimentSpec& spec, const RunOptions& options) 
                    (work / "episodes" / (spec.scenes[i].name + ".jsonl")).c_str());
     }
   }
-  const PreparedDetectors detectors = prepare_detectors(spec, bundles, starts, work);
+  inputs.detectors = prepare_detectors(spec, bundles, starts, work);
+  return inputs;
+}
+
+StepRecord preparation_of(const ExperimentSpec& spec, const fs::path& work) {
+  return {work / "prepared.step", "spec " + spec.sha256 + ", segsim " + core::version()};
+}
+
+/// The inputs of one worker among others: whoever is first makes them while the others wait,
+/// then all work side by side. `lock` holds until the worker has ended.
+Inputs load_shared_inputs(const ExperimentSpec& spec, const fs::path& work,
+                          std::optional<FolderLock>& lock) {
+  const StepRecord preparation = preparation_of(spec, work);
+  const auto check_current = [&] {
+    if (preparation.is_current()) return;
+    throw core::InputError::expected(
+        (work / "prepared.step").string(),
+        "inputs for this spec and program (make them with segsim run SPEC --prepare-only)",
+        "those for others");
+  };
+  if (!fs::exists(work / "prepared.step")) {
+    lock.emplace(work, FolderLock::Kind::kExclusive, FolderLock::IfTaken::kWait);
+    if (!fs::exists(work / "prepared.step")) {
+      Inputs inputs = load_inputs(spec, work);
+      preparation.mark_done();
+      lock->share();
+      return inputs;
+    }
+    lock.reset();
+  }
+  check_current();
+  lock.emplace(work, FolderLock::Kind::kShared, FolderLock::IfTaken::kWait);
+  check_current();
+  return load_inputs(spec, work);
+}
+
+}  // namespace
+
+RunReport run_experiment(const ExperimentSpec& spec, const RunOptions& options) {
+  using IfTaken = FolderLock::IfTaken;
+  using Kind = FolderLock::Kind;
+  const fs::path& work = options.folders.work;
+  std::optional<FolderLock> lock, shard_lock;
+  fs::path results = options.results.empty() ? work : options.results;
+  Inputs inputs;
+  if (options.shard) {
+    SEGSIM_CHECK(!options.new_run && !options.prepare_only, "those are for whole runs");
+    inputs = load_shared_inputs(spec, work, lock);
+    results /= fs::path("shards") / options.shard->folder_name();
+    // Another process on the same part is one that its engine gave up too early.
+    shard_lock.emplace(results, Kind::kExclusive, IfTaken::kWait);
+  } else {
+    lock.emplace(work, Kind::kExclusive, IfTaken::kRefuse);
+    inputs = load_inputs(spec, work);
+    preparation_of(spec, work).mark_done();
+  }
 
   // The run, and which of its trials are missing.
-  const fs::path& results = options.results.empty() ? work : options.results;
   Store store(results / "results.sqlite");
-  const std::vector<TrialTask> planned = all_tasks(spec, scenes);
+  const std::vector<TrialTask> all = all_tasks(spec, inputs.scenes);
   RunReport report;
-  report.run_id = open_run(store, spec, options, scene_rows(scenes), arm_rows(spec, detectors),
-                           static_cast<int>(planned.size()));
-  std::vector<TrialTask> tasks = unfinished(planned, store.trials(report.run_id));
+  report.run_id = open_run(store, spec, options, scene_rows(inputs.scenes),
+                           arm_rows(spec, inputs.detectors), static_cast<int>(all.size()));
+  std::vector<TrialRow> trials = store.trials(report.run_id);
+  std::vector<TrialTask> tasks = unfinished(
+      options.shard ? tasks_of(*options.shard, all, spec.arms.size()) : all, trials);
   const std::size_t missing = tasks.size();
   if (options.max_trials > 0 && tasks.size() > static_cast<std::size_t>(options.max_trials)) {
     tasks.resize(static_cast<std::size_t>(options.max_trials));
@@ -355,19 +348,22 @@ RunReport run_experiment(const ExperimentSpec& spec, const RunOptions& options) 
   if (!options.prepare_only && !tasks.empty()) {
     const StopOnSignal signals;
     Tally tally(spec);
-    for (const TrialRow& trial : store.trials(report.run_id)) {
+    for (const TrialRow& trial : trials) {
       if (!trial.failed()) tally.count(trial);
     }
-    report.trials_run =
-        run_tasks(spec, tasks, detectors, options, report.run_id, store, tally);
+    run_tasks(spec, tasks, inputs.detectors, options, results, store, tally, report);
     report.interrupted = StopOnSignal::requested();
+    trials = store.trials(report.run_id);
   }
   report.trials_left = static_cast<int>(missing) - report.trials_run;
+  for (const TrialRow& trial : trials) report.trials_failed += trial.failed() ? 1 : 0;
 
   // The answer.
-  const std::vector<TrialRow> trials = store.trials(report.run_id);
-  const std::vector<RunRow> runs = store.runs();
-  if (report.trials_left == 0 && runs.back().ended.empty()) store.end_run(report.run_id);
+  const RunRow run = store.runs().back();
+  if (report.trials_left == 0 && run.ended.empty()) store.end_run(report.run_id);
+  report.results = results;
+  report.results_sha256 = results_sha256(trials);
+  if (options.shard) return report;  // A part has no table of its own.
   report.table = summarise(store.runs().back(), store.scenes(report.run_id),
                            store.arms(report.run_id), trials);
   write_tables(results, report.table, trials);

@@ -5,9 +5,13 @@
 /// table. It can be killed at any time and started again: finished trials are kept.
 
 #include <cstdint>
+#include <filesystem>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include "experiments/results/table.h"
+#include "experiments/runs/shard.h"
 #include "experiments/runs/spec.h"
 
 namespace segsim::experiments {
@@ -19,21 +23,30 @@ struct RunOptions {
   bool prepare_only = false;      ///< Stop before the first trial.
   int max_trials = 0;             ///< Stop after so many trials; 0 = all.
   std::filesystem::path results;  ///< For the database and the tables; empty: the work folder.
+  /// One part of the run, beside workers with the others; its results lie in shards/I-of-N
+  /// below `results`, for merge_runs(). Not with `new_run` or `prepare_only`.
+  std::optional<Shard> shard{};
 };
 
 struct RunReport {
   std::int64_t run_id = 0;
-  int trials_run = 0, trials_left = 0;
-  bool interrupted = false;  ///< By SIGINT or SIGTERM.
-  ResultTable table;
+  int trials_run = 0, trials_left = 0;  ///< Of the shard, if there is one.
+  int trials_failed = 0;                ///< In the harness; they run again on resume.
+  bool interrupted = false;             ///< By SIGINT or SIGTERM.
+  double store_s = 0;                   ///< Spent on adding trials to the database.
+  std::filesystem::path results;
+  std::string results_sha256;  ///< results_digest.h
+  ResultTable table;           ///< Empty of a shard.
 };
 
 /// Results lie in the work folder: results.sqlite, table.{txt,md,csv,json}, trials.csv,
 /// pictures/, tracks/, logs/, videos/, frames/, episodes/. Rows do not depend on the number of
 /// workers (wall times excepted).
+/// With `shard`, others may work in the folder at the same time: whoever comes first makes
+/// what is missing, and the others wait for it.
 /// @throws core::InputError if the spec or a prepared input changed since the run began
-/// (unless
-///         `new_run`), or if another process works in the folder.
+///         (unless `new_run`), if another process works in the folder, or if results can no
+///         longer be written (those that are in are kept).
 RunReport run_experiment(const ExperimentSpec& spec, const RunOptions& options);
 
 /// "segsim-object: STOP within 1 m (geodesic) of a view point ..., within 180 s".

@@ -55,7 +55,8 @@ Json json_run(const StoredRun& stored) {
                  {"planned_n", run.planned_n},
                  {"planned_trials", run.planned_trials},
                  {"started", run.started},
-                 {"ended", run.ended}};
+                 {"ended", run.ended},
+                 {"provenance", run.provenance}};
   json["scenes"] = Json::array();
   for (const SceneRow& scene : stored.scenes) {
     json["scenes"].push_back({{"name", scene.name},

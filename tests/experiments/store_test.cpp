@@ -461,6 +461,7 @@ TEST_F(StoreTest, JsonLinesHoldTheRunAndEveryColumn) {
   {
     Store store(file_);
     const std::int64_t id = begin(store);
+    store.set_provenance(id, "clock", "lockstep");
     TrialRow trial = a_trial("before", "b/chair/00", false);
     trial.distance_to_goal_m.reset();
     trial.error = "line\n\"two\" \xff";
@@ -478,6 +479,7 @@ TEST_F(StoreTest, JsonLinesHoldTheRunAndEveryColumn) {
     read.push_back(nlohmann::json::parse(line));
   ASSERT_EQ(read.size(), 3U);
   EXPECT_EQ(read[0]["run"]["spec_text"], "name: demo\n");
+  EXPECT_EQ(read[0]["run"]["provenance"]["clock"], "lockstep");
   EXPECT_EQ(read[0]["run"]["seed"], 18446744073709551557ULL);
   EXPECT_EQ(read[0]["arms"][1]["tuned_on"], "b");
   EXPECT_EQ(read[0]["arms"][1]["tuning_views"]["near_starts"], 3);

@@ -19,14 +19,19 @@ struct ProcessOutput {
   std::string text;  ///< Standard output and error.
 };
 
-inline ProcessOutput run_segsim(const std::string& arguments) {
-  const std::string command = std::string(SEGSIM_BINARY) + " " + arguments + " 2>&1";
+/// A line for the shell.
+inline ProcessOutput run_shell(const std::string& line) {
+  const std::string command = "{ " + line + "; } 2>&1";
   FILE* pipe = ::popen(command.c_str(), "r");
   ProcessOutput run;
   std::array<char, 4096> buffer{};
   while (std::fgets(buffer.data(), buffer.size(), pipe) != nullptr) run.text += buffer.data();
   run.exit_code = WEXITSTATUS(::pclose(pipe));
   return run;
+}
+
+inline ProcessOutput run_segsim(const std::string& arguments) {
+  return run_shell(std::string(SEGSIM_BINARY) + " " + arguments);
 }
 
 /// Exit code 2 and one line with place, expected and found.

@@ -334,6 +334,7 @@ std::string notes_section(const ReportModel& model) {
   add("ended", run.ended);
   add("seed", std::to_string(run.seed));
   add("spec", run.spec_sha256);
+  for (const auto& [name, value] : run.provenance) add(html_escaped(name).c_str(), value);
   for (const SceneRow& scene : model.table.scene_rows) {
     add("scene",
         scene.name + ": " + scene.scene_sha256 + ", episodes " + scene.episodes_sha256);

@@ -1,0 +1,135 @@
+#include "experiments/runs/run_provenance.h"
+
+#include <sqlite3.h>
+#include <unistd.h>
+#include <zlib.h>
+#include <opencv2/core/version.hpp>
+
+#include "core/error.h"
+#include "core/file_io.h"
+#include "experiments/benchmarks/machine_peaks.h"
+#include "experiments/timing/clock_spec.h"
+#include "perception/library_versions.h"
+#include "renderer/simd_target.h"
+#include "sim/library_versions.h"
+
+namespace segsim::experiments {
+namespace {
+
+/// What the weights of an arm were made from, as far as this run knows.
+std::string training_scenes(const ExperimentSpec& spec, const ArmSpec& arm) {
+  const DetectorSpec& detectors = spec.detectors;
+  const std::string before = detectors.pretrain ? std::to_string(detectors.pretrain->rooms) +
+                                                      " procedural rooms, seed " +
+                                                      std::to_string(detectors.pretrain->seed)
+                                                : std::string("those of the given weights");
+  switch (arm.detector) {
+    case ArmDetector::kOracle:
+      return "none (oracle)";
+    case ArmDetector::kFile:
+      return "those of the given weights";
+    case ArmDetector::kBefore:
+      return before;
+    case ArmDetector::kAfter:
+      break;
+  }
+  if (!detectors.finetune) return "those of the given weights";
+  std::string scenes;
+  for (const std::string& scene : detectors.finetune->scenes) scenes += ", " + scene;
+  return before + scenes;
+}
+
+}  // namespace
+
+std::string host_and_processor() {
+  char name[256] = {};
+  const bool known = gethostname(name, sizeof name - 1) == 0;
+  return std::string(known ? name : "unknown") + ", " + cpu_model();
+}
+
+std::string library_versions() {
+  return std::string("compiler " __VERSION__ "; OpenCV " CV_VERSION "; SQLite ") +
+         sqlite3_libversion() + "; zlib " + zlibVersion() + "; SIMD " +
+         renderer::simd_target();
+}
+
+std::map<std::string, std::string> run_provenance(const ExperimentSpec& spec,
+                                                  const std::optional<Shard>& shard) {
+  std::map<std::string, std::string> rows;
+  const std::string clock = clock_in_words(spec.clock);
+  rows["clock"] = clock.empty() ? "lockstep" : clock;
+  const auto add_libraries = [&](const std::map<std::string, std::string>& versions) {
+    for (const auto& [name, version] : versions) rows["library/" + name] = version;
+  };
+  add_libraries(perception::library_versions());
+  add_libraries(sim::library_versions());
+  add_libraries({{"SQLite", sqlite3_libversion()},
+                 {"zlib", zlibVersion()},
+                 {"compiler", __VERSION__},
+                 {"SIMD", renderer::simd_target()}});
+  for (const ArmSpec& arm : spec.arms) {
+    rows["training_scenes/" + arm.name] = training_scenes(spec, arm);
+  }
+  if (shard) rows["shard"] = shard->text();
+  return rows;
+}
+
+std::vector<SceneRow> scene_rows(const std::vector<LoadedScene>& scenes) {
+  std::vector<SceneRow> rows;
+  for (const LoadedScene& scene : scenes) {
+    rows.push_back({scene.spec->name, scene.spec->title, scene.bundle.scene_sha256,
+                    scene.episodes_sha256,
+                    static_cast<std::int64_t>(scene.episodes.episodes.size())});
+    if (scene.episodes.oracle) {
+      rows.back().oracle_successes = scene.episodes.oracle->successes;
+      rows.back().oracle_episodes = scene.episodes.oracle->episodes;
+    }
+  }
+  return rows;
+}
+
+std::vector<ArmRow> arm_rows(const ExperimentSpec& spec, const PreparedDetectors& detectors) {
+  std::vector<ArmRow> rows;
+  for (const ArmSpec& arm : spec.arms) {
+    ArmRow row;
+    row.name = arm.name;
+    const PreparedWeights weights = weights_of(arm, detectors);
+    row.detector = weights.file.empty() ? "oracle" : weights.file.filename().string();
+    if (!weights.file.empty()) row.weights_sha256 = core::sha256_of_file(weights.file);
+    row.held_out = weights.held_out;
+    if (arm.detector == ArmDetector::kAfter) row.start_leak = detectors.start_leak;
+    for (const SceneSpec& scene : spec.scenes) {
+      if (spec.leaks(arm, scene))
+        row.tuned_on += (row.tuned_on.empty() ? "" : ", ") + scene.name;
+    }
+    row.score_threshold = arm.score_threshold.value_or(-1.0);
+    rows.push_back(std::move(row));
+  }
+  return rows;
+}
+
+/// Refuses to go on with a run whose inputs are not what they were.
+void check_same_inputs(const Store& store, std::int64_t run_id,
+                       const std::vector<SceneRow>& scenes, const std::vector<ArmRow>& arms) {
+  const auto refuse = [](const std::string& what) {
+    throw core::InputError(what +
+                           " changed since the run began: finished trials and new ones "
+                           "would not compare. Give --new to begin another run.");
+  };
+  const std::vector<SceneRow> old_scenes = store.scenes(run_id);
+  for (std::size_t i = 0; i < scenes.size() && i < old_scenes.size(); ++i) {
+    if (scenes[i].scene_sha256 != old_scenes[i].scene_sha256)
+      refuse("scene " + scenes[i].name);
+    if (scenes[i].episodes_sha256 != old_scenes[i].episodes_sha256) {
+      refuse("episodes of scene " + scenes[i].name);
+    }
+  }
+  const std::vector<ArmRow> old_arms = store.arms(run_id);
+  for (std::size_t i = 0; i < arms.size() && i < old_arms.size(); ++i) {
+    if (arms[i].weights_sha256 != old_arms[i].weights_sha256) {
+      refuse("weights of arm " + arms[i].name);
+    }
+  }
+}
+
+}  // namespace segsim::experiments

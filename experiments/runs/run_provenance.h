@@ -1,0 +1,37 @@
+#pragma once
+
+/// @file
+/// Where the numbers of a run come from: what the store keeps of it, and whether a run that
+/// goes on still has the inputs that it began with.
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "experiments/runs/prepare.h"
+#include "experiments/runs/shard.h"
+#include "experiments/runs/spec.h"
+#include "experiments/runs/trial_runner.h"
+#include "experiments/store/store.h"
+
+namespace segsim::experiments {
+
+[[nodiscard]] std::string host_and_processor();
+/// What results may depend on and a version of segsim does not fix, in one line.
+[[nodiscard]] std::string library_versions();
+/// RunRow::provenance of a run that begins here and now.
+[[nodiscard]] std::map<std::string, std::string> run_provenance(
+    const ExperimentSpec& spec, const std::optional<Shard>& shard);
+
+[[nodiscard]] std::vector<SceneRow> scene_rows(const std::vector<LoadedScene>& scenes);
+[[nodiscard]] std::vector<ArmRow> arm_rows(const ExperimentSpec& spec,
+                                           const PreparedDetectors& detectors);
+
+/// Refuses to go on with a run whose inputs are not what they were.
+/// @throws core::InputError naming the scene or arm.
+void check_same_inputs(const Store& store, std::int64_t run_id,
+                       const std::vector<SceneRow>& scenes, const std::vector<ArmRow>& arms);
+
+}  // namespace segsim::experiments

@@ -1,0 +1,12 @@
+#include "sim/library_versions.h"
+
+#include <GeographicLib/Config.h>
+#include <embree3/rtcore_config.h>
+
+namespace segsim::sim {
+
+std::map<std::string, std::string> library_versions() {
+  return {{"Embree", RTC_VERSION_STRING}, {"GeographicLib", GEOGRAPHICLIB_VERSION_STRING}};
+}
+
+}  // namespace segsim::sim
