@@ -8,6 +8,7 @@
 
 #include "core/check.h"
 #include "core/error.h"
+#include "core/quantile.h"
 #include "renderer/internal/lift_frame.h"
 #include "renderer/internal/parallel.h"
 #include "renderer/internal/plane_filling.h"
@@ -103,14 +104,6 @@ void Lifter::clean(std::vector<Voxel>& voxels, LiftStatistics& statistics) {
   report(stage, kSteps, kSteps);
 }
 
-/// Value at the given share of the sorted list.
-float quantile(std::vector<float>& values, double share) {
-  const auto k =
-      static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1) + 0.5);
-  std::nth_element(values.begin(), values.begin() + k, values.end());
-  return values[static_cast<std::size_t>(k)];
-}
-
 LiftResult Lifter::run() {
   const auto start = std::chrono::steady_clock::now();
   LiftResult result;
@@ -156,8 +149,8 @@ std::vector<core::SceneInstance> instance_boxes(
     for (int axis = 0; axis < 3; ++axis) {
       std::vector<float> values;
       for (const std::size_t i : found->second) values.push_back(surfels.position_m[i][axis]);
-      instance.box_min_m[axis] = quantile(values, 0.01);
-      instance.box_max_m[axis] = quantile(values, 0.99);
+      instance.box_min_m[axis] = core::quantile(values, 0.01, core::Between::kNearest);
+      instance.box_max_m[axis] = core::quantile(values, 0.99, core::Between::kNearest);
     }
     instances.push_back(std::move(instance));
   }

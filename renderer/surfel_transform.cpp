@@ -2,9 +2,9 @@
 
 #include <array>
 #include <cmath>
-#include <numbers>
 #include <vector>
 
+#include "renderer/internal/sphere_quadrature.h"
 #include "renderer/surfel_geometry.h"
 
 namespace segsim::renderer {
@@ -21,27 +21,16 @@ Basis basis_at(const glm::dvec3& direction) {
 }
 
 /// c' = D c so that the turned function has the old values at the turned directions:
-/// D_ij = integral of Y_i(d) Y_j(R^-1 d). The integrand is a polynomial of degree 6; four
-/// Gauss-Legendre nodes in z and eight equal angles integrate degree 7 exactly.
+/// D_ij = integral of Y_i(d) Y_j(R^-1 d), a polynomial of degree 6.
 HarmonicMatrix harmonic_rotation(const glm::dquat& R) {
-  const double inner = std::sqrt(3.0 / 7.0 - 2.0 / 7.0 * std::sqrt(1.2));
-  const double outer = std::sqrt(3.0 / 7.0 + 2.0 / 7.0 * std::sqrt(1.2));
-  const double heavy = (18.0 + std::sqrt(30.0)) / 36.0,
-               light = (18.0 - std::sqrt(30.0)) / 36.0;
-  const std::array<double, 4> nodes = {-outer, -inner, inner, outer};
-  const std::array<double, 4> weights = {light, heavy, heavy, light};
-  constexpr int kAngles = 8;
   const glm::dquat back = glm::conjugate(R);
   HarmonicMatrix D{};
-  for (std::size_t n = 0; n < nodes.size(); ++n) {
-    for (int a = 0; a < kAngles; ++a) {
-      const double angle = 2.0 * std::numbers::pi * (a + 0.5) / kAngles;
-      const double radius = std::sqrt(1.0 - nodes[n] * nodes[n]);
-      const glm::dvec3 d(radius * std::cos(angle), radius * std::sin(angle), nodes[n]);
-      const Basis here = basis_at(d), before = basis_at(back * d);
-      const double weight = weights[n] * 2.0 * std::numbers::pi / kAngles;
-      for (std::size_t i = 0; i < here.size(); ++i) {
-        for (std::size_t j = 0; j < here.size(); ++j) D[i][j] += weight * here[i] * before[j];
+  for (const internal::SphereNode& node : internal::sphere_quadrature()) {
+    const glm::dvec3 d(node.x, node.y, node.z);
+    const Basis here = basis_at(d), before = basis_at(back * d);
+    for (std::size_t i = 0; i < here.size(); ++i) {
+      for (std::size_t j = 0; j < here.size(); ++j) {
+        D[i][j] += node.weight * here[i] * before[j];
       }
     }
   }

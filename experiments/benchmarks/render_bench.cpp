@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "core/check.h"
+#include "core/quantile.h"
 #include "experiments/benchmarks/backend_warning.h"
 
 namespace segsim::experiments {
@@ -65,18 +66,11 @@ double BenchResult::tiles() const {
   return static_cast<double>(along(setup.width_px)) * along(setup.height_px);
 }
 
-double quantile(std::vector<double> values, double share) {
-  SEGSIM_CHECK(!values.empty() && share >= 0.0 && share <= 1.0, "quantile");
-  std::sort(values.begin(), values.end());
-  const double at = share * static_cast<double>(values.size() - 1);
-  const auto low = static_cast<std::size_t>(at);
-  const std::size_t high = std::min(low + 1, values.size() - 1);
-  return values[low] + (at - static_cast<double>(low)) * (values[high] - values[low]);
-}
-
 FrameTimes summarise_times(const std::vector<double>& frame_ms) {
-  return {quantile(frame_ms, 0.5), quantile(frame_ms, 0.95), quantile(frame_ms, 0.99),
-          quantile(frame_ms, 0.0), static_cast<int>(frame_ms.size())};
+  return {core::interpolated_quantile(frame_ms, 0.5),
+          core::interpolated_quantile(frame_ms, 0.95),
+          core::interpolated_quantile(frame_ms, 0.99),
+          core::interpolated_quantile(frame_ms, 0.0), static_cast<int>(frame_ms.size())};
 }
 
 double label_agreement(const core::Frame& a, const core::Frame& b) {

@@ -53,8 +53,6 @@ struct BenchResult {
   [[nodiscard]] double pairs_per_s() const { return stats.pairs_binned * fps(); }
 };
 
-/// The value below which `share` of the sorted values lie, linear between neighbours.
-[[nodiscard]] double quantile(std::vector<double> values, double share);
 [[nodiscard]] FrameTimes summarise_times(const std::vector<double>& frame_ms);
 
 /// Share of equal pixels where at least one image is not void (0); 1 if both are all void.

@@ -8,6 +8,7 @@
 #include "core/check.h"
 #include "core/error.h"
 #include "core/progress.h"
+#include "core/quantile.h"
 #include "core/random.h"
 #include "perception/evaluate.h"
 #include "perception/weights_file.h"
@@ -103,12 +104,10 @@ std::vector<Scores> all_scores(const std::vector<JudgedScores>& judged,
   return classes;
 }
 
-Interval percentile_interval(std::vector<double> samples, double confidence) {
+Interval percentile_interval(const std::vector<double>& samples, double confidence) {
   if (samples.empty()) return {-1.0, -1.0};
-  std::sort(samples.begin(), samples.end());
   const auto at = [&](double share) {
-    return samples[static_cast<std::size_t>(
-        std::lround(share * static_cast<double>(samples.size() - 1)))];
+    return core::quantile(samples, share, core::Between::kNearest);
   };
   return {at(0.5 * (1.0 - confidence)), at(0.5 * (1.0 + confidence))};
 }

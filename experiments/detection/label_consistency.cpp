@@ -3,17 +3,14 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/quantile.h"
 #include "perception/average_precision.h"
 
 namespace segsim::experiments {
 namespace {
 
-/// Value at a share of the sorted list, the lower neighbour between two. @param values  Not
-/// empty.
-double quantile(std::vector<double> values, double share) {
-  const auto at = static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), values.begin() + at, values.end());
-  return values[static_cast<std::size_t>(at)];
+double quantile(const std::vector<double>& values, double share) {
+  return core::quantile(values, share, core::Between::kLower);
 }
 
 /// Semantic ids of an instance's pixels, void left out.

@@ -1,17 +1,15 @@
 #include "experiments/runs/spec.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <numbers>
-#include <set>
 
 #include "core/check.h"
 #include "core/config.h"
 #include "core/error.h"
 #include "core/file_io.h"
 #include "experiments/internal/numbers_in_range.h"
-#include "renderer/training/heads/panoptic_head.h"
+#include "experiments/runs/internal/spec_readers.h"
 #include "sim/robot.h"
 
 namespace segsim::experiments {
@@ -19,254 +17,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using core::ConfigNode;
-
-/// Replaces ${data}, ${work} and ${spec} in a path.
-class Variables {
- public:
-  Variables(const SpecFolders& folders, const fs::path& spec_file)
-      : values_{{"data", folders.data.string()},
-                {"work", folders.work.string()},
-                {"spec", spec_file.parent_path().empty() ? std::string(".")
-                                                         : spec_file.parent_path().string()}} {
-  }
-
-  [[nodiscard]] fs::path expand(const ConfigNode& node) const {
-    std::string text = node.as_text();
-    for (std::size_t start = text.find("${"); start != std::string::npos;
-         start = text.find("${", start)) {
-      const std::size_t end = text.find('}', start);
-      if (end == std::string::npos) node.fail("a closing } after ${", "\"" + text + "\"");
-      const std::string name = text.substr(start + 2, end - start - 2);
-      const std::string value = value_of(name, node);
-      text.replace(start, end - start + 1, value);
-      start += value.size();
-    }
-    return fs::path(text).lexically_normal();
-  }
-
- private:
-  [[nodiscard]] std::string value_of(const std::string& name, const ConfigNode& node) const {
-    for (const auto& [known, value] : values_) {
-      if (name != known) continue;
-      if (value.empty()) node.fail("the folder of the data (flag --data DIR)", "none");
-      return value;
-    }
-    node.fail("${data}, ${work} or ${spec}", "${" + name + "}");
-  }
-
-  std::vector<std::pair<std::string, std::string>> values_;
-};
-
-std::uint64_t read_seed(const ConfigNode& node, std::uint64_t fallback) {
-  const std::int64_t value = node.integer_or("seed", static_cast<std::int64_t>(fallback));
-  if (value < 0) node.child("seed").fail("a seed >= 0", node.text("seed"));
-  return static_cast<std::uint64_t>(value);
-}
-
-/// A name that can be part of a file name.
-std::string read_name(const ConfigNode& node, const std::string& key) {
-  const std::string name = node.text(key);
-  const bool plain = !name.empty() && std::all_of(name.begin(), name.end(), [](char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
-           c == '-' || c == '_';
-  });
-  if (!plain) node.child(key).fail("letters, digits, - and _", "\"" + name + "\"");
-  return name;
-}
-
-CaptureSpec read_capture(const ConfigNode& source) {
-  CaptureSpec capture;
-  const std::optional<ConfigNode> node = source.optional_child("capture");
-  if (!node) return capture;
-  capture.frames = count_within(*node, "frames", capture.frames, 1, 100000);
-  capture.width_px = count_within(*node, "width", capture.width_px, 16, 8192);
-  capture.height_px = count_within(*node, "height", capture.height_px, 16, 8192);
-  capture.hfov_deg = number_within(*node, "hfov_deg", capture.hfov_deg, 10.0, 150.0);
-  capture.camera_height_m =
-      number_within(*node, "camera_height_m", capture.camera_height_m, 0.05, 3.0);
-  node->finish();
-  return capture;
-}
-
-ReconstructSpec read_reconstruct(const ConfigNode& node, const Variables& variables) {
-  ReconstructSpec reconstruct;
-  if (node.has("config")) reconstruct.config = variables.expand(node.child("config"));
-  constexpr int kMost = 10'000'000;
-  if (node.has("iterations")) {
-    reconstruct.iterations = count_within(node, "iterations", 0, 0, kMost);
-  }
-  if (node.has("label_iterations")) {
-    reconstruct.label_iterations = count_within(node, "label_iterations", 1, 1, kMost);
-  }
-  if (node.has("head")) {
-    std::vector<std::string> heads = renderer::panoptic_head_names();
-    heads.emplace_back("none");
-    reconstruct.head = heads[core::choice(node, "head", heads)];
-  }
-  reconstruct.seed = read_seed(node, reconstruct.seed);
-  node.finish();
-  return reconstruct;
-}
-
-SourceSpec read_source(const ConfigNode& node, const Variables& variables) {
-  SourceSpec source;
-  source.type =
-      static_cast<SourceType>(core::choice(node, "type", {"flat", "gazebo", "mesh", "rgbd"}));
-  switch (source.type) {
-    case SourceType::kFlat:
-      source.seed = read_seed(node, 0);
-      break;
-    case SourceType::kGazebo:
-    case SourceType::kMesh:
-      source.world = variables.expand(node.child("world"));
-      source.seed = read_seed(node, 0);  // Of the capture path.
-      break;
-    case SourceType::kRgbd:
-      source.folder = variables.expand(node.child("folder"));
-      if (node.has("boxes")) source.boxes = variables.expand(node.child("boxes"));
-      source.frame_step = count_within(node, "frame_step", 1, 1, 1000);
-      if (node.has("floor_height_m")) {
-        source.floor_height_m = number_within(node, "floor_height_m", 0.0, -1000.0, 1000.0);
-      }
-      break;
-  }
-  if (source.type != SourceType::kRgbd) source.capture = read_capture(node);
-  source.voxel_m = number_within(node, "voxel_m", source.voxel_m, 0.002, 0.5);
-  if (const auto reconstruct = node.optional_child("reconstruct")) {
-    source.reconstruct = read_reconstruct(*reconstruct, variables);
-  }
-  node.finish();
-  return source;
-}
-
-SceneSpec read_scene(const ConfigNode& node, const Variables& variables,
-                     const SpecFolders& folders) {
-  SceneSpec scene;
-  scene.name = read_name(node, "name");
-  scene.title = node.text_or("title", scene.name);
-  scene.bundle = node.has("bundle") ? variables.expand(node.child("bundle"))
-                                    : folders.work / "scenes" / scene.name;
-  if (const auto source = node.optional_child("source")) {
-    scene.source = read_source(*source, variables);
-  }
-  if (node.has("episode_file")) {
-    scene.episode_file = variables.expand(node.child("episode_file"));
-    for (const char* key : {"goals", "episodes", "start_distance_m", "allow_visible_start"}) {
-      if (node.has(key)) node.child(key).fail("no rule beside episode_file", key);
-    }
-  } else {
-    scene.goals = node.texts("goals");
-    if (scene.goals.empty()) node.child("goals").fail("at least one class name", "none");
-  }
-  scene.allow_trivial = node.boolean_or("allow_trivial", false);
-  scene.episodes = count_within(node, "episodes", scene.episodes, 1, 100000);
-  scene.camera_height_m =
-      number_within(node, "camera_height_m", scene.camera_height_m, 0.05, 3.0);
-  if (node.has("start_distance_m")) {
-    const std::vector<double> range = node.numbers("start_distance_m");
-    if (range.size() != 2 || range[0] < 0.0 || range[1] <= range[0]) {
-      node.child("start_distance_m").fail("[nearest, farthest] in metres", "another list");
-    }
-    scene.min_start_distance_m = range[0];
-    scene.max_start_distance_m = range[1];
-  }
-  scene.allow_visible_start = node.boolean_or("allow_visible_start", false);
-  node.finish();
-  return scene;
-}
-
-PretrainSpec read_pretrain(const ConfigNode& node) {
-  PretrainSpec pretrain;
-  pretrain.seed = read_seed(node, pretrain.seed);
-  pretrain.rooms = count_within(node, "rooms", pretrain.rooms, 1, 100000);
-  pretrain.views_per_room =
-      count_within(node, "views_per_room", pretrain.views_per_room, 1, 100000);
-  pretrain.steps = count_within(node, "steps", pretrain.steps, 1, 10000000);
-  node.finish();
-  return pretrain;
-}
-
-FinetuneSpec read_finetune(const ConfigNode& node, const std::vector<SceneSpec>& scenes) {
-  FinetuneSpec finetune;
-  finetune.seed = read_seed(node, finetune.seed);
-  std::vector<std::string> names;
-  for (const SceneSpec& scene : scenes) names.push_back(scene.name);
-  finetune.scenes = names;
-  if (node.has("scenes")) {
-    finetune.scenes.clear();
-    for (const ConfigNode& element : node.list("scenes")) {
-      finetune.scenes.push_back(element.as_text());
-      if (std::find(names.begin(), names.end(), finetune.scenes.back()) == names.end()) {
-        const std::string near = core::nearest_word(finetune.scenes.back(), names);
-        element.fail("the name of a scene of this spec",
-                     "\"" + finetune.scenes.back() + "\"" +
-                         (near.empty() ? "" : " (near: " + near + ")"));
-      }
-    }
-  }
-  finetune.views_per_scene =
-      count_within(node, "views_per_scene", finetune.views_per_scene, 1, 100000);
-  finetune.width_px = count_within(node, "width", 0, 0, 8192);
-  finetune.height_px = count_within(node, "height", 0, 0, 8192);
-  finetune.steps = count_within(node, "steps", finetune.steps, 1, 10000000);
-  finetune.learning_rate = number_within(node, "learning_rate", 0.0, 0.0, 1.0);
-  finetune.mix_share = number_within(node, "mix_share", 0.0, 0.0, 0.9);
-  finetune.mix_rooms = count_within(node, "mix_rooms", finetune.mix_rooms, 1, 100000);
-  finetune.start_clearance_m = number_within(node, "start_clearance_m", 0.0, 0.0, 10.0);
-  node.finish();
-  return finetune;
-}
-
-DetectorSpec read_detectors(const ConfigNode& root, const Variables& variables,
-                            const SpecFolders& folders, const std::vector<SceneSpec>& scenes) {
-  DetectorSpec detectors;
-  detectors.before = folders.work / "detector-before.bin";
-  detectors.after = folders.work / "detector-after.bin";
-  const std::optional<ConfigNode> node = root.optional_child("detectors");
-  if (!node) return detectors;
-  if (node->has("before")) detectors.before = variables.expand(node->child("before"));
-  if (node->has("after")) detectors.after = variables.expand(node->child("after"));
-  if (const auto child = node->optional_child("pretrain")) {
-    detectors.pretrain = read_pretrain(*child);
-  }
-  if (const auto child = node->optional_child("finetune")) {
-    detectors.finetune = read_finetune(*child, scenes);
-  }
-  node->finish();
-  return detectors;
-}
-
-nav::PolicySettings read_policy(const ConfigNode& node, const Variables& variables) {
-  return nav::read_policy_settings(
-      node.child("policy"), [&](const ConfigNode& path) { return variables.expand(path); });
-}
-
-ArmSpec read_arm(const ConfigNode& node, const Variables& variables) {
-  ArmSpec arm;
-  arm.name = read_name(node, "name");
-  const std::string detector = node.text("detector");
-  if (detector == "before") {
-    arm.detector = ArmDetector::kBefore;
-  } else if (detector == "after") {
-    arm.detector = ArmDetector::kAfter;
-  } else if (detector == "oracle") {
-    arm.detector = ArmDetector::kOracle;
-  } else if (detector.find_first_of("/.$") != std::string::npos) {
-    arm.detector = ArmDetector::kFile;
-    arm.weights = variables.expand(node.child("detector"));
-  } else {
-    (void)core::choice(node, "detector",
-                       {"before", "after", "oracle", "a path of weights or of a model"});
-  }
-  if (node.has("policy")) arm.policy = read_policy(node, variables);
-  if (node.has("score_threshold")) {
-    arm.score_threshold = number_within(node, "score_threshold", 0.5, 0.0, 1.0);
-  }
-  arm.clock =
-      read_arm_clock(node, [&](const ConfigNode& path) { return variables.expand(path); });
-  node.finish();
-  return arm;
-}
+using internal::Variables;
 
 CameraSpec read_camera(const ConfigNode& root) {
   CameraSpec camera;
@@ -364,14 +115,14 @@ void check_new_name(const std::vector<Element>& before, const std::string& name,
 void read_lists(const ConfigNode& root, const Variables& variables, const SpecFolders& folders,
                 ExperimentSpec& spec) {
   for (const ConfigNode& node : root.child("scenes").as_list()) {
-    SceneSpec scene = read_scene(node, variables, folders);
+    SceneSpec scene = internal::read_scene(node, variables, folders);
     check_new_name(spec.scenes, scene.name, node);
     spec.scenes.push_back(std::move(scene));
   }
   if (spec.scenes.empty()) root.child("scenes").fail("at least one scene", "none");
-  spec.detectors = read_detectors(root, variables, folders, spec.scenes);
+  spec.detectors = internal::read_detectors(root, variables, folders, spec.scenes);
   for (const ConfigNode& node : root.child("arms").as_list()) {
-    ArmSpec arm = read_arm(node, variables);
+    ArmSpec arm = internal::read_arm(node, variables);
     check_new_name(spec.arms, arm.name, node);
     check_arm_clock(spec.clock, arm.clock, node);
     spec.arms.push_back(std::move(arm));
@@ -425,7 +176,7 @@ sim::SuccessProfile SuccessSpec::rule() const {
 
 SourceSpec read_source_spec(const ConfigNode& node, const SpecFolders& folders,
                             const fs::path& file) {
-  return read_source(node, Variables(folders, file));
+  return internal::read_source(node, Variables(folders, file));
 }
 
 CameraSpec read_camera_spec(const ConfigNode& root) { return read_camera(root); }
@@ -453,16 +204,16 @@ ExperimentSpec parse_spec(const std::string& text, const fs::path& origin,
   spec.text = text;
 
   (void)core::choice(root, "schema", {ExperimentSpec::kSchema});
-  spec.name = read_name(root, "name");
+  spec.name = internal::read_name(root, "name");
   spec.title = root.text_or("title", spec.name);
   if (folders.work.empty()) folders.work = fs::path("out") / spec.name;
   const Variables variables(folders, origin);
 
-  spec.seed = read_seed(root, spec.seed);
+  spec.seed = internal::read_seed(root, spec.seed);
   spec.clock =
       read_clock_spec(root, [&](const ConfigNode& path) { return variables.expand(path); });
   read_lists(root, variables, folders, spec);
-  if (root.has("policy")) spec.policy = read_policy(root, variables);
+  if (root.has("policy")) spec.policy = internal::read_policy(root, variables);
   if (root.has("robot")) {
     spec.robot = root.text("robot");
     (void)core::choice(root, "robot", sim::RobotModel::names());

@@ -7,6 +7,8 @@
 #include <glm/common.hpp>
 #include <glm/vec3.hpp>
 
+#include "core/quantile.h"
+
 namespace segsim::experiments {
 namespace {
 
@@ -14,11 +16,8 @@ constexpr float kMinOpacity = 0.3F;
 constexpr double kMargin_m = 0.4;
 constexpr int kLargestSide_px = 2400;
 
-/// The value below which `share` of the values lie.
-double quantile(std::vector<float> values, double share) {
-  const auto at = static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), values.begin() + at, values.end());
-  return values[static_cast<std::size_t>(at)];
+double quantile(const std::vector<float>& values, double share) {
+  return core::quantile(values, share, core::Between::kLower);
 }
 
 core::Rgb8 to_rgb8(const glm::vec3& srgb) {

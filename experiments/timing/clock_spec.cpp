@@ -3,26 +3,18 @@
 #include <algorithm>
 #include <vector>
 
+#include "experiments/internal/numbers_in_range.h"
+
 namespace segsim::experiments {
 namespace {
 
 using core::ConfigNode;
 
-double number_within(const ConfigNode& node, const std::string& key, double fallback,
-                     double low, double high, const char* expected) {
-  const double value = node.number_or(key, fallback);
-  if (!(value >= low && value <= high)) node.child(key).fail(expected, node.text(key));
-  return value;
-}
-
 sim::SensorRate read_rate(const ConfigNode& node) {
   sim::SensorRate rate;
-  rate.period_ns = sim::ns_from_ms(
-      number_within(node, "period_ms", 0.0, 1.0, 60000.0, "milliseconds in [1, 60000]"));
-  rate.phase_ns = sim::ns_from_ms(
-      number_within(node, "phase_ms", 0.0, 0.0, 60000.0, "milliseconds in [0, 60000]"));
-  rate.jitter_ns = sim::ns_from_ms(
-      number_within(node, "jitter_ms", 0.0, 0.0, 30000.0, "milliseconds in [0, 30000]"));
+  rate.period_ns = sim::ns_from_ms(number_within(node, "period_ms", 0.0, 1.0, 60000.0));
+  rate.phase_ns = sim::ns_from_ms(number_within(node, "phase_ms", 0.0, 0.0, 60000.0));
+  rate.jitter_ns = sim::ns_from_ms(number_within(node, "jitter_ms", 0.0, 0.0, 30000.0));
   if (2 * rate.jitter_ns >= rate.period_ns) {
     node.child("jitter_ms").fail("less than half of period_ms", node.text("jitter_ms"));
   }
@@ -49,8 +41,7 @@ ClockSpec read_clock_spec(const ConfigNode& root, const ExpandPath& expand) {
     clock.registration = static_cast<sim::Registration>(
         core::choice(*node, "registration", {"capture", "use"}));
   }
-  clock.measured_scale =
-      number_within(*node, "scale", 1.0, 1e-3, 1e3, "a factor in [0.001, 1000]");
+  clock.measured_scale = number_within(*node, "scale", 1.0, 1e-3, 1e3);
   node->finish();
   return clock;
 }
@@ -60,8 +51,7 @@ ArmClockSpec read_arm_clock(const ConfigNode& arm, const ExpandPath& expand) {
   if (arm.has("budget")) clock.budget = read_budget_file(expand(arm.child("budget")));
   if (const auto added = arm.optional_child("add_ms")) {
     for (const std::string& stage : added->keys()) {
-      clock.add_ms[stage] = number_within(*added, stage, 0.0, -60000.0, 60000.0,
-                                          "milliseconds in [-60000, 60000]");
+      clock.add_ms[stage] = number_within(*added, stage, 0.0, -60000.0, 60000.0);
     }
   }
   return clock;

@@ -1,8 +1,9 @@
 #pragma once
 
-#include <algorithm>
 #include <cstddef>
 #include <vector>
+
+#include "core/quantile.h"
 
 namespace segsim::sim::internal {
 
@@ -18,11 +19,7 @@ class RecentTimes {
   }
   [[nodiscard]] double quantile_ms(double share) const {
     if (times_ms_.empty()) return 0.0;
-    std::vector<double> sorted = times_ms_;
-    const auto at =
-        static_cast<std::ptrdiff_t>(share * static_cast<double>(sorted.size() - 1));
-    std::nth_element(sorted.begin(), sorted.begin() + at, sorted.end());
-    return sorted[static_cast<std::size_t>(at)];
+    return core::quantile(times_ms_, share, core::Between::kLower);
   }
 
  private:

@@ -56,11 +56,7 @@ BenchResult made_up_result() {
   return result;
 }
 
-TEST(RenderBench, QuantilesInterpolate) {
-  EXPECT_DOUBLE_EQ(quantile({4, 1, 3, 2}, 0.5), 2.5);
-  EXPECT_DOUBLE_EQ(quantile({4, 1, 3, 2}, 0.0), 1.0);
-  EXPECT_DOUBLE_EQ(quantile({4, 1, 3, 2}, 1.0), 4.0);
-  EXPECT_DOUBLE_EQ(quantile({7}, 0.99), 7.0);
+TEST(RenderBench, FrameTimesAreQuantiles) {
   std::vector<double> values;
   for (int i = 0; i <= 100; ++i) values.push_back(100 - i);
   const FrameTimes times = summarise_times(values);
@@ -69,7 +65,6 @@ TEST(RenderBench, QuantilesInterpolate) {
   EXPECT_DOUBLE_EQ(times.p99_ms, 99);
   EXPECT_DOUBLE_EQ(times.min_ms, 0);
   EXPECT_EQ(times.frames, 101);
-  EXPECT_THROW(static_cast<void>(quantile({}, 0.5)), core::ContractViolation);
 }
 
 TEST(RenderBench, AgreementCountsLabelledPixels) {

@@ -1,9 +1,9 @@
 #include "renderer/training/internal/pose_gradient.h"
 
 #include <cmath>
-#include <numbers>
 #include <vector>
 
+#include "renderer/internal/sphere_quadrature.h"
 #include "renderer/training/sh_adjoint.h"
 
 namespace segsim::renderer::internal {
@@ -17,34 +17,23 @@ struct Mixing {
   double value;
 };
 
-/// Integrals of (axis x d) . grad B_row times B_column over the sphere, by a quadrature that
-/// is exact for the polynomials at hand (degree 6): four Gauss-Legendre heights, eight
-/// azimuths.
+/// Integrals of (axis x d) . grad B_row times B_column over the sphere: polynomials of
+/// degree 6.
 std::vector<Mixing> make_mixings() {
-  constexpr std::array<double, 4> kHeight = {-0.8611363115940526, -0.3399810435848563,
-                                             0.3399810435848563, 0.8611363115940526};
-  constexpr std::array<double, 4> kWeight = {0.3478548451374538, 0.6521451548625461,
-                                             0.6521451548625461, 0.3478548451374538};
-  constexpr int kAzimuths = 8;
   double sums[3][kCoefficients][kCoefficients] = {};
-  for (std::size_t h = 0; h < kHeight.size(); ++h) {
-    for (int a = 0; a < kAzimuths; ++a) {
-      const double angle = 2.0 * std::numbers::pi * a / kAzimuths;
-      const double radius = std::sqrt(1.0 - kHeight[h] * kHeight[h]);
-      const Vec3<double> d{radius * std::cos(angle), radius * std::sin(angle), kHeight[h]};
-      const Vec3<double> turned[3] = {{0.0, -d.z, d.y}, {d.z, 0.0, -d.x}, {-d.y, d.x, 0.0}};
-      double basis[kCoefficients];
-      sh_basis(3, d, basis);
-      for (int row = 1; row < kCoefficients; ++row) {
-        double one[kCoefficients] = {};
-        one[row] = 1.0;
-        const Vec3<double> slope = sh_basis_adjoint(3, d, one);
-        for (int axis = 0; axis < 3; ++axis) {
-          const double change =
-              dot(slope, turned[axis]) * kWeight[h] * 2.0 * std::numbers::pi / kAzimuths;
-          for (int column = 1; column < kCoefficients; ++column) {
-            sums[axis][row][column] += change * basis[column];
-          }
+  for (const SphereNode& node : sphere_quadrature()) {
+    const Vec3<double> d{node.x, node.y, node.z};
+    const Vec3<double> turned[3] = {{0.0, -d.z, d.y}, {d.z, 0.0, -d.x}, {-d.y, d.x, 0.0}};
+    double basis[kCoefficients];
+    sh_basis(3, d, basis);
+    for (int row = 1; row < kCoefficients; ++row) {
+      double one[kCoefficients] = {};
+      one[row] = 1.0;
+      const Vec3<double> slope = sh_basis_adjoint(3, d, one);
+      for (int axis = 0; axis < 3; ++axis) {
+        const double change = dot(slope, turned[axis]) * node.weight;
+        for (int column = 1; column < kCoefficients; ++column) {
+          sums[axis][row][column] += change * basis[column];
         }
       }
     }
