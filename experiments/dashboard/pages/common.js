@@ -33,6 +33,12 @@ const segsim = (() => {
     return response;
   };
   const get_json = async (address) => (await get(address)).json();
+  const image = (address) => new Promise((resolve, reject) => {
+    const picture = new Image();
+    picture.onload = () => resolve(picture);
+    picture.onerror = () => reject(new Error(`no picture at ${address}`));
+    picture.src = address;
+  });
   const run_address = (key, ...rest) =>
     ["/api/runs", key, ...rest].map((part, k) => (k ? encodeURIComponent(part) : part)).join("/");
 
@@ -132,6 +138,6 @@ const segsim = (() => {
 
   const ready = () => { document.documentElement.dataset.ready = "1"; };
 
-  return { parameters, element, fill, get, get_json, run_address, repeat, percent, fixed, duration, words, modes, arm_rows,
+  return { parameters, element, fill, get, get_json, image, run_address, repeat, percent, fixed, duration, words, modes, arm_rows,
     pair_line, badges, progress_block, ready };
 })();

@@ -6,9 +6,7 @@ const floor_map = (() => {
   // The floor plan of a scene; null while nobody says where it lies.
   const load = async (run, scene) => {
     const geometry = await segsim.get_json(segsim.run_address(run, "scenes", scene, "floor.json"));
-    const image = new Image();
-    image.src = segsim.run_address(run, "scenes", scene, "floor.jpg");
-    await image.decode();
+    const image = await segsim.image(segsim.run_address(run, "scenes", scene, "floor.jpg"));
     return { ...geometry, image };
   };
 

@@ -16,13 +16,6 @@
     return null;
   };
 
-  const loaded = (address) => new Promise((resolve, reject) => {
-    const image = new Image();
-    image.onload = () => resolve(image);
-    image.onerror = () => reject(new Error(address));
-    image.src = address;
-  });
-
   const stages = [["other", "#c9ced4"], ["render", "#1f6fb2"], ["detect", "#c26a1b"], ["policy", "#3a8f4d"]];
   const draw_strip = (rows) => {
     if (!window.Chart) {
@@ -64,7 +57,7 @@
     if (stamp === shown_tick) return;
     const names = live.parts.map((part) => part[0]);
     const part = (name) => (names.includes(name)
-      ? loaded(`${run_address(key, "workers", live.worker, name)}?tick=${encodeURIComponent(stamp)}`) : Promise.resolve(null));
+      ? segsim.image(`${run_address(key, "workers", live.worker, name)}?tick=${encodeURIComponent(stamp)}`) : Promise.resolve(null));
     const [camera, panoptic, cells] = await Promise.all(["camera.jpg", "panoptic.jpg", "cells.png"].map(part));
     if (camera) node("camera").src = camera.src;
     if (panoptic) node("panoptic").src = panoptic.src;

@@ -45,15 +45,9 @@
       const k = wanted;
       wanted = null;
       try {
-        const images = await Promise.all(["camera", "panoptic"].map(async (which) => {
-          const image = new Image();
-          image.src = run_address(key, "trials", id, which, `${k}.jpg`);
-          await image.decode();
-          return image.src;
-        }));
-        [node("camera").src, node("panoptic").src] = images;
-        await node("camera").decode();
-        if (k === tick()) show_boxes();
+        const images = await Promise.all(["camera", "panoptic"].map((which) =>
+          segsim.image(run_address(key, "trials", id, which, `${k}.jpg`))));
+        [node("camera").src, node("panoptic").src] = images.map((image) => image.src);
         node("camera").dataset.tick = k;
         node("status").textContent = "";
       } catch (error) {
@@ -171,7 +165,9 @@
     }
     event.preventDefault();
   });
-  window.addEventListener("resize", show_map);
+  // The boxes lie over the picture, so they wait until it has its size.
+  node("camera").addEventListener("load", () => { if (Number(node("camera").dataset.tick) === tick()) show_boxes(); });
+  window.addEventListener("resize", () => { show_map(); show_boxes(); });
   show();
   if (trial.scene_number !== null) {
     floor = await floor_map.load(key, trial.scene_number).catch((error) => { node("status").textContent = error.message; return null; });
