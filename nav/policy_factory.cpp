@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cmath>
+#include <limits>
 
 #include "nav/frontier_policy.h"
 #include "nav/internal/semantic_prior_data.h"
@@ -68,6 +70,18 @@ void read_vlfm(const ConfigNode& node, PolicySettings& settings) {
   settings.second_look = node.boolean_or("second_look", settings.second_look);
   settings.approach = node.boolean_or("approach", settings.approach);
   settings.sweep = node.boolean_or("sweep", settings.sweep);
+  settings.clean_cloud = node.boolean_or("clean_cloud", settings.clean_cloud);
+  settings.give_up_s = node.number_or("give_up_s", settings.give_up_s);
+  if (!(settings.give_up_s >= 0.0 && std::isfinite(settings.give_up_s))) {
+    node.child("give_up_s").fail("seconds, 0 (never) or more", node.text("give_up_s"));
+  }
+  // Both are part of another rule: without it the key would do nothing.
+  if (node.has("clean_cloud") && settings.clean_cloud && !settings.approach) {
+    node.child("clean_cloud").fail("false, or approach: true", "true without approach");
+  }
+  if (node.has("give_up_s") && settings.give_up_s > 0.0 && !settings.sweep) {
+    node.child("give_up_s").fail("0, or sweep: true", node.text("give_up_s"));
+  }
   settings.min_score = node.number_or("min_score", settings.min_score);
   if (!(settings.min_score >= 0.0 && settings.min_score <= 1.0)) {
     node.child("min_score").fail("a number in [0, 1]", node.text("min_score"));
@@ -95,6 +109,9 @@ std::unique_ptr<core::Policy> make_vlfm(const PolicySettings& settings,
   options.second_look = settings.second_look;
   options.approach = options.approach && settings.approach;
   if (!settings.sweep) options.sweep_places = 0;
+  if (!settings.clean_cloud) options.approach_floor_m = options.approach_carve_m = 0.0;
+  options.give_up_s =
+      settings.give_up_s > 0.0 ? settings.give_up_s : std::numeric_limits<double>::infinity();
   options.min_score = settings.min_score;
   options.values.fusion = settings.fusion;
   if (settings.dynamic_window) options.follower.motion = LocalMotion::kDynamicWindow;

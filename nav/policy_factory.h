@@ -32,6 +32,8 @@ struct PolicySettings {
   GridPlanner planner = GridPlanner::kAstar;  ///< Of discrete motion.
   bool second_look = true;                    ///< Default: false with `parity: vlfm`.
   bool approach = true, sweep = true;         ///< The same.
+  bool clean_cloud = true;                    ///< Only with `approach`; see VlfmOptions.
+  double give_up_s = 45.0;                    ///< 0: never. Only with `sweep`.
   double min_score = 0.0;
   FusionRule fusion = FusionRule::kWeighted;
   // vlfm, frontier-value

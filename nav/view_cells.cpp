@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 
 #include "core/check.h"
 
@@ -40,6 +41,22 @@ void find_steps(const float* __restrict depth, const float* __restrict before,
   }
 }
 
+/// Calls `visit` for every byte that is not 0. Few are: eight zeros are passed at a time.
+template <class Visit>
+void for_each_set(const std::uint8_t* bytes, std::size_t count, const Visit& visit) {
+  for (std::size_t x = 0; x < count; x += 8) {
+    const std::size_t end = std::min(x + 8, count);
+    if (end == x + 8) {
+      std::uint64_t eight = 0;
+      std::memcpy(&eight, bytes + x, sizeof(eight));
+      if (eight == 0) continue;
+    }
+    for (std::size_t k = x; k < end; ++k) {
+      if (bytes[k] != 0) visit(k);
+    }
+  }
+}
+
 /// Which pixels of a row are no surface but the blend between two.
 void find_flying(const core::Image<float>& depth_m, int y, std::vector<std::uint8_t>& steep,
                  std::vector<std::uint8_t>& flying) {
@@ -49,11 +66,9 @@ void find_flying(const core::Image<float>& depth_m, int y, std::vector<std::uint
   const auto check = [&](int first, int count, std::ptrdiff_t step) {
     find_steps(row + first, row + first - step, row + first + step,
                static_cast<std::size_t>(count), steep.data());
-    for (int x = 0; x < count; ++x) {
-      if (steep[static_cast<std::size_t>(x)] != 0 && blended(row + first + x, step)) {
-        flying[static_cast<std::size_t>(first + x)] = 1;
-      }
-    }
+    for_each_set(steep.data(), static_cast<std::size_t>(count), [&](std::size_t x) {
+      if (blended(row + first + x, step)) flying[static_cast<std::size_t>(first) + x] = 1;
+    });
   };
   if (width > 4) check(2, width - 4, 1);
   if (y >= 2 && y + 2 < height) check(0, width, width);
@@ -226,7 +241,10 @@ void ViewCells::trace_ray(const MappingCamera& camera, const glm::dvec3& directi
   const double range_m = std::min(planar * depth_m - r, limits_.max_range_m);
   if (range_m <= 0.0) return;
   const int count = static_cast<int>(range_m / r) + 1;
-  ray_cells_.resize(std::max(ray_cells_.size(), static_cast<std::size_t>(count)));
+  if (ray_cells_.size() < static_cast<std::size_t>(count)) {
+    ray_cells_.resize(static_cast<std::size_t>(count));
+    ray_met_.resize(ray_cells_.size());
+  }
   std::int32_t* cells = ray_cells_.data();
   find_ray_cells(eye_cells_, glm::vec2(glm::dvec2(direction) / planar), side(), count, cells);
   const auto step_z = static_cast<float>(direction.z / planar * r);
@@ -239,18 +257,24 @@ void ViewCells::trace_ray(const MappingCamera& camera, const glm::dvec3& directi
     const float steps = step_z < 0.0F ? (pass_height_m_ - from_z) / step_z : 1e6F;
     low = static_cast<int>(std::min(steps, static_cast<float>(count)));
   }
-  unsigned met = 0;
-  for (int k = 0; k < low; ++k) met |= marks[cells[k]];
+  // Few cells hold an obstacle. They are listed without a branch, which would be guessed
+  // wrong.
+  std::int32_t* met = ray_met_.data();
+  int mets = 0;
+  const auto note = [&](std::int32_t cell, int k) {
+    met[mets] = k;
+    mets += static_cast<int>((marks[cell] & kObstacle) != 0);
+  };
+  for (int k = 0; k < low; ++k) note(cells[k], k);
   for (int k = low; k < count; ++k) {
     const std::int32_t cell = cells[k];
-    met |= marks[cell];
+    note(cell, k);
     const float z = from_z + static_cast<float>(k) * step_z;
     passes_m[cell] = std::min(passes_m[cell], z);
   }
-  if ((met & kObstacle) == 0) return;
   const auto mast_above = static_cast<float>(limits_.obstacle_max_m);
-  for (int k = 0; k < count; ++k) {
-    if ((marks[cells[k]] & kObstacle) == 0) continue;
+  for (int m = 0; m < mets; ++m) {
+    const int k = met[m];
     const float z = from_z + static_cast<float>(k) * step_z;
     const int row = cells[k] / side();
     const HitHeights& there = stored(low_.x + cells[k] - row * side(), low_.y + row);

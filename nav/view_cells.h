@@ -122,7 +122,8 @@ class ViewCells {
   core::Image<float> passes_m_;  ///< Height of the lowest ray; floor points count as 0.
   core::Image<std::uint16_t> floor_hits_;
   core::Image<Hits> hits_;
-  std::vector<std::int32_t> ray_cells_;  ///< Scratch of one ray.
+  std::vector<std::int32_t> ray_cells_;  ///< Scratch of one ray: its cells,
+  std::vector<std::int32_t> ray_met_;    ///< which of them hold an obstacle.
 };
 
 }  // namespace segsim::nav

@@ -4,6 +4,7 @@
 
 #include "core/error.h"
 #include "tests/nav/box_world.h"
+#include "tests/nav/test_view.h"
 
 namespace segsim::nav {
 namespace {
@@ -61,11 +62,63 @@ TEST(PolicyFactory, SettingsAreRead) {
   EXPECT_FALSE(vlfm.second_look);
   EXPECT_TRUE(read("{type: vlfm}").second_look);
   EXPECT_EQ(read("{type: vlfm}").rules.text(), "fixed");
+  EXPECT_EQ(read("{type: vlfm}").give_up_s, 45.0);
+  EXPECT_EQ(read("{type: vlfm, give_up_s: 0}").give_up_s, 0.0);
+  EXPECT_TRUE(read("{type: vlfm}").clean_cloud);
+  EXPECT_FALSE(read("{type: vlfm, clean_cloud: false}").clean_cloud);
   const PolicySettings script = read("{type: script, actions: [left*12, forward*3, stop]}");
   ASSERT_EQ(script.actions.size(), 16U);
   EXPECT_EQ(script.actions[11], DiscreteAction::kTurnLeft);
   EXPECT_EQ(script.actions[12], DiscreteAction::kForward);
   EXPECT_EQ(script.actions[15], DiscreteAction::kStop);
+}
+
+PolicyContext things() {
+  PolicyContext context;
+  context.class_names = {"thing"};
+  return context;
+}
+
+/// The camera measures nothing, so nothing new can turn up.
+TEST(PolicyFactory, GivingUpCanBeTimedOrSwitchedOff) {
+  for (const bool gives_up : {true, false}) {
+    const std::string seconds = gives_up ? "5" : "0";
+    const auto policy =
+        make_policy(read("{type: vlfm, give_up_s: " + seconds + "}"), things());
+    policy->reset({"thing", 0}, 1);
+    test::TestView view({}, test::kNan, 1.2);
+    core::Decision decision;
+    for (int k = 0; k < 40 && !decision.stop; ++k) {
+      view.observation.capture_time_ns = k * core::kNsPerSecond / 4;
+      decision = policy->decide(view.observation, {});
+    }
+    EXPECT_EQ(decision.stop_reason, gives_up ? "nothing_new" : "");
+  }
+}
+
+/// The box holds nothing but floor.
+TEST(PolicyFactory, FloorIsKeptOutOfCleanCloudsOnly) {
+  for (const bool clean : {true, false}) {
+    const std::string word = clean ? "true" : "false";
+    const auto policy = make_policy(read("{type: vlfm, clean_cloud: " + word + "}"), things());
+    policy->reset({"thing", 0}, 1);
+    test::TestView view({}, 5.0F, 1.2);
+    const core::CameraIntrinsics& camera = view.observation.intrinsics;
+    for (int y = 0; y < view.depth.height_px(); ++y) {
+      const double down = (y + 0.5 - camera.cy_px) / camera.fy_px;
+      for (int x = 0; x < view.depth.width_px() && down > 0.3; ++x) {
+        view.depth(x, y) = static_cast<float>(1.2 / down);
+      }
+    }
+    const auto third = static_cast<float>(camera.width_px) / 3.0F;
+    core::Detection floor;
+    floor.class_index = 0;
+    floor.score = 1.0F;
+    floor.box = {third, static_cast<float>(camera.cy_px + 0.35 * camera.fy_px), 2.0F * third,
+                 static_cast<float>(camera.height_px) - 1.0F};
+    (void)policy->decide(view.observation, {{floor}});
+    EXPECT_EQ(policy->view().objects.empty(), clean);
+  }
 }
 
 TEST(PolicyFactory, EachQuirkCanBeSwitchedByItself) {
@@ -90,6 +143,13 @@ TEST(PolicyFactory, MistakesAreNamed) {
   EXPECT_NE(refusal("{type: script, actions: [left*0]}").find("count"), std::string::npos);
   EXPECT_NE(refusal("{type: script, actions: [left*x]}").find("count"), std::string::npos);
   EXPECT_NE(refusal("{type: vlfm, min_score: 2}").find("[0, 1]"), std::string::npos);
+  EXPECT_NE(refusal("{type: vlfm, give_up_s: -1}").find("0 (never) or more"),
+            std::string::npos);
+  EXPECT_NE(refusal("{type: vlfm, sweep: false, give_up_s: 9}").find("sweep"),
+            std::string::npos);
+  EXPECT_NE(refusal("{type: vlfm, parity: vlfm, clean_cloud: true}").find("approach"),
+            std::string::npos);
+  EXPECT_EQ(refusal("{type: vlfm, sweep: false, give_up_s: 0}"), "accepted");
   EXPECT_NE(refusal("{type: vlfm, prior: missing.yaml}").find("missing.yaml"),
             std::string::npos);
   EXPECT_NE(refusal("{type: random, stop_chance: -1}").find("[0, 1]"), std::string::npos);
