@@ -72,7 +72,7 @@ class Workers {
 /// The chains over all ticks of all trials are the same as in the undisturbed run.
 TEST(ScaleOut, KilledWorkersLoseAndDoubleNothing) {
   const double patience_s = kill_s();
-  const int trials = static_cast<int>(20 * patience_s);
+  const int trials = static_cast<int>(32 + 10 * patience_s);
   const ScaleOutFolder folder(trials);
   const ProcessOutput whole = folder.segsim("whole", "--workers 2");
   ASSERT_EQ(whole.exit_code, 0) << whole.text;
