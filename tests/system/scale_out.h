@@ -3,8 +3,8 @@
 // Many cheap trials for tests of whole runs: two small rooms, images of a few pixels, an
 // oracle detector, no pictures.
 
+#include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <string>
 #include <vector>
 
@@ -94,20 +94,28 @@ inline std::string sha256_in(const std::string& text) {
   return {};
 }
 
-/// What SQLite's own check says of a database.
-inline std::string integrity_of(const std::filesystem::path& file) {
+/// What SQLite answers to a question with one number or word; "" if there is no database yet.
+inline std::string answer_of(const std::filesystem::path& file, const char* question) {
   sqlite3* db = nullptr;
-  std::string answer = "cannot be opened";
+  std::string answer;
   if (sqlite3_open_v2(file.c_str(), &db, SQLITE_OPEN_READWRITE, nullptr) == SQLITE_OK) {
     const auto keep = [](void* to, int, char** columns, char**) {
       *static_cast<std::string*>(to) = columns[0];
       return 0;
     };
-    answer = "no answer";
-    sqlite3_exec(db, "PRAGMA integrity_check", keep, &answer, nullptr);
+    sqlite3_exec(db, question, keep, &answer, nullptr);
   }
   sqlite3_close(db);
   return answer;
+}
+
+/// What SQLite's own check says of a database.
+inline std::string integrity_of(const std::filesystem::path& file) {
+  return answer_of(file, "PRAGMA integrity_check");
+}
+
+inline int trials_in(const std::filesystem::path& file) {
+  return std::atoi(answer_of(file, "SELECT COUNT(*) FROM trial").c_str());
 }
 
 }  // namespace segsim::tests

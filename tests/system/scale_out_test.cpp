@@ -72,7 +72,7 @@ class Workers {
 /// The chains over all ticks of all trials are the same as in the undisturbed run.
 TEST(ScaleOut, KilledWorkersLoseAndDoubleNothing) {
   const double patience_s = kill_s();
-  const int trials = static_cast<int>(20 * patience_s);
+  const int trials = static_cast<int>(32 + 10 * patience_s);
   const ScaleOutFolder folder(trials);
   const ProcessOutput whole = folder.segsim("whole", "--workers 2");
   ASSERT_EQ(whole.exit_code, 0) << whole.text;
@@ -119,7 +119,11 @@ TEST(ScaleOut, AStoppedWorkerSaysSoAndGoesOn) {
   const ScaleOutFolder folder(200);
   ASSERT_EQ(folder.segsim("work", "--prepare-only").exit_code, 0);
   Process worker(folder.command("work", "--shard 1/2"), "", folder.path() / "log");
-  ASSERT_TRUE(worker.says("trials [", 120.0)) << worker.output();
+  const fs::path store = folder.path() / "work/shards/1-of-2/results.sqlite";
+  const auto end = Clock::now() + std::chrono::seconds(120);
+  while (trials_in(store) < 2 && worker.running() && Clock::now() < end) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  }
   EXPECT_EQ(worker.stop(SIGTERM), 4) << worker.output();
   EXPECT_THAT(worker.output(), HasSubstr("trials left"));
   EXPECT_THAT(worker.output(), HasSubstr("Shard 1/2"));
