@@ -1,0 +1,83 @@
+#pragma once
+
+/// @file
+/// What the tests of the store share: a file of its own, and a run to put into it.
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include "core/error.h"
+#include "experiments/store/store.h"
+
+namespace segsim::experiments {
+
+/// A folder of its own, removed in the end.
+class StoreTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ =
+        std::filesystem::temp_directory_path() / ("segsim_store_" + std::to_string(getpid()));
+    std::filesystem::remove_all(folder_);
+    std::filesystem::create_directories(folder_);
+    file_ = folder_ / "results.sqlite";
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+
+  std::filesystem::path folder_, file_;
+};
+
+inline RunRow a_run() {
+  RunRow run;
+  run.name = "demo";
+  run.title = "Demo";
+  run.spec_sha256 = "abc";
+  run.spec_text = "name: demo\n";
+  run.code_version = "0.1";
+  run.host = "h";
+  run.success_profile = "p";
+  run.seed = 18446744073709551557ULL;  // Larger than SQLite's signed integers.
+  run.planned_n = 4;
+  run.planned_trials = 8;
+  return run;
+}
+
+inline std::int64_t begin(Store& store) {
+  return store.begin_run(a_run(),
+                         {{"b", "Scene B", "s1", "e1", 2}, {"a", "Scene A", "s2", "e2", 2}},
+                         {{"before", "w.bin", "ff", "", -1, {}},
+                          {"after", "v.bin", "fe", "b", 0.5,
+                           HeldOutPrecision{60, 0.5, 0.25, 0.2, 0.75, 0.625, 0.625, 0.0},
+                           StartLeak{400, 3, 1.0}}});
+}
+
+inline TrialRow a_trial(const std::string& arm, const std::string& episode, bool success) {
+  TrialRow trial;
+  trial.arm = arm;
+  trial.scene = episode.substr(0, 1);
+  trial.episode = episode;
+  trial.goal_class = "chair";
+  trial.outcome = success ? "success" : "timeout";
+  trial.success = success;
+  trial.spl = success ? 0.5 : 0.0;
+  trial.path_m = 3.25;
+  trial.distance_to_goal_m = 0.125;
+  trial.ticks = 17;
+  trial.state_hash = 0xfedcba9876543210ULL;
+  return trial;
+}
+
+/// The message with which a database is refused.
+inline std::string refusal(const std::filesystem::path& file) {
+  try {
+    const Store store(file);
+  } catch (const core::InputError& error) {
+    return error.what();
+  }
+  return {};
+}
+
+}  // namespace segsim::experiments
