@@ -1,7 +1,8 @@
 #pragma once
 
 /// @file
-/// Scene bundle: one folder with all that a trial needs to know about a place (docs/bundle.md).
+/// Scene bundle: one folder with all that a trial needs to know about a place
+/// (docs/bundle.md).
 ///
 ///     scene.yaml           this manifest
 ///     surfels.ply          surfels (official 2DGS layout + semantic_id, instance_id)
@@ -45,8 +46,6 @@ struct BundleFile {
 };
 
 struct SceneManifest {
-  static constexpr int kVersion = 1;  ///< The first; core/bundle_parts.h has the present one.
-
   std::string name;
   std::string created_by;     ///< Program version.
   std::string source;         ///< What it was reconstructed from, in words.

@@ -7,8 +7,8 @@
 #include "core/random.h"
 #include "perception/checkpoint/pickle.h"
 #include "perception/checkpoint/tensor_file.h"
-#include "test_folder.h"
 #include "tests/error_message.h"
+#include "tests/temporary_folder.h"
 
 namespace segsim::perception {
 namespace {
@@ -27,7 +27,7 @@ std::vector<NamedTensor> some_tensors() {
           {"none", {0, 4}, {}}};
 }
 
-TensorFile read_bytes(const TestFolder& folder, const std::string& bytes) {
+TensorFile read_bytes(const tests::TemporaryFolder& folder, const std::string& bytes) {
   std::ofstream(folder / "file.pt", std::ios::binary) << bytes;
   return read_tensor_file(folder / "file.pt");
 }
@@ -56,7 +56,7 @@ void expect_equal(const TensorFile& file, const std::vector<NamedTensor>& wanted
 }
 
 TEST(Checkpoint, ReadsStateDictsAndSafetensorsInBothPrecisions) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   for (const bool half : {false, true}) {
     expect_equal(read_bytes(folder, make_state_dict_file(some_tensors(), half)),
                  some_tensors());
@@ -66,7 +66,7 @@ TEST(Checkpoint, ReadsStateDictsAndSafetensorsInBothPrecisions) {
 }
 
 TEST(Checkpoint, ReadsTheDirectoryIn64Bit) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   const std::string pickle =
       pickled::kBegin + state_of(tensor_of(0, {6}, {1})) + pickled::kEnd;
   const auto bytes =
@@ -75,13 +75,13 @@ TEST(Checkpoint, ReadsTheDirectoryIn64Bit) {
 }
 
 TEST(Checkpoint, FollowsOffsetsAndStrides) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   expect_equal(read_bytes(folder, file_of(state_of(tensor_of(1, {2, 2}, {1, 3})))),
                {{"w", {2, 2}, {1, 4, 2, 5}}});
 }
 
 TEST(Checkpoint, WalksAModuleTreeAsData) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   const auto leaf = object(
       "torch.nn.modules.conv", "Conv2d",
       {{text("training"), pickled::kTrue},
@@ -110,7 +110,7 @@ TEST(Checkpoint, WalksAModuleTreeAsData) {
 }
 
 TEST(Checkpoint, ReadsTorchScriptAttributes) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   const auto leaf =
       object("__torch__.Inner", "Inner", {{text("weight"), tensor_of(0, {2}, {1})}});
   const auto root =
@@ -119,7 +119,7 @@ TEST(Checkpoint, ReadsTorchScriptAttributes) {
 }
 
 TEST(Checkpoint, RefusesWhateverCouldRun) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   const auto refusal = [&](const std::string& value) {
     return input_error_of([&] { (void)read_bytes(folder, file_of(value)); });
   };
@@ -139,7 +139,7 @@ TEST(Checkpoint, RefusesWhateverCouldRun) {
 }
 
 TEST(Checkpoint, RefusesTensorsThatLeaveTheirStorage) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   const auto refusal = [&](const std::string& tensor) {
     return input_error_of([&] { (void)read_bytes(folder, file_of(state_of(tensor))); });
   };
@@ -161,7 +161,7 @@ TEST(Checkpoint, RefusesTensorsThatLeaveTheirStorage) {
 }
 
 TEST(Checkpoint, BoundsTheWalk) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   // A module that holds itself: stored in the memo before its state is set.
   const std::string cycle =
       pickled::name("torch.nn", "Module") + ")\x81q\x01" +
@@ -183,7 +183,7 @@ TEST(Checkpoint, BoundsTheWalk) {
 }
 
 TEST(Checkpoint, SaysWhatAFileIsNot) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   const auto refusal = [&](const std::string& bytes) {
     return input_error_of([&] { (void)read_bytes(folder, bytes); });
   };
@@ -205,7 +205,7 @@ TEST(Checkpoint, SaysWhatAFileIsNot) {
 }
 
 TEST(Checkpoint, RefusesSafetensorsOutsideTheFile) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   const auto refusal = [&](const std::string& header) {
     std::string bytes;
     append(bytes, std::uint64_t{header.size()});
@@ -225,7 +225,8 @@ TEST(Checkpoint, RefusesSafetensorsOutsideTheFile) {
 }
 
 /// Reading must end in tensors or in an InputError, whatever the bytes.
-void expect_defined(const TestFolder& folder, const std::string& bytes, int& refused) {
+void expect_defined(const tests::TemporaryFolder& folder, const std::string& bytes,
+                    int& refused) {
   try {
     const TensorFile file = read_bytes(folder, bytes);
     for (const StoredTensor& tensor : file.tensors) (void)file.read(tensor);
@@ -235,7 +236,7 @@ void expect_defined(const TestFolder& folder, const std::string& bytes, int& ref
 }
 
 TEST(Checkpoint, EveryTruncationIsRefused) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   for (const std::string& whole : {make_state_dict_file(some_tensors(), true),
                                    make_safetensors_file(some_tensors(), true)}) {
     int refused = 0;
@@ -246,7 +247,7 @@ TEST(Checkpoint, EveryTruncationIsRefused) {
 }
 
 TEST(Checkpoint, DamagedFilesAreReadOrRefused) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   for (const std::string& whole : {make_state_dict_file(some_tensors(), false),
                                    make_safetensors_file(some_tensors(), false)}) {
     int refused = 0;

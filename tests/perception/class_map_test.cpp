@@ -6,7 +6,7 @@
 #include <fstream>
 
 #include "core/error.h"
-#include "test_folder.h"
+#include "tests/temporary_folder.h"
 
 namespace segsim::perception {
 namespace {
@@ -50,7 +50,7 @@ TEST(ClassMap, FreeTextCountsByItsEnd) {
 }
 
 void expect_error(const std::string& text, const std::string& expected) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   std::ofstream(folder / "map.yaml") << text;
   EXPECT_THAT([&] { (void)read_class_map(folder / "map.yaml"); },
               ThrowsMessage<core::InputError>(HasSubstr(expected)));

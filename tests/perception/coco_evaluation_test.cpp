@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/error.h"
-#include "test_folder.h"
+#include "tests/temporary_folder.h"
 
 namespace segsim::perception {
 namespace {
@@ -148,7 +148,7 @@ TEST(CocoEvaluation, AgreesWithTheReference) {
 nlohmann::json box_json(const RegionPx& r) { return {r.x, r.y, r.width, r.height}; }
 
 TEST(CocoEvaluation, FilesGiveTheSameNumbersWhateverTheirOrder) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   const Case& c = kCases[1];
   const auto images = images_of(c);
   nlohmann::json truth{{"images", nlohmann::json::array()},
@@ -299,7 +299,7 @@ TEST(CocoEvaluation, CopiesEqualRepeatedImages) {
 }
 
 TEST(CocoEvaluation, IgnoreOfAnAnnotationIsAChoice) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   std::ofstream(folder / "truth.json")
       << R"({"images":[{"id":1,"file_name":"a.png","width":100,"height":100}],
              "categories":[{"id":1,"name":"chair"}],
@@ -317,7 +317,7 @@ TEST(CocoEvaluation, IgnoreOfAnAnnotationIsAChoice) {
 }
 
 TEST(CocoEvaluation, BadResultsAreNamed) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   std::ofstream(folder / "truth.json")
       << R"({"images":[{"id":1,"file_name":"a.png","width":100,"height":100}],
              "categories":[{"id":1,"name":"chair"}],"annotations":[]})";

@@ -8,7 +8,7 @@
 #include "core/error.h"
 #include "perception/evaluate.h"
 #include "perception/image_file.h"
-#include "test_folder.h"
+#include "tests/temporary_folder.h"
 
 namespace segsim::perception {
 namespace {
@@ -42,7 +42,7 @@ CocoDataset some_dataset() {
 }
 
 TEST(Coco, RoundTripKeepsEverything) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   const CocoDataset written = some_dataset();
   write_coco(folder / "d.json", written);
   const CocoDataset read = read_coco(folder / "d.json");
@@ -77,7 +77,7 @@ TEST(Coco, RoundTripKeepsEverything) {
 }
 
 TEST(Coco, CategoriesAreOrderedById) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   std::ofstream(folder / "d.json") << R"({"categories":[{"id":62,"name":"chair"},
     {"id":5,"name":"bed"}],"images":[{"id":0,"file_name":"a.png","width":9,"height":9}],
     "annotations":[{"id":1,"image_id":0,"category_id":62,"bbox":[1,1,3,4]}]})";
@@ -95,7 +95,7 @@ struct Flaw {
 class MalformedCoco : public testing::TestWithParam<Flaw> {};
 
 TEST_P(MalformedCoco, IsRefusedWithFileAndKey) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   std::string text = R"({"categories":[{"id":1,"name":"chair"}],
     "images":[{"id":3,"file_name":"a.png","width":20,"height":10}],
     "annotations":[{"id":1,"image_id":3,"category_id":1,"bbox":[1,1,3,4],"iscrowd":0}]})";
@@ -139,7 +139,7 @@ TEST(Coco, MissingFileIsNamed) {
 }
 
 TEST(Coco, TooLargePicturesAreRefusedBeforeTheyAreDecoded) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   CocoDataset dataset;
   dataset.class_names = {"chair"};
   dataset.images = {{1, "a.png", 20000, 20000, {}}};
@@ -174,7 +174,7 @@ TEST(Coco, TooLargePicturesAreRefusedBeforeTheyAreDecoded) {
 }
 
 TEST(ImageFile, OtherFormatsAreNotDecoded) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   using namespace std::string_literals;
   // A bitmap, a JPEG that ends before its frame, and nothing: none has a size to trust.
   for (const std::string& bytes :

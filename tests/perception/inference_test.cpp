@@ -12,8 +12,8 @@
 #include "perception/internal/onednn_attention.h"
 #include "perception/internal/trainable_network.h"
 #include "perception/weights_file.h"
-#include "test_folder.h"
 #include "tests/error_message.h"
+#include "tests/temporary_folder.h"
 
 namespace segsim::perception {
 namespace {
@@ -35,7 +35,7 @@ Image<Rgb8> picture(int width_px, int height_px, std::uint64_t seed) {
 }
 
 /// An untrained network: any score is as good as another.
-std::filesystem::path write_small_detector(const TestFolder& folder) {
+std::filesystem::path write_small_detector(const tests::TemporaryFolder& folder) {
   const auto network =
       make_trainable_network(DetectorWeights::kArchitecture, 0.25, 3, kSide_px, 4);
   DetectorWeights weights;
@@ -78,7 +78,7 @@ std::vector<core::Detection> detect_one(core::Detector& detector, const Image<Rg
 }
 
 TEST(BatchDetector, FindsWhatItFindsOneByOne) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   const auto detector = load_detector(write_small_detector(folder),
                                       {.score_threshold = {}, .max_detections = 5});
   const Image<Rgb8> pictures[] = {picture(64, 48, 1), picture(200, 100, 2), picture(1, 1, 3)};
@@ -92,7 +92,7 @@ TEST(BatchDetector, FindsWhatItFindsOneByOne) {
 }
 
 TEST(BatchDetector, FramesOfARendererGiveTheSame) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   const auto detector = load_detector(write_small_detector(folder),
                                       {.score_threshold = {}, .max_detections = 5});
   // Neither scaled; then shrunk and grown by whole numbers, where both round alike.
@@ -104,7 +104,7 @@ TEST(BatchDetector, FramesOfARendererGiveTheSame) {
 }
 
 TEST(BatchDetector, FramesElsewhereAndDevicesThatAreNotThereAreRefused) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   const auto file = write_small_detector(folder);
   const auto detector = load_detector(file);
   const Image<Rgb8> image = picture(64, 48, 1);

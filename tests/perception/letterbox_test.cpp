@@ -7,7 +7,7 @@
 #include "core/error.h"
 #include "perception/image_file.h"
 #include "perception/internal/batch_source.h"
-#include "test_folder.h"
+#include "tests/temporary_folder.h"
 
 namespace segsim::perception {
 namespace {
@@ -53,7 +53,7 @@ TEST(Letterbox, PicturePartsLieWhereTheBoxesSay) {
 }
 
 TEST(ImageFile, RedTestCardStaysRed) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   Image<Rgb8> card(32, 16, {250, 20, 5});
   card(3, 2) = {1, 2, 3};
   write_image(folder / "card.png", card);
@@ -65,7 +65,7 @@ TEST(ImageFile, RedTestCardStaysRed) {
 }
 
 /// A dataset of one image: a red rectangle on black.
-CocoDataset red_rectangle(const TestFolder& folder) {
+CocoDataset red_rectangle(const tests::TemporaryFolder& folder) {
   Image<Rgb8> image(64, 64);
   for (int y = 16; y < 48; ++y) {
     for (int x = 20; x < 40; ++x) image(x, y) = {255, 0, 0};
@@ -81,7 +81,7 @@ CocoDataset red_rectangle(const TestFolder& folder) {
 }
 
 TEST(BatchSource, ChannelsAreRedGreenBlue) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   const BatchSource source(red_rectangle(folder), nullptr, {64, 1, 0.0, false, 1});
   Batch batch;
   source.make(0, batch);
@@ -92,7 +92,7 @@ TEST(BatchSource, ChannelsAreRedGreenBlue) {
 }
 
 TEST(BatchSource, AugmentedBoxesFollowTheirPixels) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   const BatchSource source(red_rectangle(folder), nullptr, {64, 4, 0.0, true, 5});
   Batch batch;
   int compared = 0;
@@ -129,7 +129,7 @@ TEST(BatchSource, AugmentedBoxesFollowTheirPixels) {
 }
 
 TEST(BatchSource, StepIsTheOnlyState) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   const CocoDataset dataset = red_rectangle(folder);
   const BatchSource a(dataset, nullptr, {64, 2, 0.0, true, 5});
   const BatchSource b(dataset, nullptr, {64, 2, 0.0, true, 5});
@@ -143,7 +143,7 @@ TEST(BatchSource, StepIsTheOnlyState) {
 }
 
 TEST(BatchSource, BatchesDoNotDependOnWhatIsInMemory) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   CocoDataset dataset = red_rectangle(folder);
   for (int i = 2; i <= 3; ++i) {  // Pictures of their own, so that a mix-up shows.
     const std::string name = std::to_string(i) + ".png";
@@ -171,7 +171,7 @@ TEST(BatchSource, BatchesDoNotDependOnWhatIsInMemory) {
 }
 
 TEST(BatchSource, MixesAShareOfASecondSet) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   const CocoDataset main = red_rectangle(folder);
   CocoDataset mix = main;
   mix.images[0].boxes[0].visible_fraction = 0.5;  // Tells them apart.
@@ -184,7 +184,7 @@ TEST(BatchSource, MixesAShareOfASecondSet) {
 }
 
 TEST(BatchSource, ImageOfAnotherSizeIsRefused) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   CocoDataset dataset = red_rectangle(folder);
   dataset.images[0].width_px = 65;
   EXPECT_THROW(BatchSource(dataset, nullptr, {64, 1, 0.0, false, 1}), core::InputError);

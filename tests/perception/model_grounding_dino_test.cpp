@@ -8,6 +8,7 @@
 #include "core/error.h"
 #include "model_files.h"
 #include "onnx_operator_case.h"
+#include "tests/temporary_folder.h"
 
 namespace segsim::perception {
 namespace {
@@ -18,7 +19,7 @@ using testing::HasSubstr;
 
 /// Two queries; the logit of token t at query q is +4 where the token's id is q's, else -4.
 /// The boxes are fixed; input names as in Hugging Face's export.
-std::filesystem::path write_grounding_dino(const TestFolder& folder,
+std::filesystem::path write_grounding_dino(const tests::TemporaryFolder& folder,
                                            const Ints& ids_of_queries) {
   GraphBuilder builder(17);
   builder.input("pixel_values", {1, 3, -1, -1});
@@ -63,7 +64,7 @@ std::filesystem::path write_grounding_dino(const TestFolder& folder,
 }
 
 TEST(GroundingDinoModel, BoxesTakeThePhraseOfTheirToken) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   // Query 0 answers to "table", query 1 to the dot, which is no phrase's, query 2 to "##s".
   const auto model = write_grounding_dino(folder, {7, 4, 8});
   ObjectDetectorOptions options;
@@ -82,7 +83,7 @@ TEST(GroundingDinoModel, BoxesTakeThePhraseOfTheirToken) {
 }
 
 TEST(GroundingDinoModel, NeedsAPromptAndItsTokenizer) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   const auto model = write_grounding_dino(folder, {5});
   EXPECT_THAT(tests::input_error_of([&] { (void)load_object_detector(model); }),
               HasSubstr("a text prompt"));

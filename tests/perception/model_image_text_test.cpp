@@ -8,6 +8,7 @@
 #include "core/error.h"
 #include "model_files.h"
 #include "onnx_operator_case.h"
+#include "tests/temporary_folder.h"
 
 namespace segsim::perception {
 namespace {
@@ -17,7 +18,8 @@ using core::Rgb8;
 
 /// Image tower: mean colour after CLIP's normalisation. Text tower: a direction per id of the
 /// second token, so that "chair" (5) looks red and "table" (7) blue.
-std::filesystem::path write_clip(const TestFolder& folder, const std::string& task) {
+std::filesystem::path write_clip(const tests::TemporaryFolder& folder,
+                                 const std::string& task) {
   GraphBuilder image(17);
   image.input("pixel_values", {1, 3, 8, 8});
   image.node("GlobalAveragePool", {"pixel_values"}, {"pooled"});
@@ -48,7 +50,7 @@ std::filesystem::path write_clip(const TestFolder& folder, const std::string& ta
 }
 
 TEST(ClipModel, CosineOfPictureAndText) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   const auto scorer = load_image_text_scorer(write_clip(folder, "clip"));
   const auto scores = scorer->scores(Image<Rgb8>(40, 30, {255, 0, 0}), {"chair", "table"});
   ASSERT_EQ(scores.size(), 2U);
@@ -61,7 +63,7 @@ TEST(ClipModel, CosineOfPictureAndText) {
 }
 
 TEST(ClipModel, SiglipHasItsOwnColoursAndScale) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   const auto scorer = load_image_text_scorer(write_clip(folder, "siglip"));
   const auto scores = scorer->scores(Image<Rgb8>(8, 8, {255, 0, 0}), {"chair"});
   const double cosine = (1 - 0.1 - 0.1) / std::sqrt(3.0) / std::sqrt(1.02);
@@ -69,7 +71,7 @@ TEST(ClipModel, SiglipHasItsOwnColoursAndScale) {
 }
 
 TEST(ClipModel, MatcherGivesTheProbabilityOfAMatch) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   GraphBuilder builder(17);
   builder.input("pixel_values", {1, 3, 4, 4});
   builder.input("input_ids", {1, -1}, kInt64Type);

@@ -9,6 +9,7 @@
 #include "core/error.h"
 #include "model_files.h"
 #include "onnx_operator_case.h"
+#include "tests/temporary_folder.h"
 #include "tiny_models.h"
 
 namespace segsim::perception {
@@ -26,7 +27,7 @@ class SamModel : public testing::Test {
   }
   void expect_boxes();
 
-  TestFolder folder_;
+  tests::TemporaryFolder folder_;
 };
 
 void SamModel::expect_boxes() {

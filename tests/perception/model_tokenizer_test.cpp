@@ -6,7 +6,7 @@
 #include "core/error.h"
 #include "core/file_io.h"
 #include "perception/models/internal/tokenizers.h"
-#include "test_folder.h"
+#include "tests/temporary_folder.h"
 
 namespace segsim::perception {
 namespace {
@@ -96,7 +96,7 @@ TEST(Unigram, RefusesOtherFiles) {
 }
 
 TEST(Tokenizer, KindIsToldByTheContent) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   const auto write = [&](const std::string& name, const std::string& text) {
     core::write_file_atomically(folder / name, [&](std::ostream& out) { out << text; });
     return folder / name;

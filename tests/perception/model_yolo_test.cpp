@@ -8,6 +8,7 @@
 #include "core/error.h"
 #include "model_files.h"
 #include "onnx_operator_case.h"
+#include "tests/temporary_folder.h"
 #include "tiny_models.h"
 
 namespace segsim::perception {
@@ -50,7 +51,7 @@ ObjectDetectorOptions above_half() {
 }
 
 TEST(YoloModel, BoxesReturnToThePicture) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   const auto detector = load_object_detector(write_yolo(folder / ""), above_half());
   EXPECT_THAT(detector->class_names(), testing::ElementsAre("chair", "cat's bed"));
   expect_wide_picture(detect(*detector, wide_picture()));
@@ -58,7 +59,7 @@ TEST(YoloModel, BoxesReturnToThePicture) {
 
 TEST(YoloModel, SuppressionInsideTheGraph) {
   // The same head, transposed, NonMaxSuppression and gathering: [n, 7], as exporters of v7 do.
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   GraphBuilder builder(12);
   add_cell_head(builder, "all");
   builder.ints("two_parts", {4, 2});
@@ -98,7 +99,7 @@ TEST(YoloModel, SuppressionInsideTheGraph) {
 }
 
 TEST(YoloModel, ListedBoxesOfModelsThatNeedNoSuppression) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   GraphBuilder builder(17);
   builder.input("images", {1, 3, 64, 64});
   builder.node("ReduceMax", {"images"}, {"top"}).with("keepdims", 0);
@@ -128,7 +129,7 @@ TEST(YoloModel, ListedBoxesOfModelsThatNeedNoSuppression) {
 }
 
 TEST(YoloModel, PromptsChooseAndOrderItsClasses) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   ObjectDetectorOptions options = above_half();
   options.prompts = {"cat's bed"};
   const auto detector = load_object_detector(write_yolo(folder / ""), options);
@@ -142,14 +143,14 @@ TEST(YoloModel, PromptsChooseAndOrderItsClasses) {
 }
 
 TEST(YoloModel, SizesOfPicturesFromOnePixelOn) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   const auto detector = load_object_detector(write_yolo(folder / ""), above_half());
   EXPECT_EQ(detect(*detector, Image<Rgb8>(1, 1, {255, 0, 0})).size(), 16U);
   EXPECT_NO_THROW((void)detect(*detector, Image<Rgb8>(3000, 2)));
 }
 
 TEST(YoloModel, OtherOutputsAndNamesAreRefused) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   write_yolo(folder / "");
   write_text(folder / "yolo.yaml",
              "schema: segsim.model/1\ntask: yolo\nfiles: {model: yolo.onnx}\n"

@@ -7,6 +7,7 @@
 #include "core/file_io.h"
 #include "core/random.h"
 #include "onnx_operator_case.h"
+#include "tests/temporary_folder.h"
 
 namespace segsim::perception {
 namespace {
@@ -17,7 +18,7 @@ using testing::HasSubstr;
 std::string message_of(const GraphBuilder& builder,
                        const std::map<std::string, HostTensor>& inputs = {},
                        bool runs = false) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   builder.save(folder / "model.onnx");
   try {
     const auto session = open_model(folder / "model.onnx");
@@ -30,7 +31,7 @@ std::string message_of(const GraphBuilder& builder,
 
 HostTensor run_one(const GraphBuilder& builder,
                    const std::map<std::string, HostTensor>& inputs) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   builder.save(folder / "model.onnx");
   return open_model(folder / "model.onnx")->run(inputs).at(0).tensor;
 }
@@ -44,7 +45,7 @@ GraphBuilder relu_graph(std::int64_t opset = 17) {
 }
 
 TEST(OnnxModel, SaysWhatItIs) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   GraphBuilder builder = relu_graph();
   builder.metadata("names", "{0: 'chair'}");
   builder.save(folder / "model.bin");  // The extension does not matter.
@@ -167,7 +168,7 @@ const std::map<std::string, HostTensor> kLoopInputs{
     {"trips", whole({}, {3})}, {"x", whole({}, {10})}, {"two", whole({}, {2})}};
 
 TEST(OnnxModel, LoopCarriesStateAndSeesTheGraphAround) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   summing_loop({"trips", "", "x"}).save(folder / "model.onnx");
   const auto outputs = open_model(folder / "model.onnx")->run(kLoopInputs);
   EXPECT_EQ(outputs[0].tensor.integers(), (Ints{14, 18, 22}));
@@ -257,7 +258,7 @@ class ExternalData : public testing::Test {
     }
   }
 
-  TestFolder folder_;
+  tests::TemporaryFolder folder_;
 };
 
 TEST_F(ExternalData, IsReadFromItsOffset) {
@@ -309,7 +310,7 @@ GraphBuilder varied_graph() {
 
 TEST(OnnxDamage, EveryTruncationAndManyFlipsAreErrorsOrRun) {
   const std::string bytes = varied_graph().model.SerializeAsString();
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   const std::filesystem::path file = folder / "model.onnx";
   const HostTensor x = real({1, 2, 6, 6}, Floats(72, 1));
   int errors = 0, runs = 0;
@@ -340,7 +341,7 @@ TEST(OnnxDamage, EveryTruncationAndManyFlipsAreErrorsOrRun) {
 }
 
 TEST(OnnxDamage, OtherFilesAreRefused) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   EXPECT_THROW((void)open_model(folder / "none.onnx"), core::InputError);
   EXPECT_THROW((void)open_model(folder / ""), core::InputError);
   for (const std::string& text :

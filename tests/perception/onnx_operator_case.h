@@ -12,7 +12,7 @@
 
 #include "onnx_builder.h"
 #include "perception/models/model_session.h"
-#include "test_folder.h"
+#include "tests/temporary_folder.h"
 
 namespace segsim::perception {
 
@@ -35,7 +35,7 @@ inline bool left_out(const HostTensor& tensor) {
 
 /// @param folded  Whether inputs are constants of the graph.
 inline std::vector<HostTensor> run_operator(const OperatorCase& test, bool folded) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   GraphBuilder builder(test.opset);
   Names inputs, outputs;
   std::map<std::string, HostTensor> given;

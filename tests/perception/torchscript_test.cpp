@@ -10,6 +10,7 @@
 #include "core/file_io.h"
 #include "onnx_operator_case.h"
 #include "perception/models/object_detector.h"
+#include "tests/temporary_folder.h"
 
 namespace segsim::perception {
 namespace {
@@ -26,7 +27,7 @@ struct VisionResolver final : torch::jit::Resolver {
   }
 };
 
-std::filesystem::path save(const TestFolder& folder, const std::string& source,
+std::filesystem::path save(const tests::TemporaryFolder& folder, const std::string& source,
                            const torch::jit::ExtraFilesMap& extra = {}) {
   torch::jit::Module module("Net");
   module.define(source, std::make_shared<VisionResolver>());
@@ -35,7 +36,7 @@ std::filesystem::path save(const TestFolder& folder, const std::string& source,
 }
 
 TEST(TorchScript, TuplesAndDictsBecomeNamedOutputs) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   const auto session = open_model(save(folder, R"(
 def forward(self, x, y):
     return {"sum": x + y, "product": x * y}
@@ -49,7 +50,7 @@ def forward(self, x, y):
 }
 
 TEST(TorchScript, OperatorsOfNewerAndOtherLibraries) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   const auto session = open_model(save(folder, R"(
 def forward(self, boxes, scores, q):
     kept = vision.nms(boxes, scores, 0.5)
@@ -72,7 +73,7 @@ def forward(self, boxes, scores, q):
 }
 
 TEST(TorchScript, YoloExportsWithTheirMetadata) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   const auto file = save(folder, R"(
 def forward(self, x):
     top = torch.max(x)
@@ -100,7 +101,7 @@ std::string message_of(const std::filesystem::path& file,
 }
 
 TEST(TorchScript, FaultsAreNamed) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   const auto file = save(folder, R"(
 def forward(self, x):
     return x.reshape([7])

@@ -8,7 +8,7 @@
 #include "core/config.h"
 #include "core/error.h"
 #include "core/file_io.h"
-#include "test_folder.h"
+#include "tests/temporary_folder.h"
 
 namespace segsim::perception {
 namespace {
@@ -56,7 +56,7 @@ TEST(TrainingConfig, DefaultsFileNamesEveryKeyWithItsDefault) {
 }
 
 TEST(TrainingConfig, SectionOfTheNetworkIsRead) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   const std::string text = "small: {steps: 9}\nyolov13: {steps: 11, freeze: [backbone]}\n";
   EXPECT_EQ(read(folder / "a.yaml", text, "small").steps, 9);
   const TrainOptions yolo = read(folder / "a.yaml", text, "yolov13l");
@@ -66,7 +66,7 @@ TEST(TrainingConfig, SectionOfTheNetworkIsRead) {
 }
 
 TEST(TrainingConfig, AdamWHasItsOwnMomentumUnlessTheFileNamesOne) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   const auto fitted = [&](const std::string& text) {
     core::write_file_atomically(folder / "a.yaml", [&](std::ostream& out) { out << text; });
     TrainOptions options = default_train_options("yolov13n");
@@ -88,7 +88,7 @@ TEST(TrainingConfig, AdamWHasItsOwnMomentumUnlessTheFileNamesOne) {
 }
 
 TEST(TrainingConfig, ErrorsNameFileLineAndKey) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   const auto file = folder / "a.yaml";
   EXPECT_THAT(message_of(file, "small:\n  stepz: 3\n"),
               testing::AllOf(HasSubstr("a.yaml:2"), HasSubstr("steps")));

@@ -7,7 +7,7 @@
 #include "perception/dataset.h"
 #include "perception/image_file.h"
 #include "perception/training.h"
-#include "test_folder.h"
+#include "tests/temporary_folder.h"
 
 namespace segsim::perception {
 
@@ -20,7 +20,7 @@ inline void paint(core::Image<core::Rgb8>& image, const core::BoxPx& box, core::
 }
 
 /// Three pictures of red and blue rectangles ("warm", "cold") on a noisy grey.
-inline std::filesystem::path write_rectangles(const TestFolder& folder) {
+inline std::filesystem::path write_rectangles(const tests::TemporaryFolder& folder) {
   const core::BoxPx boxes[3][2] = {{{10, 12, 50, 40}, {70, 50, 110, 90}},
                                    {{60, 8, 118, 44}, {16, 54, 44, 88}},
                                    {{30, 30, 90, 70}, {4, 4, 24, 28}}};

@@ -10,6 +10,7 @@
 #include "perception/image_file.h"
 #include "perception/weights_file.h"
 #include "tests/error_message.h"
+#include "tests/temporary_folder.h"
 #include "training_pictures.h"
 
 namespace segsim::perception {
@@ -19,7 +20,7 @@ using core::Image;
 using core::Rgb8;
 using testing::HasSubstr;
 
-TrainOptions tiny_options(const TestFolder& folder) {
+TrainOptions tiny_options(const tests::TemporaryFolder& folder) {
   TrainOptions options;
   options.train_json = folder / "train.json";
   options.output = folder / "weights.bin";
@@ -39,7 +40,7 @@ std::string message_of(const TrainOptions& options) {
 }
 
 TEST(Training, LearnsThreePicturesByHeart) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   const auto json = write_rectangles(folder);
   TrainOptions options = tiny_options(folder);
   options.width = 0.5;
@@ -83,7 +84,7 @@ TEST(Training, LearnsThreePicturesByHeart) {
 }
 
 TEST(Training, ResumedRunEqualsUninterruptedRun) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   write_rectangles(folder);
   TrainOptions whole = tiny_options(folder);
   const TrainReport report = train(whole);
@@ -108,7 +109,7 @@ TEST(Training, ResumedRunEqualsUninterruptedRun) {
 }
 
 TEST(Training, StateOfAnotherRunIsRefused) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   write_rectangles(folder);
   TrainOptions options = tiny_options(folder);
   options.on_step = [](int done, double) { return done != 2; };
@@ -125,7 +126,7 @@ TEST(Training, StateOfAnotherRunIsRefused) {
 }
 
 TEST(Training, FineTuningMatchesClassesByName) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   write_rectangles(folder);
   TrainOptions options = tiny_options(folder);
   (void)train(options);
@@ -161,7 +162,7 @@ TEST(Training, FineTuningMatchesClassesByName) {
 }
 
 TEST(Training, WrongOptionsAreNamed) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   write_rectangles(folder);
   TrainOptions options = tiny_options(folder);
   options.input_px = 100;
@@ -181,7 +182,7 @@ TEST(Training, WrongOptionsAreNamed) {
 }
 
 TEST(Training, FrozenLayersAndFrozenStatisticsDoNotMove) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   write_rectangles(folder);
   TrainOptions options = tiny_options(folder);
   (void)train(options);
@@ -219,7 +220,7 @@ TEST(Training, FrozenLayersAndFrozenStatisticsDoNotMove) {
 }
 
 TEST(Training, BestOfValidationIsKeptAndPatienceEnds) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   write_rectangles(folder);
   TrainOptions options = tiny_options(folder);
   options.steps = 40;
@@ -249,7 +250,7 @@ TEST(Training, BestOfValidationIsKeptAndPatienceEnds) {
 }
 
 TEST(Training, LossThatIsNoNumberStopsAndKeepsTheWeightsBefore) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   write_rectangles(folder);
   TrainOptions options = tiny_options(folder);
   options.checkpoint_every = 1;
@@ -268,7 +269,7 @@ TEST(Training, LossThatIsNoNumberStopsAndKeepsTheWeightsBefore) {
 }
 
 TEST(Training, DataWithoutBoxesAreRefusedAndClassesWithoutAreNamed) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   const auto json = write_rectangles(folder);
   CocoDataset dataset = read_coco(json);
   for (LabeledImage& image : dataset.images) image.boxes.erase(image.boxes.begin());
@@ -286,7 +287,7 @@ TEST(Training, DataWithoutBoxesAreRefusedAndClassesWithoutAreNamed) {
 }
 
 TEST(Training, PictureOfOnePixelIsTrainedOnAndSearched) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   CocoDataset dataset;
   dataset.class_names = {"all"};
   LabeledBox box;
@@ -311,7 +312,7 @@ TEST(Training, PictureOfOnePixelIsTrainedOnAndSearched) {
 }
 
 TEST(Training, DevicesThatAreNotThereAreRefused) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   write_rectangles(folder);
   TrainOptions options = tiny_options(folder);
   options.mixed_precision = true;

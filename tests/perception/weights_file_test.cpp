@@ -11,8 +11,8 @@
 #include "core/file_io.h"
 #include "core/random.h"
 #include "perception/detector.h"
-#include "test_folder.h"
 #include "tests/error_message.h"
+#include "tests/temporary_folder.h"
 
 namespace segsim::perception {
 namespace {
@@ -60,7 +60,7 @@ TEST(Half, RoundsToNearestEven) {
 }
 
 TEST(WeightsFile, RoundTripKeepsEverything) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   const DetectorWeights written = some_weights();
   write_weights(folder / "w.bin", written);
   const DetectorWeights read = read_weights(folder / "w.bin");
@@ -77,7 +77,7 @@ TEST(WeightsFile, RoundTripKeepsEverything) {
 }
 
 TEST(WeightsFile, EveryTruncationIsRefused) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   write_weights(folder / "w.bin", some_weights());
   const std::string bytes = core::read_file(folder / "w.bin");
   for (std::size_t size = 0; size < bytes.size(); ++size) {
@@ -89,7 +89,7 @@ TEST(WeightsFile, EveryTruncationIsRefused) {
 }
 
 TEST(WeightsFile, AlteredDataIsRefused) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   write_weights(folder / "w.bin", some_weights());
   std::string bytes = core::read_file(folder / "w.bin");
   bytes.back() = static_cast<char>(bytes.back() ^ 1);
@@ -99,7 +99,7 @@ TEST(WeightsFile, AlteredDataIsRefused) {
 }
 
 TEST(WeightsFile, ValuesOutsideHalfAreRefused) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   DetectorWeights weights = some_weights();
   weights.tensors[0].values[5] = 1e6F;
   EXPECT_THAT(input_error_of([&] { write_weights(folder / "w.bin", weights); }),
@@ -117,7 +117,7 @@ TEST(WeightsFile, DifferencesAreTold) {
 }
 
 TEST(LoadDetector, WeightsOfAnotherNetworkAreRefusedInOneLine) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   write_weights(folder / "w.bin", some_weights());
   const std::string message = input_error_of([&] { (void)load_detector(folder / "w.bin"); });
   EXPECT_THAT(message, HasSubstr("w.bin: the tensors do not fit the network: missing "));

@@ -4,7 +4,7 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
-#include "test_folder.h"
+#include "tests/temporary_folder.h"
 
 namespace segsim::perception {
 namespace {
@@ -27,7 +27,7 @@ CocoDataset some_dataset() {
 }
 
 TEST(YoloLabels, LinesAreSharesOfTheImage) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   EXPECT_EQ(write_yolo_labels(folder / "", some_dataset()), 1);
   EXPECT_EQ(core::read_file(folder / "labels/a/one.txt"),
             "1 0.200000 0.350000 0.200000 0.500000\n"
@@ -36,7 +36,7 @@ TEST(YoloLabels, LinesAreSharesOfTheImage) {
 }
 
 TEST(YoloLabels, SplitsListImagesAndNameClasses) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   CocoDataset train = some_dataset(), val = some_dataset();
   train.images.resize(1);
   val.images.erase(val.images.begin());
@@ -49,7 +49,7 @@ TEST(YoloLabels, SplitsListImagesAndNameClasses) {
 }
 
 TEST(YoloLabels, TrainersFindAValidationList) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   const CocoDataset all = some_dataset();
   write_yolo_splits(folder / "", {{"train", all}, {"val_scenes", all}, {"val_views", all}});
   EXPECT_TRUE(core::read_file(folder / "data.yaml")
@@ -62,7 +62,7 @@ TEST(YoloLabels, TrainersFindAValidationList) {
 }
 
 TEST(YoloLabels, ImagesElsewhereAreRefused) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   CocoDataset dataset = some_dataset();
   dataset.images[1].file = "rgb/two.jpg";
   EXPECT_THROW(write_yolo_labels(folder / "", dataset), core::InputError);

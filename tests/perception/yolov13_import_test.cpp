@@ -9,8 +9,8 @@
 #include "checkpoint_writer.h"
 #include "core/error.h"
 #include "perception/yolov13/model.h"
-#include "test_folder.h"
 #include "tests/error_message.h"
+#include "tests/temporary_folder.h"
 
 namespace segsim::perception::yolov13 {
 namespace {
@@ -81,7 +81,7 @@ std::vector<NamedTensor> some_weights(int classes) {
 }
 
 TEST(Yolov13Import, ReadsAWholePickledModelOfHalves) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   const auto tensors = some_weights(2);
   write_bytes(folder / "n.pt", make_official_file(tensors, {"chair", "table"}));
   const DetectorWeights made =
@@ -101,7 +101,7 @@ TEST(Yolov13Import, ReadsAWholePickledModelOfHalves) {
 }
 
 TEST(Yolov13Import, KeepsEveryBitOfSinglePrecision) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   const auto tensors = some_weights(80);
   const auto check = [&](const std::string& bytes) {
     write_bytes(folder / "file", bytes);
@@ -120,7 +120,7 @@ TEST(Yolov13Import, KeepsEveryBitOfSinglePrecision) {
 }
 
 TEST(Yolov13Import, ListsEveryDifference) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   auto tensors = some_weights(6);
   for (NamedTensor& tensor : tensors) {
     if (tensor.name == "model.12.gate") tensor.name = "model.12.gates";
@@ -145,7 +145,7 @@ TEST(Yolov13Import, ListsEveryDifference) {
 }
 
 TEST(Yolov13Import, RefusesWhatIsNoYolov13) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   const auto refusal = [&](const std::vector<NamedTensor>& tensors,
                            ImportOptions options = {}) {
     write_bytes(folder / "n.pt", make_state_dict_file(tensors, false));

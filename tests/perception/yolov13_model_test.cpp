@@ -7,7 +7,7 @@
 #include "core/check.h"
 #include "core/random.h"
 #include "perception/detector.h"
-#include "test_folder.h"
+#include "tests/temporary_folder.h"
 #include "yolov13_twin.h"
 
 namespace segsim::perception::yolov13 {
@@ -196,7 +196,7 @@ TEST(Yolov13, RefusesTensorsOfAnotherScaleAndOddImages) {
 }
 
 TEST(Yolov13Detector, LoadsWeightsAndFindsWhatTheModelSays) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   Model model(Scale::kN, 2);
   DetectorWeights weights;
   weights.architecture = architecture_of(Scale::kN);

@@ -4,7 +4,7 @@
 
 #include "perception/yolov13/import.h"
 #include "perception/yolov13/model.h"
-#include "test_folder.h"
+#include "tests/temporary_folder.h"
 
 namespace segsim::perception::yolov13 {
 namespace {
@@ -103,7 +103,7 @@ TEST(Yolov13Network, DerivativesOfTheHypergraphInFloatEqualThoseInDouble) {
 }
 
 TEST(Yolov13Network, TorchArchivesAreImported) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   Network network(Scale::kN, 2);
   network->initialize(8);
   torch::save(network, (folder / "archive.pt").string());

@@ -6,7 +6,7 @@
 #include "core/random.h"
 #include "perception/checkpoint/tensor_file.h"
 #include "perception/yolov13/model.h"
-#include "test_folder.h"
+#include "tests/temporary_folder.h"
 
 namespace segsim::perception::yolov13 {
 namespace {
@@ -40,7 +40,7 @@ class Yolov13TensorRun : public testing::Test {
     return "no error";
   }
 
-  TestFolder folder_;
+  tests::TemporaryFolder folder_;
   Model model_;
   NamedTensor images_{"images", {2, 3, 32, 64}, std::vector<float>(2 * 3 * 32 * 64)};
 };

@@ -11,13 +11,14 @@
 #include "perception/training_config.h"
 #include "perception/weights_file.h"
 #include "perception/yolov13/model.h"
+#include "tests/temporary_folder.h"
 #include "training_pictures.h"
 
 namespace segsim::perception {
 namespace {
 
 /// The published options, but for a budget of seconds.
-TrainOptions short_options(const TestFolder& folder) {
+TrainOptions short_options(const tests::TemporaryFolder& folder) {
   TrainOptions options = default_train_options("yolov13n");
   options.train_json = folder / "train.json";
   options.output = folder / "yolo.bin";
@@ -36,7 +37,7 @@ TrainOptions short_options(const TestFolder& folder) {
 }
 
 TEST(Yolov13Training, LearnsThreePicturesByHeart) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   write_rectangles(folder);
   TrainOptions options = short_options(folder);
   options.augment = false;
@@ -55,7 +56,7 @@ TEST(Yolov13Training, LearnsThreePicturesByHeart) {
 }
 
 TEST(Yolov13Training, ResumedRunEqualsUninterruptedRun) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   write_rectangles(folder);
   // Everything that has a memory: SGD's momentum, mosaics until they close, gathered batches,
   // the best of the validations, dropout.
@@ -84,7 +85,7 @@ TEST(Yolov13Training, ResumedRunEqualsUninterruptedRun) {
 }
 
 TEST(Yolov13Training, OtherClassesKeepEverythingButTheClassBranches) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   write_rectangles(folder);
   TrainOptions options = short_options(folder);
   options.steps = 1;
@@ -127,7 +128,7 @@ TEST(Yolov13Training, OtherClassesKeepEverythingButTheClassBranches) {
 }
 
 TEST(Yolov13Training, CudaIsRefusedWhereThereIsNone) {
-  const TestFolder folder;
+  const tests::TemporaryFolder folder;
   write_rectangles(folder);
   TrainOptions options = short_options(folder);
   options.device = TrainDevice::kCuda;
