@@ -18,6 +18,7 @@
 #include "experiments/dashboard/dashboard.h"
 #include "experiments/runs/run.h"
 #include "tiny_scene.h"
+#include "tiny_spec.h"
 
 namespace segsim::experiments {
 
@@ -135,27 +136,8 @@ inline std::int64_t begin_made_up_run(Store& store, int episodes) {
 
 /// Two rooms, one couch; a trial takes some 0.1 s.
 inline ExperimentSpec tiny_spec(SpecFolders& folders, int episodes) {
-  return parse_spec(R"(schema: segsim.experiment/1
-name: tiny
-title: Two rooms
-seed: 3
-scenes:
-  - name: tiny
-    title: Two rooms
-    bundle: ${data}/tiny
-    goals: [couch]
-    episodes: )" + std::to_string(episodes) +
-                        R"(
-    camera_height_m: 1.0
-arms:
-  - {name: before, detector: oracle}
-  - {name: after, detector: oracle}
-robot: jackal-gentle
-control_period_s: 0.25
-time_limit_s: 30
-camera: {width: 96, height: 72, hfov_deg: 70, pitch_down_deg: 10, depth_range_m: 6}
-)",
-                    "tiny.yaml", folders);
+  const TinySpec text{.episodes = episodes, .more = "title: Two rooms\n"};
+  return parse_spec(text.text(), "tiny.yaml", folders);
 }
 
 }  // namespace segsim::experiments

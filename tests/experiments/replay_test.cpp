@@ -8,13 +8,14 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
-#include "experiments/timing/budget_file.h"
 #include "experiments/commands/commands.h"
-#include "experiments/timing/replay_log.h"
 #include "experiments/runs/run.h"
 #include "experiments/store/store.h"
+#include "experiments/timing/budget_file.h"
+#include "experiments/timing/replay_log.h"
 #include "tests/error_message.h"
 #include "tiny_scene.h"
+#include "tiny_spec.h"
 
 namespace segsim::experiments {
 namespace {
@@ -34,28 +35,22 @@ stages:
 end_to_end: {deadline_ms: 2000}
 )";
 
-const char* const kSpec = R"(schema: segsim.experiment/1
-name: late
-seed: 3
-scenes:
-  - name: tiny
-    title: Two rooms
-    bundle: ${data}/tiny
-    goals: [couch, chair]
-    episodes: 4
-    camera_height_m: 1.0
-clock: {mode: virtual, budget: "${data}/edge.yaml", camera: {period_ms: 150, jitter_ms: 20}}
-arms:
-  - {name: quick, detector: oracle}
+const std::string kSpec =
+    TinySpec{
+        .name = "late",
+        .goals = "couch, chair",
+        .episodes = 4,
+        .arms = R"(  - {name: quick, detector: oracle}
   - {name: slow, detector: oracle, add_ms: {detect: 300}}
-robot: jackal-gentle
-control_period_s: 0.25
-time_limit_s: 40
-camera: {width: 96, height: 72, hfov_deg: 70, pitch_down_deg: 10, depth_range_m: 6}
+)",
+        .time_limit_s = 40.0,
+        .more =
+            R"(clock: {mode: virtual, budget: "${data}/edge.yaml", camera: {period_ms: 150, jitter_ms: 20}}
 success: {profile: segsim-object, distance_m: 1.0, visible_pixels: 30}
 pictures: false
 replays: {of: all, images: true}
-)";
+)"}
+        .text();
 
 class ReplayTest : public testing::Test {
  protected:

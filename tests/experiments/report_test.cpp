@@ -7,12 +7,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "browser.h"
 #include "core/error.h"
 #include "core/file_io.h"
-#include "browser.h"
 #include "experiments/runs/run.h"
 #include "perception/image_file.h"
 #include "tiny_scene.h"
+#include "tiny_spec.h"
 
 namespace segsim::experiments {
 namespace {
@@ -189,26 +190,8 @@ class ReportOfARun : public testing::Test {
     RunOptions options;
     options.folders = {folder_->path(), folder_->path() / "work"};
     options.workers = 1;
-    (void)run_experiment(parse_spec(R"(schema: segsim.experiment/1
-name: tiny
-title: Two rooms
-seed: 3
-scenes:
-  - name: tiny
-    title: Two rooms
-    bundle: ${data}/tiny
-    goals: [couch]
-    episodes: 1
-    camera_height_m: 1.0
-arms:
-  - {name: before, detector: oracle}
-  - {name: after, detector: oracle}
-robot: jackal-gentle
-control_period_s: 0.25
-time_limit_s: 30
-camera: {width: 96, height: 72, hfov_deg: 70, pitch_down_deg: 10, depth_range_m: 6}
-)",
-                                    "tiny.yaml", options.folders),
+    (void)run_experiment(parse_spec(TinySpec{.more = "title: Two rooms\n"}.text(), "tiny.yaml",
+                                    options.folders),
                          options);
     report_ = folder_->path() / "report";
     summary_ = write_report(load_run(folder_->path() / "work"), into(report_));

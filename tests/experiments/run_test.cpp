@@ -13,11 +13,12 @@
 #include "core/file_io.h"
 #include "experiments/episodes/episode_validation.h"
 #include "experiments/episodes/episodes.h"
-#include "experiments/store/store.h"
 #include "experiments/runs/trial_log.h"
+#include "experiments/store/store.h"
 #include "renderer/exr_io.h"
 #include "renderer/frame_writer.h"
 #include "tiny_scene.h"
+#include "tiny_spec.h"
 
 namespace segsim::experiments {
 namespace {
@@ -26,26 +27,14 @@ namespace fs = std::filesystem;
 using testing::HasSubstr;
 
 /// Two oracle arms, so that no weights are needed; the second hears less.
-const char* const kSpec = R"(schema: segsim.experiment/1
-name: tiny
-seed: 3
-scenes:
-  - name: tiny
-    title: Two rooms
-    bundle: ${data}/tiny
-    goals: [couch, chair]
-    episodes: 4
-    camera_height_m: 1.0
-arms:
-  - {name: before, detector: oracle}
-  - {name: after, detector: oracle}
-robot: jackal-gentle
-control_period_s: 0.25
-time_limit_s: 60
-camera: {width: 96, height: 72, hfov_deg: 70, pitch_down_deg: 10, depth_range_m: 6}
-success: {profile: segsim-object, distance_m: 1.0, visible_pixels: 30}
+const std::string kSpec =
+    TinySpec{.goals = "couch, chair",
+             .episodes = 4,
+             .time_limit_s = 60.0,
+             .more = R"(success: {profile: segsim-object, distance_m: 1.0, visible_pixels: 30}
 pictures: false
-)";
+)"}
+        .text();
 
 class RunTest : public testing::Test {
  protected:
@@ -273,7 +262,7 @@ TEST_F(RunTest, TwoRunsInOneFolderAreRefused) {
 TEST_F(RunTest, FramesAreRecordedAndChangeNothing) {
   (void)run("unseen", 1, 4);
   EXPECT_FALSE(fs::exists(folder_->path() / "unseen" / "frames"));
-  const std::string text = std::string(kSpec) + "frames: {of: first, every_s: 1.0}\n";
+  const std::string text = kSpec + "frames: {of: first, every_s: 1.0}\n";
   const fs::path frames = folder_->path() / "seen" / "frames" / "tiny";
   fs::create_directories(frames / "couch-00.before");
   std::ofstream(frames / "couch-00.before" / "frame-999999.exr") << "of an older trial";
@@ -309,7 +298,7 @@ TEST_F(RunTest, FramesThatCannotBeWrittenFailTheTrial) {
   const fs::path work = folder_->path() / "full";
   fs::create_directories(work);
   std::ofstream(work / "frames") << "a file in the way";
-  (void)run("full", 1, 1, std::string(kSpec) + "frames: {of: all}\n");
+  (void)run("full", 1, 1, kSpec + "frames: {of: all}\n");
   ASSERT_EQ(rows("full").size(), 1U);
   EXPECT_EQ(rows("full")[0].outcome, "error");
   EXPECT_THAT(rows("full")[0].error, HasSubstr("frames"));

@@ -11,13 +11,14 @@
 #include "core/file_io.h"
 #include "experiments/commands/commands.h"
 #include "experiments/episodes/gzip_file.h"
-#include "experiments/timing/replay_log.h"
 #include "experiments/runs/run.h"
-#include "experiments/scripted_trials/scripted_run.h"
 #include "experiments/runs/sensor_files.h"
+#include "experiments/scripted_trials/scripted_run.h"
 #include "experiments/store/store.h"
+#include "experiments/timing/replay_log.h"
 #include "tests/error_message.h"
 #include "tiny_scene.h"
+#include "tiny_spec.h"
 
 namespace segsim::experiments {
 namespace {
@@ -25,27 +26,19 @@ namespace {
 namespace fs = std::filesystem;
 using testing::HasSubstr;
 
-const char* const kSpec = R"(schema: segsim.experiment/1
-name: sensed
-seed: 3
-scenes:
-  - name: tiny
-    title: Two rooms
-    bundle: ${data}/tiny
-    goals: [couch]
-    episodes: 2
-    camera_height_m: 1.0
-arms:
-  - {name: one, detector: oracle}
+const std::string kSpec =
+    TinySpec{.name = "sensed",
+             .episodes = 2,
+             .arms = R"(  - {name: one, detector: oracle}
   - {name: other, detector: oracle, policy: {type: frontier}}
-robot: jackal-gentle
-control_period_s: 0.25
-time_limit_s: 20
-camera: {width: 64, height: 48, hfov_deg: 70, pitch_down_deg: 10, depth_range_m: 6}
-success: {profile: segsim-object, distance_m: 1.0, visible_pixels: 20}
+)",
+             .time_limit_s = 20.0,
+             .image_width_px = 64,
+             .more = R"(success: {profile: segsim-object, distance_m: 1.0, visible_pixels: 20}
 pictures: false
 replays: {of: all, images: true}
-)";
+)"}
+        .text();
 
 const char* const kSensors = R"(localisation: {type: noisy, position_m: {sigma: 0.01}}
 sensors:
@@ -127,7 +120,7 @@ class SensorRun : public testing::Test {
   static void SetUpTestSuite() {
     folder_ = new TemporaryFolder("sensors");
     TinyScene().write(folder_->path() / "tiny");
-    run("with", std::string(kSpec) + kSensors, 2);
+    run("with", kSpec + kSensors, 2);
   }
   static void TearDownTestSuite() { delete folder_; }
   static void run(const std::string& work, const std::string& text, int workers) {
@@ -201,7 +194,7 @@ TEST_F(SensorRun, NoiseIsOfTheEpisodeAndNotOfTheArm) {
     EXPECT_EQ(core::read_file(sensors("with") / file),
               core::read_file(sensors("with", "other") / file));
   }
-  run("serial", std::string(kSpec) + kSensors, 1);
+  run("serial", kSpec + kSensors, 1);
   EXPECT_EQ(hashes("serial"), hashes("with")) << "whatever the number of workers";
   EXPECT_EQ(core::read_file(sensors("serial") / "summary.json"),
             core::read_file(sensors("with") / "summary.json"));
@@ -209,8 +202,7 @@ TEST_F(SensorRun, NoiseIsOfTheEpisodeAndNotOfTheArm) {
 
 TEST_F(SensorRun, SensorsThatNobodyReadsChangeNoTrial) {
   run("without", kSpec, 2);
-  run("recorded",
-      std::string(kSpec) + "sensors: {lidar: {rate_hz: 3, beams: 9}, imu: {}, gps: {}}\n", 2);
+  run("recorded", kSpec + "sensors: {lidar: {rate_hz: 3, beams: 9}, imu: {}, gps: {}}\n", 2);
   EXPECT_EQ(hashes("recorded"), hashes("without"));
   EXPECT_NE(hashes("with"), hashes("without")) << "localisation is read";
   EXPECT_FALSE(fs::exists(sensors("without")));

@@ -20,6 +20,7 @@
 #include "experiments/video/internal/video_file.h"
 #include "tests/error_message.h"
 #include "tiny_scene.h"
+#include "tiny_spec.h"
 
 namespace segsim::experiments {
 namespace {
@@ -27,29 +28,17 @@ namespace {
 namespace fs = std::filesystem;
 using testing::HasSubstr;
 
-const char* const kSpec = R"(schema: segsim.experiment/1
-name: filmed
-title: Filmed
-seed: 3
-scenes:
-  - name: tiny
-    title: Two rooms
-    bundle: ${data}/tiny
-    goals: [couch, chair]
-    episodes: 2
-    camera_height_m: 1.0
-arms:
-  - {name: before, detector: oracle}
-  - {name: after, detector: oracle}
-robot: jackal-gentle
-control_period_s: 0.25
-time_limit_s: 5
-camera: {width: 96, height: 72, hfov_deg: 70, pitch_down_deg: 10, depth_range_m: 6}
+const std::string kSpec = TinySpec{.name = "filmed",
+                                   .goals = "couch, chair",
+                                   .episodes = 2,
+                                   .time_limit_s = 5.0,
+                                   .more = R"(title: Filmed
 success: {profile: segsim-object, distance_m: 1.0, visible_pixels: 30}
 localisation: odom
 pictures: false
 videos: all
-)";
+)"}
+                              .text();
 
 std::vector<cv::Mat> frames_of(const fs::path& file) {
   cv::VideoCapture video(file.string());

@@ -14,6 +14,7 @@
 #include "core/file_io.h"
 #include "segsim_process.h"
 #include "tests/experiments/tiny_scene.h"
+#include "tests/experiments/tiny_spec.h"
 #include "tests/temporary_folder.h"
 
 namespace segsim::tests {
@@ -53,28 +54,22 @@ class ScaleOutFolder {
 
  private:
   void write_spec(int seed) const {
-    folder_.write("tiny.yaml", R"(schema: segsim.experiment/1
-name: tiny
-seed: )" + std::to_string(seed) + R"(
-scenes:
-  - name: tiny
-    title: Two rooms
-    bundle: ${data}/tiny
-    goals: [couch, chair]
-    episodes: 2
-    camera_height_m: 1.0
-arms:
-  - {name: before, detector: oracle}
+    const experiments::TinySpec spec{
+        .goals = "couch, chair",
+        .episodes = 2,
+        .arms = R"(  - {name: before, detector: oracle}
   - {name: after, detector: oracle, policy: random}
-robot: jackal-gentle
-control_period_s: 0.5
-time_limit_s: 8
-camera: {width: 32, height: 24, hfov_deg: 70, pitch_down_deg: 10, depth_range_m: 6}
-success: {profile: segsim-object, distance_m: 1.0, visible_pixels: 10}
+)",
+        .seed = seed,
+        .control_period_s = 0.5,
+        .time_limit_s = 8.0,
+        .image_width_px = 32,
+        .more = R"(success: {profile: segsim-object, distance_m: 1.0, visible_pixels: 10}
 replays: {of: none}
 pictures: false
-repetitions: )" + std::to_string(repetitions_) +
-                                   "\n");
+repetitions: )" +
+                std::to_string(repetitions_) + "\n"};
+    folder_.write("tiny.yaml", spec.text());
   }
 
   TemporaryFolder folder_;
