@@ -6,7 +6,6 @@
 #include <cstdint>
 #include <vector>
 
-#include <glm/common.hpp>
 #include <glm/geometric.hpp>
 
 #include "renderer/internal/compat_rules.h"
@@ -34,27 +33,6 @@ ProjectionCamera<double> wide(const ProjectionCamera<float>& c) {
           static_cast<double>(c.fy_px),
           static_cast<double>(c.cx_px),
           static_cast<double>(c.cy_px)};
-}
-
-glm::vec3 compat_colour(const ProjectionJob& job, std::size_t i, const glm::vec3& ray) {
-  if (!job.packed.colour.empty()) return job.packed.colour[i];
-  const glm::vec3 direction = glm::normalize(ray);
-  float basis[16];
-  sh_basis(job.cloud.sh_degree, Vec3<float>{direction.x, direction.y, direction.z}, basis);
-  const std::size_t n = job.cloud.sh_count();
-  const glm::vec3* sh = job.cloud.sh.data() + job.packed.surfel[i] * n;
-  glm::vec3 sum(0.5F);
-  for (std::size_t k = 0; k < n; ++k) sum += basis[k] * sh[k];
-  return glm::max(sum, glm::vec3(0.0F));
-}
-
-SurfelShade compat_shade(const ProjectionJob& job, std::size_t i) {
-  const PackedSurfels& p = job.packed;
-  const Vec3<float>& eye = job.camera.centre_m;
-  const glm::vec3 ray(p.x_m[i] - eye.x, p.y_m[i] - eye.y, p.z_m[i] - eye.z);
-  const glm::vec3 normal = glm::dot(p.normal[i], ray) > 0.0F ? -p.normal[i] : p.normal[i];
-  const glm::vec3 colour = job.colours ? compat_colour(job, i, ray) : glm::vec3(0.0F);
-  return {colour.r, colour.g, colour.b, normal.x, normal.y, normal.z, p.label[i], p.surfel[i]};
 }
 
 /// J^-1 and g without the threshold of project_surfel(); false if J has no inverse.
@@ -138,7 +116,7 @@ class CompatProjection {
     screen.x_hi = pixel_of_tile(tiles.x_end, -1, job_.width_px - 1);
     screen.y_lo = pixel_of_tile(tiles.y_begin, 0, job_.height_px - 1);
     screen.y_hi = pixel_of_tile(tiles.y_end, -1, job_.height_px - 1);
-    out.shade[slot] = compat_shade(job_, i);
+    out.shade[slot] = shade_of(job_, i);
     const DepthSlot entry =
         DepthSlot{std::bit_cast<std::uint32_t>(z0_m)} << 32U | static_cast<DepthSlot>(slot);
     for (int y = tiles.y_begin; y < tiles.y_end; ++y) {

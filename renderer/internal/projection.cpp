@@ -58,17 +58,6 @@ glm::vec3 colour_of(const ProjectionJob& job, std::size_t i) {
   return glm::max(sum, glm::vec3(0.0F));
 }
 
-SurfelShade shade_of(const ProjectionJob& job, std::size_t i) {
-  const PackedSurfels& packed = job.packed;
-  const Vec3<float>& eye = job.camera.centre_m;
-  glm::vec3 normal = packed.normal[i];
-  const glm::vec3 ray(packed.x_m[i] - eye.x, packed.y_m[i] - eye.y, packed.z_m[i] - eye.z);
-  if (glm::dot(normal, ray) > 0.0F) normal = -normal;
-  const glm::vec3 colour = job.colours ? colour_of(job, i) : glm::vec3(0.0F);
-  return {colour.r, colour.g, colour.b,        normal.x,
-          normal.y, normal.z, packed.label[i], packed.surfel[i]};
-}
-
 /// First and last pixel whose centre lies in the box, inside the image.
 ScreenBox<float> pixel_range(const ScreenBox<float>& box, int width_px, int height_px) {
   return {std::max(std::ceil(box.x_min_px - 0.5F - kPixelSlack), 0.0F),
@@ -134,6 +123,17 @@ bool emit_surfel(const ProjectionJob& job, const ProjectedLanes& lanes, std::siz
 }
 
 }  // namespace
+
+SurfelShade shade_of(const ProjectionJob& job, std::size_t i) {
+  const PackedSurfels& packed = job.packed;
+  const Vec3<float>& eye = job.camera.centre_m;
+  glm::vec3 normal = packed.normal[i];
+  const glm::vec3 ray(packed.x_m[i] - eye.x, packed.y_m[i] - eye.y, packed.z_m[i] - eye.z);
+  if (glm::dot(normal, ray) > 0.0F) normal = -normal;
+  const glm::vec3 colour = job.colours ? colour_of(job, i) : glm::vec3(0.0F);
+  return {colour.r, colour.g, colour.b,        normal.x,
+          normal.y, normal.z, packed.label[i], packed.surfel[i]};
+}
 }  // namespace segsim::renderer::internal
 #endif  // SEGSIM_RENDERER_PROJECTION_ONCE
 

@@ -79,6 +79,10 @@ struct ProjectionJob {
   TileBounds bounds = TileBounds::kAccuTile;
 };
 
+/// Of packed surfel i: its colour from the camera's direction (none unless the job wants any),
+/// its normal turned to the camera.
+[[nodiscard]] SurfelShade shade_of(const ProjectionJob& job, std::size_t i);
+
 /// Finds the clusters in view, nearest first.
 void find_visible_clusters(const ProjectionJob& job, ProjectedSurfels& projected);
 
