@@ -5,22 +5,16 @@
 #include <optional>
 
 #include "core/error.h"
-#include "core/file_io.h"
 #include "core/random.h"
 #include "core/version.h"
 #include "experiments/benchmarks/backend_warning.h"
-#include "experiments/runs/frame_recorder.h"
-#include "experiments/runs/sensor_files.h"
-#include "experiments/runs/trial_log.h"
+#include "experiments/runs/internal/trial_outputs.h"
 #include "experiments/runs/trial_options.h"
 #include "experiments/runs/trial_picture.h"
-#include "experiments/video/trial_video.h"
 #include "nav/policy_factory.h"
 #include "perception/detector.h"
-#include "perception/image_file.h"
 #include "perception/models/object_detector.h"
 #include "renderer/renderer_backend.h"
-#include "sim/geodesy.h"
 #include "sim/oracle_way.h"
 
 namespace segsim::experiments {
@@ -28,8 +22,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kVideoSpeed = 2.0;  // Twice as fast as simulated time.
-constexpr double kSnap_m = 0.30;     // As sim/trial.cpp measures the distance to the goal.
+constexpr double kSnap_m = 0.30;  // As sim/trial.cpp measures the distance to the goal.
 
 /// What is searched for in a scene, by the spec or by its episodes.
 std::vector<std::string> goal_names(const LoadedScene& scene) {
@@ -78,6 +71,31 @@ sim::TrialOptions trial_options(const ExperimentSpec& spec, const LoadedScene& l
   return options;
 }
 
+/// A repetition differs from the first trial in its random numbers.
+sim::Episode episode_of(const TrialTask& task) {
+  sim::Episode episode = *task.episode;
+  if (task.repetition > 0) {
+    episode.seed = core::hash64("repetition " + std::to_string(task.repetition), episode.seed);
+  }
+  return episode;
+}
+
+/// @param episode  Outlives what is returned.
+TrialScene scene_of(const TrialTask& task, const sim::Episode& episode, int goal_index) {
+  TrialScene scene;
+  scene.plan = &task.scene->plan;
+  scene.manifest = &task.scene->bundle.manifest;
+  scene.episode = &episode;
+  scene.scene_title = task.scene->spec->title;
+  scene.arm = task.arm->name;
+  scene.goal_index = goal_index;
+  const auto to_goal = std::make_shared<sim::DistanceField>(
+      task.scene->world.distance_to(episode.view_points_m));
+  scene.shortest_path_m = to_goal->path_from({episode.start.x_m, episode.start.y_m});
+  scene.distance_m = [to_goal](const glm::dvec2& p_m) { return to_goal->at(p_m, kSnap_m); };
+  return scene;
+}
+
 /// How time passes; a trial that measured time is repeated with the times that it recorded.
 sim::TrialClock clock_for(const ExperimentSpec& spec, const TrialTask& task) {
   sim::TrialClock clock = trial_clock(spec.clock, task.arm->clock);
@@ -103,17 +121,6 @@ ReplayLog start_log(const ExperimentSpec& spec, const TrialTask& task) {
   return log;
 }
 
-/// "flat/potted plant/03" -> "flat/potted_plant-03.before", with "-r1" for the second
-/// repetition.
-std::string file_stem(const TrialTask& task) {
-  std::string stem = task.episode->id;
-  std::replace(stem.begin(), stem.end(), ' ', '_');
-  const std::size_t last = stem.rfind('/');
-  if (last != std::string::npos && stem.find('/') != last) stem[last] = '-';
-  if (task.repetition > 0) stem += "-r" + std::to_string(task.repetition);
-  return stem + "." + task.arm->name;
-}
-
 void copy_result(const sim::TrialResult& result, TrialRow& row) {
   row.outcome = sim::to_string(result.outcome);
   row.success = result.success;
@@ -136,66 +143,6 @@ void copy_result(const sim::TrialResult& result, TrialRow& row) {
   row.render_ms = result.render_ms;
   row.detect_ms = result.detect_ms;
   row.policy_ms = result.policy_ms;
-}
-
-/// GeoJSON and KML. @return  The GeoJSON's path relative to `work`.
-std::string write_track(const fs::path& work, const TrialTask& task,
-                        const sim::TrialResult& result) {
-  sim::GeoTrack track;
-  track.name = task.episode->id + " (" + task.arm->name + ")";
-  for (const sim::TickRecord& tick : result.track) {
-    track.positions_m.emplace_back(tick.pose.x_m, tick.pose.y_m);
-  }
-  if (track.positions_m.empty()) return {};
-  const sim::DistanceField to_goal =
-      task.scene->world.distance_to(task.episode->view_points_m);
-  const std::vector<glm::dvec2> way =
-      to_goal.path_from({task.episode->start.x_m, task.episode->start.y_m});
-  if (!way.empty()) track.goal_m = way.back();
-  track.properties = {{"goal", task.episode->class_name},
-                      {"arm", task.arm->name},
-                      {"outcome", sim::to_string(result.outcome)}};
-  const std::string stem = "tracks/" + file_stem(task);
-  sim::write_track_geojson(work / (stem + ".geojson"), task.scene->world.local_frame(), track);
-  sim::write_track_kml(work / (stem + ".kml"), task.scene->world.local_frame(), track);
-  return stem + ".geojson";
-}
-
-TrialLog make_log(const TrialScene& scene, const sim::TrialOptions& options,
-                  const LoadedScene& loaded, const fs::path& work,
-                  const sim::TrialResult& result, const TrialWitness& witness,
-                  std::vector<double> distance_m) {
-  TrialLog log;
-  log.scene_title = scene.scene_title;
-  log.arm = scene.arm;
-  // A work folder may be moved with all that lies in it.
-  const fs::path below =
-      fs::absolute(loaded.bundle.folder).lexically_relative(fs::absolute(work));
-  const bool inside = !below.empty() && *below.begin() != "..";
-  log.bundle = inside ? below : fs::absolute(loaded.bundle.folder).lexically_normal();
-  log.camera = options.camera;
-  log.camera_height_m = options.camera_height_m;
-  log.camera_pitch_down_rad = options.camera_pitch_down_rad;
-  log.visible_px = options.visible_pixels;
-  log.control_period_s = options.control_period_s;
-  log.time_limit_s = options.time_limit_s;
-  log.stop_reason = result.stop_reason;
-  log.episode = *scene.episode;
-  log.shortest_path_m = scene.shortest_path_m;
-  log.track = result.track;
-  log.evidence = witness.evidence();
-  log.evidence.resize(log.track.size());  // The last ticks may have seen nothing new.
-  log.distance_m = std::move(distance_m);
-  log.detections = witness.detections();
-  for (const core::PolicyView::Object& object : result.final_view.objects) {
-    if (object.class_index != scene.goal_index) continue;
-    log.objects.push_back(object);
-    log.objects.back().position_m = world_from_odom(result, object.position_m);
-  }
-  if (result.final_view.target_m) {
-    log.target_m = world_from_odom(result, *result.final_view.target_m);
-  }
-  return log;
 }
 
 /// What people who watch are told of the trial.
@@ -336,10 +283,7 @@ TrialRow TrialRunner::run(const TrialTask& task) {
 }
 
 void TrialRunner::run_checked(const TrialTask& task, TrialRow& row) {
-  sim::Episode episode = *task.episode;
-  if (task.repetition > 0) {
-    episode.seed = core::hash64("repetition " + std::to_string(task.repetition), episode.seed);
-  }
+  const sim::Episode episode = episode_of(task);
   // Of a trial that is played again, perception may come from its log.
   ReplayRenderer replayed_images(task.replay_images);
   ArmDetectorSlot replayed;
@@ -350,37 +294,14 @@ void TrialRunner::run_checked(const TrialTask& task, TrialRow& row) {
       task.replay_images.empty() ? renderer_for(*task.scene) : replayed_images;
   ArmDetectorSlot& slot =
       task.replay_perception ? replayed : detector_for(*task.scene, *task.arm);
+  const std::vector<std::string>& classes = slot.detector->class_names();
   const std::unique_ptr<core::Policy> policy = policy_for(task, slot);
   sim::TrialOptions options = trial_options(spec_, *task.scene);
   options.clock = clock_for(spec_, task);
 
-  TrialScene scene;
-  scene.plan = &task.scene->plan;
-  scene.manifest = &task.scene->bundle.manifest;
-  scene.episode = &episode;
-  scene.scene_title = task.scene->spec->title;
-  scene.arm = task.arm->name;
-  scene.goal_index = index_of(slot.detector->class_names(), episode.class_name);
-  const auto to_goal = std::make_shared<sim::DistanceField>(
-      task.scene->world.distance_to(episode.view_points_m));
-  scene.shortest_path_m = to_goal->path_from({episode.start.x_m, episode.start.y_m});
-  scene.distance_m = [to_goal](const glm::dvec2& p_m) { return to_goal->at(p_m, kSnap_m); };
-
+  const TrialScene scene = scene_of(task, episode, index_of(classes, episode.class_name));
   TrialWitness witness(task.scene->bundle.manifest, episode, scene.goal_index);
-  std::optional<TrialVideo> video;
-  std::optional<FrameRecorder> frames;
-  const std::string stem = file_stem(task);
-  if (task.video) {
-    row.video = "videos/" + stem + ".mp4";
-    video.emplace(work_ / row.video, scene, slot.detector->class_names(),
-                  kVideoSpeed / spec_.control_period_s);
-  }
-  if (task.frames) {
-    const double ticks = std::round(spec_.frames.every_s / spec_.control_period_s);
-    frames.emplace(work_ / "frames" / stem, task.scene->bundle,
-                   std::max(1, static_cast<int>(ticks)), renderer);
-  }
-  if (task.viewer != nullptr) task.viewer->begin(scene, slot.detector->class_names());
+  TrialOutputs outputs(spec_, task, scene, classes, work_, renderer);
   const sim::TickObserver observer = [&](const sim::TickRecord& tick, const core::Frame& frame,
                                          const std::vector<core::Detection>& detections,
                                          const core::Policy& of) {
@@ -388,19 +309,17 @@ void TrialRunner::run_checked(const TrialTask& task, TrialRow& row) {
     const auto image = static_cast<std::uint64_t>(tick.capture_index);
     witness.add(static_cast<int>(std::lround(tick_index)), frame,
                 tick.fresh ? std::optional(image) : std::nullopt);
-    if (video) video->add(tick, frame, detections, of.view());
-    if (task.viewer != nullptr) task.viewer->add(tick, frame, detections, of.view());
-    if (frames) frames->add(tick, frame);
+    outputs.add(tick, frame, detections, of);
     live_.add(tick, frame, detections, of);
   };
 
   ReplayLog log = start_log(spec_, task);
-  live_.begin(live_trial(task, scene, slot.detector->class_names(), spec_.time_limit_s));
+  live_.begin(live_trial(task, scene, classes, spec_.time_limit_s));
   TimedDetector timed(*slot.detector, live_);
   TimedPolicy timed_policy(*policy, live_);
   RecordingDetector recorded(timed, log);
   WitnessedDetector detector(recorded, slot.truth, witness);
-  const fs::path log_file = work_ / "replays" / (stem + ".jsonl");
+  const fs::path log_file = work_ / "replays" / (file_stem(task) + ".jsonl");
   std::optional<RecordingRenderer> kept_images;
   if (log.images) kept_images.emplace(renderer, replay_images(log_file));
   core::Renderer* const eye = kept_images ? &*kept_images : &renderer;
@@ -411,21 +330,7 @@ void TrialRunner::run_checked(const TrialTask& task, TrialRow& row) {
   std::vector<double> distance_m;
   row.why = judge_trial(task, episode, scene.goal_index, witness, result, distance_m);
   copy_result(result, row);
-  if (video) video->finish(result);
-  if (task.viewer != nullptr) task.viewer->finish(result);
-  if (frames) frames->finish();
-  if (!task.record) return;
-  if (options.sensors) {
-    write_sensor_files(work_ / "sensors" / stem, *options.sensors, result.sensors);
-  }
-  if (spec_.pictures) {
-    row.picture = "pictures/" + stem + ".png";
-    perception::write_image(work_ / row.picture, draw_trial(scene, result));
-  }
-  row.track = write_track(work_, task, result);
-  row.log = "logs/" + stem + ".json.gz";
-  write_trial_log(work_ / row.log,
-                  make_log(scene, options, *task.scene, work_, result, witness, distance_m));
+  outputs.finish(result, options, witness, std::move(distance_m), row);
 }
 
 Attribution TrialRunner::judge_trial(const TrialTask& task, const sim::Episode& episode,
