@@ -19,6 +19,7 @@
 #include "core/check.h"
 #include "core/error.h"
 #include "renderer/internal/parallel.h"
+#include "renderer/internal/parallel_loading.h"
 #include "renderer/internal/voxel_fusion.h"
 #include "renderer/internal/voxel_surfels.h"
 
@@ -203,7 +204,7 @@ std::vector<Sights> CloudStart::look(const std::vector<glm::vec3>& points_m) con
     const std::size_t count = std::min(kBatch, frame_count - first);
     std::vector<RgbdFrame> frames(count);
     std::vector<std::optional<CloudView>> views(count);
-    internal::parallel_for_each(count, 1, [&](std::size_t k) {
+    internal::load_each(count, [&](std::size_t k) {
       frames[k] = sequence_.load(frames_.used[first + k]);
       views[k].emplace(frames[k].T_world_camera, sequence_.intrinsics(), voxel_m_);
       for (const glm::vec3& p_m : points_m) views[k]->draw(p_m);

@@ -10,7 +10,7 @@
 #include "core/error.h"
 #include "core/quantile.h"
 #include "renderer/internal/lift_frame.h"
-#include "renderer/internal/parallel.h"
+#include "renderer/internal/parallel_loading.h"
 #include "renderer/internal/plane_filling.h"
 #include "renderer/internal/voxel_cleaning.h"
 #include "renderer/internal/voxel_fusion.h"
@@ -68,7 +68,7 @@ std::vector<Voxel> Lifter::fuse(LiftStatistics& statistics) {
   const std::vector<std::size_t>& frames = frames_.used;
   for (std::size_t first = 0; first < frames.size(); first += kBatch) {
     std::vector<internal::FrameSamples> batch(std::min(kBatch, frames.size() - first));
-    internal::parallel_for_each(batch.size(), 1, [&](std::size_t k) {
+    internal::load_each(batch.size(), [&](std::size_t k) {
       batch[k] = internal::sample_frame(sequence_.load(frames[first + k]),
                                         sequence_.intrinsics(), options_);
     });

@@ -6,6 +6,7 @@
 #include "core/check.h"
 #include "core/error.h"
 #include "renderer/internal/parallel.h"
+#include "renderer/internal/parallel_loading.h"
 #include "renderer/lifting.h"
 #include "renderer/training/training_set.h"
 
@@ -56,8 +57,8 @@ void load_all(const std::vector<std::size_t>& frames, std::vector<TrainingView>&
   views.resize(frames.size());
   for (std::size_t first = 0; first < frames.size(); first += kBatch) {
     const std::size_t count = std::min(kBatch, frames.size() - first);
-    internal::parallel_for_each(
-        count, 1, [&](std::size_t k) { views[first + k] = load(frames[first + k]); });
+    internal::load_each(count,
+                        [&](std::size_t k) { views[first + k] = load(frames[first + k]); });
     report(first + count);
   }
 }
