@@ -297,13 +297,13 @@ core::Decision ScriptDriver::decide(const core::Observation& seen,
     if (motion_ == nullptr) {
       if (records_.size() == steps_.size()) return stop;
       motion_ = begin(records_.size());
-      StepRecord record;
+      StepOutcome record;
       record.step = static_cast<int>(records_.size());
       record.begin_ns = seen.capture_time_ns;
       record.begin = pose_of(seen);
       records_.push_back(std::move(record));
     }
-    StepRecord& record = records_.back();
+    StepOutcome& record = records_.back();
     const ScriptStep& step = steps_[static_cast<std::size_t>(record.step)];
     Motion::Answer answer = motion_->advance(seen, detections);
     const double lasted_s = core::seconds(seen.capture_time_ns - record.begin_ns);

@@ -25,7 +25,7 @@ enum class StepEnd : std::uint8_t { kDone, kTimedOut, kNoWay, kNotFound };
 [[nodiscard]] const char* to_string(StepEnd end);
 
 /// How one step went, by the robot's clock and estimate.
-struct StepRecord {
+struct StepOutcome {
   int step = 0;                            ///< Into the script.
   core::TimeNs begin_ns = 0, end_ns = -1;  ///< -1: it was not finished.
   std::optional<StepEnd> end;              ///< None: the trial ended before.
@@ -58,7 +58,7 @@ class ScriptDriver final : public core::Policy {
   [[nodiscard]] core::PolicyView view() const override;
 
   /// Of the steps that were begun, in order.
-  [[nodiscard]] const std::vector<StepRecord>& records() const { return records_; }
+  [[nodiscard]] const std::vector<StepOutcome>& records() const { return records_; }
 
  private:
   /// What moves the robot in one step.
@@ -73,7 +73,7 @@ class ScriptDriver final : public core::Policy {
   const std::vector<ScriptStep>& steps_;
   DriverContext context_;
   std::uint64_t seed_ = 0;
-  std::vector<StepRecord> records_;
+  std::vector<StepOutcome> records_;
   std::unique_ptr<Motion> motion_;
   bool failed_ = false;
 };

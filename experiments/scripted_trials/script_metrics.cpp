@@ -28,7 +28,7 @@ double distance_to_line_m(const glm::dvec2& p_m, const std::vector<glm::dvec2>& 
 
 std::optional<double> path_error_m(const BoundScript& bound, const ScriptedResult& result) {
   std::optional<double> worst_m;
-  for (const StepRecord& step : result.steps) {
+  for (const StepOutcome& step : result.steps) {
     const auto index = static_cast<std::size_t>(step.step);
     if (bound.script->steps[index].kind != StepKind::kFollow) continue;
     std::vector<glm::dvec2> line_m = bound.places_m[index];
@@ -72,7 +72,7 @@ std::string failure_of(const ScriptedTrial& script, const ScriptedResult& result
   const std::string name = print("step %zu (%s) ", k + 1, to_string(script.steps[k].kind));
   const std::string outcome = sim::to_string(result.trial.outcome);
   if (k >= result.steps.size()) return name + "was not begun: " + outcome;
-  const StepRecord& step = result.steps[k];
+  const StepOutcome& step = result.steps[k];
   if (!step.end) return name + "was not finished: " + outcome;
   if (*step.end != StepEnd::kDone) {
     return name + to_string(*step.end) + (step.reason.empty() ? "" : ": " + step.reason);
@@ -121,9 +121,9 @@ std::optional<double> stage_value(const Expectation& wanted, const sim::TimingRe
 
 }  // namespace
 
-int step_at(const std::vector<StepRecord>& steps, core::TimeNs time_ns) {
+int step_at(const std::vector<StepOutcome>& steps, core::TimeNs time_ns) {
   int at = -1;
-  for (const StepRecord& step : steps) {
+  for (const StepOutcome& step : steps) {
     if (step.begin_ns <= time_ns) at = step.step;
   }
   return at;

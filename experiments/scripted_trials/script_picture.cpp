@@ -41,7 +41,7 @@ std::vector<Entry> entries_of(const ScriptedTrial& script, const ScriptedResult&
     if (k >= result.steps.size()) {
       entry.words += ": not begun";
     } else {
-      const StepRecord& step = result.steps[k];
+      const StepOutcome& step = result.steps[k];
       entry.good = step.end == StepEnd::kDone;
       entry.words += print(", from %.1f s", core::seconds(step.begin_ns));
       entry.words +=

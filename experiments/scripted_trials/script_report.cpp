@@ -36,7 +36,7 @@ Json steps_json(const ScriptedTrial& script, const ScriptedResult& result) {
   for (std::size_t k = 0; k < script.steps.size(); ++k) {
     Json json{{"kind", to_string(script.steps[k].kind)}};
     if (k < result.steps.size()) {
-      const StepRecord& step = result.steps[k];
+      const StepOutcome& step = result.steps[k];
       json["begin_s"] = core::seconds(step.begin_ns);
       json["end_s"] = step.end ? Json(core::seconds(step.end_ns)) : Json(nullptr);
       json["end"] = step.end ? to_string(*step.end) : "not_finished";
@@ -76,7 +76,7 @@ Json contacts_json(const sim::TrialResult& trial) {
 std::string in_words(const ScriptedTrial& script, const ScriptedResult& result) {
   const sim::TrialResult& trial = result.trial;
   std::string text;
-  for (const StepRecord& step : result.steps) {
+  for (const StepOutcome& step : result.steps) {
     const auto k = static_cast<std::size_t>(step.step);
     text += print("step %zu  %-6s  %7.2f s .. ", k + 1, to_string(script.steps[k].kind),
                   core::seconds(step.begin_ns));

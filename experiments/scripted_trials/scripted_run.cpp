@@ -166,7 +166,7 @@ class Watcher {
     return bound_.script->steps[k];
   }
 
-  FindResult judge(const StepRecord& step, const Begin& begin, const glm::dvec2& end_m,
+  FindResult judge(const StepOutcome& step, const Begin& begin, const glm::dvec2& end_m,
                    const core::Frame& frame) {
     const ScriptStep& wanted = script_step(static_cast<std::size_t>(step.step));
     const sim::Episode& goal = goals_.at(wanted.category);

@@ -55,7 +55,7 @@ struct ExpectationResult {
 
 struct ScriptedResult {
   sim::TrialResult trial;
-  std::vector<StepRecord> steps;
+  std::vector<StepOutcome> steps;
   std::vector<FindResult> finds;
   std::vector<ExpectationResult> verdicts;
   double distance_to_goal_m = 0.0;  ///< Geodesic, to the place of the last step that has one.

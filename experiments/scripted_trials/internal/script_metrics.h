@@ -12,7 +12,7 @@
 namespace segsim::experiments {
 
 /// The step that was under way at that time (the robot's clock); -1: none.
-[[nodiscard]] int step_at(const std::vector<StepRecord>& steps, core::TimeNs time_ns);
+[[nodiscard]] int step_at(const std::vector<StepOutcome>& steps, core::TimeNs time_ns);
 
 /// Fills in everything beyond the trial, its steps and finds.
 /// @param goals  View points by category of the kFind steps.
