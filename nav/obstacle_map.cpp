@@ -138,6 +138,8 @@ CellBox ObstacleMap::take_log_odds(const core::Observation& observation) {
     core::Image<float> filled_m;
     clean_depth_m(depth_m, rules_, options_.depth, filled_m);
     thin_out(filled_m, n, depth_m_);
+  } else if (n == 1) {
+    clean_depth_m(depth_m, rules_, options_.depth, depth_m_);
   } else {
     thin_out(depth_m, n, thinned_m_);
     clean_depth_m(thinned_m_, rules_, options_.depth, depth_m_);
