@@ -41,11 +41,11 @@ void take_smaller(std::int16_t* __restrict best, const std::int16_t* __restrict 
 void ClearanceField::reset(int width_cells, int height_cells, int reach_cells) {
   SEGSIM_CHECK(reach_cells >= 1 && reach_cells <= 100, "reach_cells");
   reach_ = reach_cells;
-  squares_ = core::Image<std::int16_t>(width_cells, height_cells, beyond());
+  squares_ = first_layer<std::int16_t>(width_cells, height_cells, beyond());
 }
 
 void ClearanceField::grow(int left, int bottom, int right, int top) {
-  squares_ = grown(squares_, Margins{left, bottom, right, top}, beyond());
+  grow_layer(squares_, Margins{left, bottom, right, top}, beyond());
 }
 
 CellBox ClearanceField::update(const core::Image<std::uint8_t>& sources,

@@ -155,9 +155,10 @@ void CostMap::start(const GridFrame& frame, const CostMapOptions& options) {
   added_.clear();
   dirty_.clear();
   const int width = frame.width_cells, height = frame.height_cells;
-  states_ = core::Image<CellState>(width, height, CellState::kUnknown);
-  occupied_ = mast_ = traversable_ = clear_ = pocket_ =
-      core::Image<std::uint8_t>(width, height, 0);
+  states_ = first_layer<CellState>(width, height, CellState::kUnknown);
+  for (auto* layer : {&occupied_, &mast_, &traversable_, &clear_, &pocket_}) {
+    *layer = first_layer<std::uint8_t>(width, height);
+  }
   visited_ = {};
   visit_ = 0;
   make_tables();
@@ -165,7 +166,7 @@ void CostMap::start(const GridFrame& frame, const CostMapOptions& options) {
   const int reach_cells = static_cast<int>(std::lround(std::sqrt(last)));
   body_field_.reset(width, height, reach_cells);
   mast_field_.reset(width, height, reach_cells);
-  cost_ = core::Image<float>(width, height, 1.0F);
+  cost_ = first_layer<float>(width, height, 1.0F);
 }
 
 CellBox CostMap::follow(const GridFrame& frame, const CellBox& changed,
@@ -181,15 +182,15 @@ CellBox CostMap::follow(const GridFrame& frame, const CellBox& changed,
   }
   const Margins margins{-low.x, -low.y, more.x, more.y};
   if (margins.any()) {
-    states_ = grown(states_, margins, CellState::kUnknown);
+    grow_layer(states_, margins, CellState::kUnknown);
     for (auto* layer : {&occupied_, &mast_, &traversable_, &clear_, &pocket_}) {
-      *layer = grown(*layer, margins);
+      grow_layer(*layer, margins);
     }
     visited_ = {};
     visit_ = 0;
     body_field_.grow(margins.left, margins.bottom, margins.right, margins.top);
     mast_field_.grow(margins.left, margins.bottom, margins.right, margins.top);
-    cost_ = grown(cost_, margins, 1.0F);
+    grow_layer(cost_, margins, 1.0F);
     const Cell shift(margins.left, margins.bottom);
     const CellBox old{shift, shift + Cell(frame_.width_cells - 1, frame_.height_cells - 1)};
     if (!active_.empty()) active_ = {active_.low + shift, active_.high + shift};

@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "nav/grid_planner.h"
+#include "nav/growing_frame.h"
 
 namespace segsim::nav {
 namespace {
@@ -28,8 +29,12 @@ bool GeodesicField::begin(const CostMap& map, const Cell& from) {
   const int width = map.frame().width_cells, height = map.frame().height_cells;
   // What the last search wrote lies in its box.
   if (cost_m_.width_px() != width || cost_m_.height_px() != height) {
-    cost_m_ = core::Image<float>(width, height, kNoWay);
-    reachable_ = core::Image<std::uint8_t>(width, height, 0);
+    cost_m_.pixels().reserve(kReservedCells);
+    reachable_.pixels().reserve(kReservedCells);
+    cost_m_.resize(width, height);
+    reachable_.resize(width, height);
+    std::fill(cost_m_.pixels().begin(), cost_m_.pixels().end(), kNoWay);
+    std::fill(reachable_.pixels().begin(), reachable_.pixels().end(), std::uint8_t{0});
   } else if (!box_.empty()) {
     const auto count = static_cast<std::size_t>(box_.width());
     for (int j = box_.low.y; j <= box_.high.y; ++j) {
