@@ -25,6 +25,8 @@ class ClearanceField {
   /// beyond the image. @return  The cells that were computed anew: `changed` and the reach
   /// around it, clipped.
   CellBox update(const core::Image<std::uint8_t>& sources, const CellBox& changed);
+  /// Computes these cells anew; inside of the image.
+  void compute(const core::Image<std::uint8_t>& sources, const CellBox& out);
 
   /// Squared distance between cell centres [cells^2]; beyond() if it is larger than the reach.
   [[nodiscard]] std::int16_t squared_cells(int x, int y) const { return squares_(x, y); }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
@@ -150,12 +151,14 @@ void CostMap::update(const GridFrame& frame, const core::Image<std::uint8_t>& oc
 void CostMap::start(const GridFrame& frame, const CostMapOptions& options) {
   frame_ = frame;
   options_ = options;
-  active_ = changed_ = {};
+  active_ = changed_ = body_changed_ = mast_changed_ = {};
+  added_.clear();
   dirty_.clear();
   const int width = frame.width_cells, height = frame.height_cells;
-  states_ = core::Image<CellState>(width, height, CellState::kUnknown);
-  occupied_ = mast_ = traversable_ = clear_ = pocket_ =
-      core::Image<std::uint8_t>(width, height, 0);
+  states_ = first_layer<CellState>(width, height, CellState::kUnknown);
+  for (auto* layer : {&occupied_, &mast_, &traversable_, &clear_, &pocket_}) {
+    *layer = first_layer<std::uint8_t>(width, height);
+  }
   visited_ = {};
   visit_ = 0;
   make_tables();
@@ -163,7 +166,7 @@ void CostMap::start(const GridFrame& frame, const CostMapOptions& options) {
   const int reach_cells = static_cast<int>(std::lround(std::sqrt(last)));
   body_field_.reset(width, height, reach_cells);
   mast_field_.reset(width, height, reach_cells);
-  cost_ = core::Image<float>(width, height, 1.0F);
+  cost_ = first_layer<float>(width, height, 1.0F);
 }
 
 CellBox CostMap::follow(const GridFrame& frame, const CellBox& changed,
@@ -179,19 +182,19 @@ CellBox CostMap::follow(const GridFrame& frame, const CellBox& changed,
   }
   const Margins margins{-low.x, -low.y, more.x, more.y};
   if (margins.any()) {
-    states_ = grown(states_, margins, CellState::kUnknown);
+    grow_layer(states_, margins, CellState::kUnknown);
     for (auto* layer : {&occupied_, &mast_, &traversable_, &clear_, &pocket_}) {
-      *layer = grown(*layer, margins);
+      grow_layer(*layer, margins);
     }
     visited_ = {};
     visit_ = 0;
     body_field_.grow(margins.left, margins.bottom, margins.right, margins.top);
     mast_field_.grow(margins.left, margins.bottom, margins.right, margins.top);
-    cost_ = grown(cost_, margins, 1.0F);
+    grow_layer(cost_, margins, 1.0F);
     const Cell shift(margins.left, margins.bottom);
     const CellBox old{shift, shift + Cell(frame_.width_cells - 1, frame_.height_cells - 1)};
     if (!active_.empty()) active_ = {active_.low + shift, active_.high + shift};
-    add_frame_of(frame.box(), old, dirty_);
+    add_frame_of(frame.box(), old, added_);
   }
   frame_ = frame;
   return changed.clipped_to(frame.box());
@@ -211,26 +214,27 @@ void CostMap::set_active(const CellBox& active) {
 
 void CostMap::take_row(int j, int i0, std::span<const CellState> states,
                        std::span<const std::uint8_t> mast) {
+  static_assert(sizeof(CellState) == 1);
   CellState* old = states_.row(j) + i0;
   std::uint8_t* old_mast = mast_.row(j) + i0;
-  const auto differs = [&](std::size_t i) {
-    return old[i] != states[i] || old_mast[i] != mast[i];
-  };
-  std::size_t first = 0, last = states.size();
   // Most rows are as they were.
-  if (std::equal(states.begin(), states.end(), old) &&
-      std::equal(mast.begin(), mast.end(), old_mast)) {
-    return;
+  if (std::memcmp(old, states.data(), states.size()) != 0) {
+    std::uint8_t* occupied = occupied_.row(j) + i0;
+    for (std::size_t i = 0; i < states.size(); ++i) {
+      if (old[i] == states[i]) continue;
+      const Cell cell(i0 + static_cast<int>(i), j);
+      changed_.add(cell);
+      old[i] = states[i];
+      const std::uint8_t hit = states[i] == CellState::kOccupied ? 1 : 0;
+      if (occupied[i] != hit) body_changed_.add(cell);
+      occupied[i] = hit;
+    }
   }
-  while (first < last && !differs(first)) ++first;
-  while (last > first && !differs(last - 1)) --last;
-  changed_.add(Cell(i0 + static_cast<int>(first), j));
-  changed_.add(Cell(i0 + static_cast<int>(last) - 1, j));
-  std::uint8_t* occupied = occupied_.row(j) + i0;
-  for (std::size_t i = first; i < last; ++i) {
-    old[i] = states[i];
-    old_mast[i] = mast[i];
-    occupied[i] = states[i] == CellState::kOccupied ? 1 : 0;
+  if (std::memcmp(old_mast, mast.data(), mast.size()) != 0) {
+    for (std::size_t i = 0; i < mast.size(); ++i) {
+      if (old_mast[i] != mast[i]) mast_changed_.add(Cell(i0 + static_cast<int>(i), j));
+    }
+    std::copy(mast.begin(), mast.end(), old_mast);
   }
 }
 
@@ -262,17 +266,30 @@ void CostMap::make_tables() {
     const float near = std::clamp((soft - clearance) / (soft - radius), 0.0F, 1.0F);
     cost_table_[d2] = 1.0F + weight * near * near;
   }
+  const auto influence_cells = [&](const auto& says_something) {
+    std::size_t d2 = count;
+    while (d2 > 0 && !says_something(d2 - 1)) --d2;
+    return static_cast<int>(std::ceil(std::sqrt(static_cast<double>(d2))));
+  };
+  body_influence_cells_ = influence_cells(
+      [&](std::size_t d2) { return room_table_[d2] == 0 || cost_table_[d2] != 1.0F; });
+  mast_influence_cells_ =
+      influence_cells([&](std::size_t d2) { return mast_room_table_[d2] == 0; });
 }
 
 void CostMap::finish() {
-  if (!changed_.empty()) dirty_.push_back(changed_);
-  std::vector<CellBox> computed;
-  for (const CellBox& box : dirty_) {
-    if (box.empty()) continue;
-    computed.push_back(body_field_.update(occupied_, box));
-    (void)mast_field_.update(mast_, box);
+  for (const CellBox& box : added_) {
+    body_field_.compute(occupied_, box);
+    mast_field_.compute(mast_, box);
   }
-  for (const CellBox& box : computed) {
+  (void)body_field_.update(occupied_, body_changed_);
+  (void)mast_field_.update(mast_, mast_changed_);
+  // What changed lies in one view, so that one box holds it.
+  changed_.add(body_changed_.grown(body_influence_cells_));
+  changed_.add(mast_changed_.grown(mast_influence_cells_));
+  dirty_.push_back(changed_);
+  for (CellBox& box : dirty_) {
+    box = box.clipped_to(frame_.box());
     for (int j = box.low.y; j <= box.high.y; ++j) combine_row(j, box.low.x, box.high.x);
   }
   if (!options_.cross_unknown && options_.fill_pocket_m2 > 0.0) {
@@ -280,10 +297,11 @@ void CostMap::finish() {
       visited_ = core::Image<std::uint32_t>(frame_.width_cells, frame_.height_cells, 0);
     }
     visit_ += 2;
-    for (const CellBox& box : computed) fill_pockets(box);
+    for (const CellBox& box : dirty_) fill_pockets(box);
   }
+  added_.clear();
   dirty_.clear();
-  changed_ = {};
+  changed_ = body_changed_ = mast_changed_ = {};
 }
 
 void CostMap::combine_row(int j, int i0, int i1) {

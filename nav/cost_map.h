@@ -110,8 +110,10 @@ class CostMap {
   GridFrame frame_;
   CostMapOptions options_;
   CellBox active_;
-  CellBox changed_;             ///< Cells whose state or mast changed.
-  std::vector<CellBox> dirty_;  ///< New parts of frame or active part.
+  CellBox changed_;                      ///< Cells whose state changed.
+  CellBox body_changed_, mast_changed_;  ///< Where sources of the two fields changed.
+  std::vector<CellBox> added_;           ///< New parts of the frame,
+  std::vector<CellBox> dirty_;           ///< of the active part.
   core::Image<CellState> states_;
   core::Image<std::uint8_t> occupied_, mast_;  ///< Sources of the two fields.
   ClearanceField body_field_, mast_field_;
@@ -120,6 +122,8 @@ class CostMap {
   /// By squared distance in cells: metres; cost; 1 where the body, the mast has room.
   std::vector<float> clearance_table_m_, cost_table_;
   std::vector<std::uint8_t> room_table_, mast_room_table_;
+  /// An obstacle farther away than so many cells changes neither room nor cost.
+  int body_influence_cells_ = 0, mast_influence_cells_ = 0;
   core::Image<std::uint32_t> visited_;  ///< Scratch: visit_, or visit_ + 1 in a large pocket.
   std::uint32_t visit_ = 0;
   std::vector<std::uint32_t> queue_;

@@ -9,6 +9,7 @@
 #include <set>
 #include <span>
 #include <tuple>
+#include <vector>
 
 #include <glm/vec2.hpp>
 
@@ -51,21 +52,38 @@ class AcyclicMemory {
   std::set<State> states_;
 };
 
+/// Ways along the floor from the robot to the frontiers of one choice. Each question takes a
+/// search, so they are asked as late as possible. Frontiers are named by their index.
+struct FloorWays {
+  /// Length of the way; infinity if there is none [m].
+  std::function<double(std::size_t)> length_m;
+  /// Position in the list of the frontier with the shortest way, the first of equals; the list
+  /// is not empty. Null: by `length_m`.
+  std::function<std::size_t(std::span<const std::size_t>)> nearest;
+};
+
 class FrontierChooser {
  public:
   explicit FrontierChooser(const FrontierChoiceOptions& options = {},
                            const VlfmRules& rules = VlfmRules());
   void reset();
-  /// @param distance_m  From the robot to a place along the floor; infinity if unreachable.
-  ///     Used for ties and for the fixed fallback (Q2). Null: straight lines.
+  /// @param ways  For ties and for the fallback (Q2). Without `length_m`: straight lines.
   /// @return  Index into `frontiers`; nullopt if there are none.
-  [[nodiscard]] std::optional<std::size_t> choose(
-      const glm::dvec2& robot_m, std::span<const ValuedFrontier> frontiers,
-      const std::function<double(const glm::dvec2&)>& distance_m = {});
+  [[nodiscard]] std::optional<std::size_t> choose(const glm::dvec2& robot_m,
+                                                  std::span<const ValuedFrontier> frontiers,
+                                                  const FloorWays& ways = {});
 
  private:
-  [[nodiscard]] std::optional<std::size_t> sticky(
-      std::span<const ValuedFrontier> sorted) const;
+  // These return positions in `order`, the indices of the frontiers by descending value.
+  [[nodiscard]] std::optional<std::size_t> sticky(std::span<const ValuedFrontier> frontiers,
+                                                  std::span<const std::size_t> order) const;
+  /// May bring ties into the order of their ways. @param seen  Whether the state that the
+  ///     frontier with this index leads to was there before.
+  [[nodiscard]] std::optional<std::size_t> first_unseen(
+      std::span<const ValuedFrontier> frontiers, const FloorWays& ways,
+      const std::function<bool(std::size_t)>& seen, std::vector<std::size_t>& order) const;
+  [[nodiscard]] std::size_t fallback(const FloorWays& ways,
+                                     std::span<const std::size_t> order) const;
 
   FrontierChoiceOptions options_;
   VlfmRules rules_;

@@ -4,12 +4,15 @@
 #include <limits>
 
 #include "nav/grid_planner.h"
+#include "nav/growing_frame.h"
 
 namespace segsim::nav {
 namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 constexpr float kSqrt2 = 1.41421356F;
+// Kept where no way leads: less than every cost, so that the search never enters.
+constexpr float kNoWay = -1.0F;
 
 // Marks of cells that are joined to the start.
 constexpr std::uint8_t kReachable = 1;
@@ -26,12 +29,16 @@ bool GeodesicField::begin(const CostMap& map, const Cell& from) {
   const int width = map.frame().width_cells, height = map.frame().height_cells;
   // What the last search wrote lies in its box.
   if (cost_m_.width_px() != width || cost_m_.height_px() != height) {
-    cost_m_ = core::Image<float>(width, height, kInfinity);
-    reachable_ = core::Image<std::uint8_t>(width, height, 0);
+    cost_m_.pixels().reserve(kReservedCells);
+    reachable_.pixels().reserve(kReservedCells);
+    cost_m_.resize(width, height);
+    reachable_.resize(width, height);
+    std::fill(cost_m_.pixels().begin(), cost_m_.pixels().end(), kNoWay);
+    std::fill(reachable_.pixels().begin(), reachable_.pixels().end(), std::uint8_t{0});
   } else if (!box_.empty()) {
     const auto count = static_cast<std::size_t>(box_.width());
     for (int j = box_.low.y; j <= box_.high.y; ++j) {
-      std::fill_n(cost_m_.row(j) + box_.low.x, count, kInfinity);
+      std::fill_n(cost_m_.row(j) + box_.low.x, count, kNoWay);
       std::fill_n(reachable_.row(j) + box_.low.x, count, std::uint8_t{0});
     }
   }
@@ -62,6 +69,7 @@ void GeodesicField::spread_rows() {
     while (x0 > 0 && row[x0 - 1] != 0) --x0;
     while (x1 + 1 < width && row[x1 + 1] != 0) ++x1;
     std::memset(reachable_.row(y) + x0, kReachable, static_cast<std::size_t>(x1 - x0 + 1));
+    std::fill(cost_m_.row(y) + x0, cost_m_.row(y) + x1 + 1, kInfinity);
     box_.add(Cell(x0, y));
     box_.add(Cell(x1, y));
     runs.push_back({y, x0, x1});
@@ -112,13 +120,12 @@ void GeodesicField::relax_around(std::uint32_t from) const {
   const auto resolution = static_cast<float>(map_->frame().resolution_m);
   const float half_straight = resolution * 1.0F * 0.5F,
               half_diagonal = resolution * kSqrt2 * 0.5F;
-  const std::uint8_t* traversable = map_->traversable_cells().data();
   const float* costs = map_->length_costs().data();
   float* known = cost_m_.data();
   const float here = known[from], cost_here = costs[from];
   const auto relax = [&](std::uint32_t next, float half_length) {
     // Most neighbours lie behind the front: no way leads back to them.
-    if (known[next] <= here || traversable[next] == 0) return;
+    if (known[next] <= here) return;
     const float there = here + half_length * (cost_here + costs[next]);
     if (there >= known[next]) return;
     known[next] = there;

@@ -7,6 +7,7 @@
 #include <queue>
 
 #include "core/check.h"
+#include "nav/growing_frame.h"
 
 namespace segsim::nav {
 namespace {
@@ -177,8 +178,11 @@ std::optional<std::vector<Cell>> astar_cells(const CostMap& map, const Cell& sta
   std::vector<float>& cost = scratch.cost;
   std::vector<std::uint32_t>& parent = scratch.parent;
   if (cost.size() != count) {
-    cost.assign(count, kInfinity);
+    cost.reserve(kReservedCells);
+    parent.reserve(kReservedCells);
+    cost.resize(count);
     parent.resize(count);
+    std::fill(cost.begin(), cost.end(), kInfinity);
   } else {
     for (const std::uint32_t cell : scratch.touched) cost[cell] = kInfinity;
   }

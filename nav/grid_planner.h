@@ -59,7 +59,7 @@ class GeodesicField {
   float per_bucket_ = 20.0F;
   // What is computed on demand.
   mutable core::Image<std::uint8_t> reachable_;  ///< 0: not joined to the start.
-  mutable core::Image<float> cost_m_;  ///< Final below settled_below_m(); else a bound.
+  mutable core::Image<float> cost_m_;  ///< Final below settled_below_m(); else a bound, or -1.
   mutable std::vector<std::vector<std::uint32_t>> buckets_;
   mutable std::size_t next_bucket_ = 0, waiting_ = 0;
 };

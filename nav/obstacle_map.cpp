@@ -64,10 +64,11 @@ void ObstacleMap::reset() {
 void ObstacleMap::ensure_covers(const glm::dvec2& robot_m) {
   if (frame_.width_cells == 0) {
     frame_ = first_frame(options_.growth, robot_m);
-    occupied_ = explored_ =
-        core::Image<std::uint8_t>(frame_.width_cells, frame_.height_cells, 0);
-    navigable_ = core::Image<std::uint8_t>(frame_.width_cells, frame_.height_cells, 1);
-    if (occupancy_) mast_ = occupied_;
+    const int width = frame_.width_cells, height = frame_.height_cells;
+    occupied_ = first_layer<std::uint8_t>(width, height);
+    explored_ = first_layer<std::uint8_t>(width, height);
+    navigable_ = first_layer<std::uint8_t>(width, height, 1);
+    if (occupancy_) mast_ = first_layer<std::uint8_t>(width, height);
   }
   const double reach_m = options_.depth.max_depth_m + 1.0;
   const auto margins = grow(frame_, options_.growth, robot_m - reach_m, robot_m + reach_m);
@@ -78,10 +79,10 @@ void ObstacleMap::ensure_covers(const glm::dvec2& robot_m) {
     return;
   }
   if (!margins->any()) return;
-  occupied_ = grown(occupied_, *margins);
-  explored_ = grown(explored_, *margins);
-  navigable_ = grown(navigable_, *margins, std::uint8_t{1});
-  if (occupancy_) mast_ = grown(mast_, *margins);
+  grow_layer(occupied_, *margins);
+  grow_layer(explored_, *margins);
+  grow_layer(navigable_, *margins, std::uint8_t{1});
+  if (occupancy_) grow_layer(mast_, *margins);
 }
 
 /// Every pixel whose point lies in the band occupies its cell, once and for all.
@@ -138,6 +139,8 @@ CellBox ObstacleMap::take_log_odds(const core::Observation& observation) {
     core::Image<float> filled_m;
     clean_depth_m(depth_m, rules_, options_.depth, filled_m);
     thin_out(filled_m, n, depth_m_);
+  } else if (n == 1) {
+    clean_depth_m(depth_m, rules_, options_.depth, depth_m_);
   } else {
     thin_out(depth_m, n, thinned_m_);
     clean_depth_m(thinned_m_, rules_, options_.depth, depth_m_);

@@ -125,7 +125,7 @@ void OccupancyMap::fuse_view(const MappingCamera& camera) {
   CellBox changed, observed;
   const auto fuse_cell = [&](const Cell& at, std::size_t seen_index) {
     const CellView cell{view_.hits(seen_index), view_.floor_hits(seen_index),
-                        view_.passed_low(seen_index),
+                        view_.has(seen_index, ViewCells::kPassedLow),
                         view_.has(seen_index, ViewCells::kThroughBody),
                         view_.has(seen_index, ViewCells::kThroughMast)};
     const std::size_t index =
@@ -147,13 +147,7 @@ void OccupancyMap::fuse_view(const MappingCamera& camera) {
     changed.add(at);
     if (body_.data()[index] != 0.0F) observed.add(at);
   };
-  const int side = view_.side();
-  std::size_t seen_index = 0;
-  for (int j = 0; j < side; ++j) {
-    for (int i = 0; i < side; ++i, ++seen_index) {
-      if (view_.says_something(seen_index)) fuse_cell(view_.low() + Cell(i, j), seen_index);
-    }
-  }
+  view_.for_each_told(fuse_cell);
   const Cell lattice = frame_.lattice();
   if (!changed.empty()) changed_.add(CellBox{changed.low + lattice, changed.high + lattice});
   if (!observed.empty())

@@ -50,10 +50,12 @@ bool OccupancyMap::ensure_covers(const glm::dvec2& low_m, const glm::dvec2& high
   growth.max_extent_m = options_.max_extent_m;
   if (frame_.width_cells == 0) {
     frame_ = first_frame(growth, 0.5 * (low_m + high_m));
-    body_ = mast_ = core::Image<float>(frame_.width_cells, frame_.height_cells, 0.0F);
-    heights_ = core::Image<HitHeights>(frame_.width_cells, frame_.height_cells);
-    obstacles_ = hole_views_ =
-        core::Image<std::uint8_t>(frame_.width_cells, frame_.height_cells, 0);
+    const int width = frame_.width_cells, height = frame_.height_cells;
+    body_ = first_layer<float>(width, height);
+    mast_ = first_layer<float>(width, height);
+    heights_ = first_layer<HitHeights>(width, height);
+    obstacles_ = first_layer<std::uint8_t>(width, height);
+    hole_views_ = first_layer<std::uint8_t>(width, height);
   }
   const auto margins = grow(frame_, growth, low_m, high_m);
   if (!margins) {
@@ -61,11 +63,11 @@ bool OccupancyMap::ensure_covers(const glm::dvec2& low_m, const glm::dvec2& high
     return false;
   }
   if (!margins->any()) return true;
-  body_ = grown(body_, *margins);
-  mast_ = grown(mast_, *margins);
-  heights_ = grown(heights_, *margins);
-  obstacles_ = grown(obstacles_, *margins);
-  hole_views_ = grown(hole_views_, *margins);
+  grow_layer(body_, *margins);
+  grow_layer(mast_, *margins);
+  grow_layer(heights_, *margins);
+  grow_layer(obstacles_, *margins);
+  grow_layer(hole_views_, *margins);
   return true;
 }
 

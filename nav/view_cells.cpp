@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 
 #include "core/check.h"
+#include "nav/internal/set_bytes.h"
 
 namespace segsim::nav {
 namespace {
@@ -12,7 +12,6 @@ namespace {
 constexpr double kFloorBelow_m = 0.20;  // Points deeper below the floor are wrong.
 constexpr float kPassLow_m = 0.10F;     // A ray contradicts an obstacle from this far below
 constexpr float kPassTop_m = 0.02F;     // its lowest hit to this far below its top.
-constexpr float kNoPass_m = 1e3F;
 
 /// Whether a pixel lies on the blend between two surfaces along one image axis: strictly
 /// between its neighbours, apart from both, while the surfaces beyond go on smoothly. On a
@@ -41,22 +40,6 @@ void find_steps(const float* __restrict depth, const float* __restrict before,
   }
 }
 
-/// Calls `visit` for every byte that is not 0. Few are: eight zeros are passed at a time.
-template <class Visit>
-void for_each_set(const std::uint8_t* bytes, std::size_t count, const Visit& visit) {
-  for (std::size_t x = 0; x < count; x += 8) {
-    const std::size_t end = std::min(x + 8, count);
-    if (end == x + 8) {
-      std::uint64_t eight = 0;
-      std::memcpy(&eight, bytes + x, sizeof(eight));
-      if (eight == 0) continue;
-    }
-    for (std::size_t k = x; k < end; ++k) {
-      if (bytes[k] != 0) visit(k);
-    }
-  }
-}
-
 /// Which pixels of a row are no surface but the blend between two.
 void find_flying(const core::Image<float>& depth_m, int y, std::vector<std::uint8_t>& steep,
                  std::vector<std::uint8_t>& flying) {
@@ -66,9 +49,11 @@ void find_flying(const core::Image<float>& depth_m, int y, std::vector<std::uint
   const auto check = [&](int first, int count, std::ptrdiff_t step) {
     find_steps(row + first, row + first - step, row + first + step,
                static_cast<std::size_t>(count), steep.data());
-    for_each_set(steep.data(), static_cast<std::size_t>(count), [&](std::size_t x) {
-      if (blended(row + first + x, step)) flying[static_cast<std::size_t>(first) + x] = 1;
-    });
+    internal::for_each_set(steep.data(), static_cast<std::size_t>(count), 1,
+                           [&](std::size_t x) {
+                             if (blended(row + first + x, step))
+                               flying[static_cast<std::size_t>(first) + x] = 1;
+                           });
   };
   if (width > 4) check(2, width - 4, 1);
   if (y >= 2 && y + 2 < height) check(0, width, width);
@@ -108,19 +93,38 @@ void find_ends(const float* __restrict depths, const float* __restrict columns_x
   }
 }
 
-/// Window indices of evenly spaced points of a ray. Whole numbers up to 2^24 are exact in
-/// floats, and these instructions exist for them everywhere.
+/// Window indices of evenly spaced points of a ray, from the first one asked for. Whole
+/// numbers up to 2^24 are exact in floats, and these instructions exist for them everywhere.
 void find_ray_cells(const glm::vec2& from_cells, const glm::vec2& step_cells, int side,
-                    int count, std::int32_t* __restrict cells) {
+                    int first, int count, std::int32_t* __restrict cells) {
   const float from_x = from_cells.x, from_y = from_cells.y;
   const float step_x = step_cells.x, step_y = step_cells.y;
   const auto stride = static_cast<float>(side);
-  for (int k = 0; k < count; ++k) {
+  for (int k = first; k < count; ++k) {
     const auto steps = static_cast<float>(k);
     const auto i = static_cast<std::int32_t>(from_x + steps * step_x);
     const auto j = static_cast<std::int32_t>(from_y + steps * step_y);
     cells[k] = i + static_cast<std::int32_t>(static_cast<float>(j) * stride);
   }
+}
+
+/// Steps [first, end) of a ray.
+struct Stretch {
+  int first, end;
+};
+
+/// Where a ray is at most `top_m` high. @param from_m, step_m  Its height at first and what a
+/// step adds; it consists of `count` steps.
+Stretch low_part(float from_m, float step_m, float top_m, int count) {
+  const auto high_at = [&](int k) { return from_m + static_cast<float>(k) * step_m > top_m; };
+  Stretch low{0, count};
+  if (from_m > top_m) {
+    const float steps = step_m < 0.0F ? (top_m - from_m) / step_m : 1e6F;
+    low.first = static_cast<int>(std::min(steps, static_cast<float>(count)));
+  }
+  while (low.first < low.end && high_at(low.first)) ++low.first;
+  while (low.first < low.end && high_at(low.end - 1)) --low.end;
+  return low;
 }
 
 }  // namespace
@@ -144,7 +148,6 @@ double MappingCamera::range_where_lowest_ray_is_at(double height_m) const {
 void ViewCells::open(const GridFrame& frame, const core::Image<std::uint8_t>& obstacles,
                      const MappingCamera& camera, const ViewLimits& limits) {
   limits_ = limits;
-  pass_height_m_ = static_cast<float>(limits.pass_height_m);
   resolution_m_ = frame.resolution_m;
   const int reach = static_cast<int>(limits.max_range_m / resolution_m_) + 2;
   const int side = 2 * reach + 1;
@@ -156,16 +159,15 @@ void ViewCells::open(const GridFrame& frame, const core::Image<std::uint8_t>& ob
   eye_cells_ = glm::vec2((eye_m - frame.origin_m) / resolution_m_ - glm::dvec2(low_));
   if (marks_.width_px() != side) {
     marks_ = core::Image<std::uint8_t>(side, side);
-    passes_m_ = core::Image<float>(side, side);
     floor_hits_ = core::Image<std::uint16_t>(side, side);
     hits_ = core::Image<Hits>(side, side);
   }
-  std::fill(passes_m_.pixels().begin(), passes_m_.pixels().end(), kNoPass_m);
   std::fill(floor_hits_.pixels().begin(), floor_hits_.pixels().end(), std::uint16_t{0});
   for (int j = 0; j < side; ++j) {
     // kObstacle is 1, what the map has.
     std::copy_n(obstacles.row(low_.y + j) + low_.x, side, marks_.row(j));
   }
+  horizon_.find(marks_);
 }
 
 void ViewCells::note_hit(std::size_t index, float height_m) {
@@ -222,9 +224,8 @@ void ViewCells::mark_end_points(const core::Image<float>& depth_m,
       const auto index = static_cast<std::size_t>(ends[x]);
       const float z = heights_m[x];
       if (z < min_z) {
-        passes_m_.data()[index] = 0.0F;
         ++floor_hits_.data()[index];
-        marks_.data()[index] |= kSaysSomething;
+        marks_.data()[index] |= kSaysSomething | kPassedLow;
       } else if (flying[x] == 0) {
         note_hit(index, z);
       }
@@ -232,8 +233,24 @@ void ViewCells::mark_end_points(const core::Image<float>& depth_m,
   }
 }
 
-/// Walks the planar projection of one ray and notes at which height it passes each cell. This
-/// loop is the other hot one.
+/// What a ray that passes an obstacle at this height says about it.
+void ViewCells::note_obstacle(std::int32_t cell, float height_m,
+                              const core::Image<HitHeights>& stored) {
+  const int row = cell / side();
+  const HitHeights& there = stored(low_.x + cell - row * side(), low_.y + row);
+  std::uint8_t& mark = marks_.data()[cell];
+  if (height_m > there.body_low_m - kPassLow_m && height_m < there.body_top_m - kPassTop_m) {
+    mark |= kThroughBody | kSaysSomething;
+  }
+  if (height_m > static_cast<float>(limits_.obstacle_max_m) &&
+      height_m > there.mast_low_m - kPassTop_m && height_m < there.mast_top_m + kPassTop_m) {
+    mark |= kThroughMast | kSaysSomething;
+  }
+}
+
+/// Walks the planar projection of one ray and notes which cells it passes low, and what it
+/// says about obstacles. High above the floor it says nothing about the others. This loop is
+/// the other hot one.
 void ViewCells::trace_ray(const MappingCamera& camera, const glm::dvec3& direction,
                           double depth_m, const core::Image<HitHeights>& stored) {
   const double planar = std::sqrt(direction.x * direction.x + direction.y * direction.y);
@@ -241,62 +258,58 @@ void ViewCells::trace_ray(const MappingCamera& camera, const glm::dvec3& directi
   const double range_m = std::min(planar * depth_m - r, limits_.max_range_m);
   if (range_m <= 0.0) return;
   const int count = static_cast<int>(range_m / r) + 1;
+  const glm::vec2 step_cells(glm::dvec2(direction) / planar);
+  const auto step_z = static_cast<float>(direction.z / planar * r);
+  const auto from_z = static_cast<float>(camera.eye_m.z);
+  const Stretch low =
+      low_part(from_z, step_z, static_cast<float>(limits_.pass_height_m), count);
+  const int first = std::min(low.first, horizon_.free_cells(step_cells.x, step_cells.y));
+  if (first >= count) return;
+
   if (ray_cells_.size() < static_cast<std::size_t>(count)) {
     ray_cells_.resize(static_cast<std::size_t>(count));
     ray_met_.resize(ray_cells_.size());
   }
   std::int32_t* cells = ray_cells_.data();
-  find_ray_cells(eye_cells_, glm::vec2(glm::dvec2(direction) / planar), side(), count, cells);
-  const auto step_z = static_cast<float>(direction.z / planar * r);
-  const auto from_z = static_cast<float>(camera.eye_m.z);
-  const std::uint8_t* marks = marks_.data();
-  float* passes_m = passes_m_.data();
-  // High above the floor a ray says nothing, unless something is known to stand there.
-  int low = 0;
-  if (from_z > pass_height_m_) {
-    const float steps = step_z < 0.0F ? (pass_height_m_ - from_z) / step_z : 1e6F;
-    low = static_cast<int>(std::min(steps, static_cast<float>(count)));
-  }
+  find_ray_cells(eye_cells_, step_cells, side(), first, count, cells);
   // Few cells hold an obstacle. They are listed without a branch, which would be guessed
   // wrong.
+  std::uint8_t* marks = marks_.data();
   std::int32_t* met = ray_met_.data();
   int mets = 0;
-  const auto note = [&](std::int32_t cell, int k) {
+  const auto list = [&](int k) {
     met[mets] = k;
-    mets += static_cast<int>((marks[cell] & kObstacle) != 0);
+    mets += static_cast<int>((marks[cells[k]] & kObstacle) != 0);
   };
-  for (int k = 0; k < low; ++k) note(cells[k], k);
-  for (int k = low; k < count; ++k) {
-    const std::int32_t cell = cells[k];
-    note(cell, k);
-    const float z = from_z + static_cast<float>(k) * step_z;
-    passes_m[cell] = std::min(passes_m[cell], z);
+  for (int k = first; k < low.first; ++k) list(k);
+  for (int k = low.first; k < low.end; ++k) {
+    list(k);
+    marks[cells[k]] |= kSaysSomething | kPassedLow;
   }
-  const auto mast_above = static_cast<float>(limits_.obstacle_max_m);
+  for (int k = low.end; k < count; ++k) list(k);
   for (int m = 0; m < mets; ++m) {
-    const int k = met[m];
-    const float z = from_z + static_cast<float>(k) * step_z;
-    const int row = cells[k] / side();
-    const HitHeights& there = stored(low_.x + cells[k] - row * side(), low_.y + row);
-    std::uint8_t& mark = marks_.data()[cells[k]];
-    if (z > there.body_low_m - kPassLow_m && z < there.body_top_m - kPassTop_m) {
-      mark |= kThroughBody | kSaysSomething;
-    }
-    if (z > mast_above && z > there.mast_low_m - kPassTop_m &&
-        z < there.mast_top_m + kPassTop_m) {
-      mark |= kThroughMast | kSaysSomething;
-    }
+    note_obstacle(cells[met[m]], from_z + static_cast<float>(met[m]) * step_z, stored);
   }
 }
 
 void ViewCells::trace_rays(const core::Image<float>& depth_m, const MappingCamera& camera,
                            const core::Image<HitHeights>& stored, int step_x_px,
                            int step_y_px) {
+  // As MappingCamera::direction(), to the last bit; most of it once per column and row.
+  const core::CameraIntrinsics& pinhole = camera.intrinsics;
+  std::vector<glm::dvec3> columns;
+  for (int x = step_x_px / 2; x < depth_m.width_px(); x += step_x_px) {
+    columns.push_back(camera.R_odom_camera[0] * ((x + 0.5 - pinhole.cx_px) / pinhole.fx_px));
+  }
   for (int y = step_y_px / 2; y < depth_m.height_px(); y += step_y_px) {
-    for (int x = step_x_px / 2; x < depth_m.width_px(); x += step_x_px) {
-      const float depth = depth_m(x, y);
+    const glm::dvec3 row =
+        camera.R_odom_camera[1] * ((y + 0.5 - pinhole.cy_px) / pinhole.fy_px);
+    const float* depths = depth_m.row(y) + step_x_px / 2;
+    for (const glm::dvec3& column : columns) {
+      const float depth = *depths;
+      depths += step_x_px;
       if (!(depth > 0.0F) || !std::isfinite(depth)) continue;
-      const glm::dvec3 direction = camera.direction(x + 0.5, y + 0.5);
+      const glm::dvec3 direction = column + row + camera.R_odom_camera[2];
       const double end_z_m = camera.eye_m.z + static_cast<double>(depth) * direction.z;
       // Rays that rise leave the mast's band at once.
       if (end_z_m > limits_.mast_top_m || end_z_m < -kFloorBelow_m) continue;

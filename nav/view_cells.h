@@ -4,9 +4,9 @@
 /// What one depth image says about the cells in range of the camera, before a map fuses it: in
 /// which cells its pixels end and at what height, and how low its rays pass over the others.
 ///
-/// A square window of cells around the eye, one array per question, so that the arrays of the
-/// rays stay in the nearest cache. Positions are relative to the window: what a view says does
-/// not depend on how far the map has grown.
+/// A square window of cells around the eye, one array per question, so that the array of the
+/// rays stays in the nearest cache. Positions are relative to the window: what a view says
+/// does not depend on how far the map has grown.
 
 #include <cstdint>
 #include <vector>
@@ -16,6 +16,8 @@
 
 #include "core/stages.h"
 #include "nav/grid.h"
+#include "nav/internal/set_bytes.h"
+#include "nav/obstacle_horizon.h"
 
 namespace segsim::nav {
 
@@ -68,7 +70,8 @@ class ViewCells {
     kHit = 4,            ///< hits() is of this image.
     kThroughBody = 8,    ///< A ray met no stored obstacle of the body's layer,
     kThroughMast = 16,   ///< of the mast's.
-    kHole = 32           ///< Floor without depth.
+    kHole = 32,          ///< Floor without depth.
+    kPassedLow = 64      ///< A ray or the floor was seen at most `pass_height_m` up.
   };
 
   /// Places the window around the eye, two cells more than the range on each side, and forgets
@@ -90,16 +93,19 @@ class ViewCells {
     return static_cast<std::size_t>(cell.y - low_.y) * static_cast<std::size_t>(side()) +
            static_cast<std::size_t>(cell.x - low_.x);
   }
-  /// Whether this image says anything about the cell.
-  [[nodiscard]] bool says_something(std::size_t index) const {
-    return (marks_.data()[index] & kSaysSomething) != 0 || passed_low(index);
+  /// Calls `visit(cell of the map, index)` for the cells about which this image says anything.
+  template <class Visit>
+  void for_each_told(const Visit& visit) const {
+    for (int j = 0; j < side(); ++j) {
+      internal::for_each_set(marks_.row(j), static_cast<std::size_t>(side()), kSaysSomething,
+                             [&](std::size_t i) {
+                               const Cell cell = low_ + Cell(static_cast<int>(i), j);
+                               visit(cell, index(cell));
+                             });
+    }
   }
   [[nodiscard]] bool has(std::size_t index, Mark mark) const {
     return (marks_.data()[index] & mark) != 0;
-  }
-  /// A ray or the floor was seen through the cell at most `pass_height_m` above the floor.
-  [[nodiscard]] bool passed_low(std::size_t index) const {
-    return passes_m_.data()[index] <= pass_height_m_;
   }
   [[nodiscard]] Hits hits(std::size_t index) const {
     return has(index, kHit) ? hits_.data()[index] : Hits{};
@@ -112,16 +118,16 @@ class ViewCells {
   void note_hit(std::size_t index, float height_m);
   void trace_ray(const MappingCamera& camera, const glm::dvec3& direction, double depth_m,
                  const core::Image<HitHeights>& stored);
+  void note_obstacle(std::int32_t cell, float height_m, const core::Image<HitHeights>& stored);
 
   ViewLimits limits_{};
-  float pass_height_m_ = 0.0F;
   double resolution_m_ = 0.05;
   Cell low_{0};
   glm::vec2 eye_cells_{0.0F};  ///< In the window.
   core::Image<std::uint8_t> marks_;
-  core::Image<float> passes_m_;  ///< Height of the lowest ray; floor points count as 0.
   core::Image<std::uint16_t> floor_hits_;
   core::Image<Hits> hits_;
+  ObstacleHorizon horizon_;              ///< Of the cells marked as obstacles.
   std::vector<std::int32_t> ray_cells_;  ///< Scratch of one ray: its cells,
   std::vector<std::int32_t> ray_met_;    ///< which of them hold an obstacle.
 };

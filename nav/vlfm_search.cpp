@@ -15,19 +15,27 @@ namespace {
 
 constexpr double kAtFrontier_m = 0.35;
 constexpr double kVeto_m = 0.5;
-// Of frontiers that are worth the same the nearest is taken; the second one is part of the
-// state that must not come back.
-constexpr std::ptrdiff_t kTiesThatMatter = 2;
-
-/// Searches until so many of the cells are settled, or all.
-void settle_nearest(const GeodesicField& field, const std::vector<Cell>& cells,
-                    std::ptrdiff_t count) {
-  const auto enough = [&] {
-    const auto settled = std::count_if(cells.begin(), cells.end(),
-                                       [&](const Cell& cell) { return field.settled(cell); });
-    return settled >= std::min(count, std::ssize(cells));
-  };
-  while (!enough() && field.settle_more()) {
+/// Searches until one of the cells is settled: the nearest is among those that are then.
+/// @param cells  Of all frontiers; none where no way leads there.
+/// @return  Position in the list of the nearest one, the first of equals.
+std::size_t nearest_among(const GeodesicField& field,
+                          std::span<const std::optional<Cell>> cells,
+                          std::span<const std::size_t> list) {
+  if (std::none_of(list.begin(), list.end(),
+                   [&](std::size_t k) { return cells[k].has_value(); })) {
+    return 0;
+  }
+  while (true) {
+    std::optional<std::size_t> best;
+    float best_m = std::numeric_limits<float>::infinity();
+    for (std::size_t n = 0; n < list.size(); ++n) {
+      const std::optional<Cell>& cell = cells[list[n]];
+      if (!cell || !field.settled(*cell) || field.cost_m(cell->x, cell->y) >= best_m) continue;
+      best = n;
+      best_m = field.cost_m(cell->x, cell->y);
+    }
+    if (best) return *best;
+    (void)field.settle_more();  // Reachable cells remain, so that it goes on.
   }
 }
 
@@ -161,37 +169,24 @@ std::optional<glm::dvec2> VlfmSearch::choose_frontier(const Now& now) {
   };
   const bool as_published = options_.rules.published(Quirk::kNoRecovery);
   std::vector<ValuedFrontier> candidates;
-  double best_value = -std::numeric_limits<double>::infinity();
+  std::vector<std::optional<Cell>> cells;  // Where the way to each of them ends.
   for (const ContourFrontier& frontier : frontiers_) {
-    if (!as_published && (vetoed(frontier.waypoint_m) || !reached_at(frontier.waypoint_m))) {
-      continue;
-    }
+    if (!as_published && vetoed(frontier.waypoint_m)) continue;
+    const std::optional<Cell> cell = reached_at(frontier.waypoint_m);
+    if (!as_published && !cell) continue;
     const auto value = values_.median_around(frontier.waypoint_m, options_.value_radius_m);
     candidates.push_back({frontier.waypoint_m, value.value_or(options_.choice.unseen_value)});
-    best_value = std::max(best_value, candidates.back().value);
+    cells.push_back(cell);
   }
-  const double tie_margin = options_.choice.tie_margin;
-  bool settled_ties = false;
-  const auto settle_ties = [&] {
-    std::vector<Cell> tied;
-    for (const ValuedFrontier& candidate : candidates) {
-      const auto cell = reached_at(candidate.place_m);
-      if (cell && candidate.value >= best_value - tie_margin) tied.push_back(*cell);
-    }
-    settle_nearest(field_, tied, kTiesThatMatter);
-    settled_ties = true;
+  FloorWays ways;
+  ways.length_m = [&](std::size_t k) {
+    return cells[k] ? static_cast<double>(field_.cost_m(cells[k]->x, cells[k]->y))
+                    : std::numeric_limits<double>::infinity();
   };
-  const auto away_m = [&](const glm::dvec2& place_m) {
-    if (tie_margin > 0.0 && !settled_ties) settle_ties();
-    const auto cell = reached_at(place_m);
-    if (!cell) return std::numeric_limits<double>::infinity();
-    // Ties farther away than those come after them, in the order of straight lines.
-    if (tie_margin > 0.0 && !field_.settled(*cell)) {
-      return field_.settled_below_m() + glm::distance(place_m, now.position_m);
-    }
-    return static_cast<double>(field_.cost_m(cell->x, cell->y));
+  ways.nearest = [&](std::span<const std::size_t> list) {
+    return nearest_among(field_, cells, list);
   };
-  const auto chosen = chooser_.choose(now.position_m, candidates, away_m);
+  const auto chosen = chooser_.choose(now.position_m, candidates, ways);
   if (!chosen) return std::nullopt;
   return candidates[*chosen].place_m;
 }

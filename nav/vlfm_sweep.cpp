@@ -22,6 +22,11 @@ constexpr int kStride_cells = 5;  // Of candidate places.
 
 using CoarseCell = std::pair<int, int>;
 
+std::uint64_t key_of(const CoarseCell& cell) {
+  return static_cast<std::uint64_t>(static_cast<std::uint32_t>(cell.first)) << 32 |
+         static_cast<std::uint32_t>(cell.second);
+}
+
 CoarseCell coarse(const glm::dvec2& p_m) {
   return {static_cast<int>(std::floor(p_m.x / kCoarse_m)),
           static_cast<int>(std::floor(p_m.y / kCoarse_m))};
@@ -47,8 +52,11 @@ void VlfmSearch::note_near_cells(const Now& now) {
     const double planar = glm::length(direction);
     if (planar < 1e-6) return;
     const double range_m = std::min(static_cast<double>(limits_m[column]) * planar, kNear_m);
+    std::optional<CoarseCell> last;
     for (double s = 0.0; s <= range_m; s += 0.5 * kCoarse_m) {
-      seen_near_.insert(coarse(eye_m + direction / planar * s));
+      const CoarseCell cell = coarse(eye_m + direction / planar * s);
+      if (cell != last) seen_near_.insert(key_of(cell));
+      last = cell;
     }
   }
 }
@@ -96,7 +104,7 @@ std::optional<glm::dvec2> VlfmSearch::next_sweep_place(const Now& now) {
   for (int y = low.second; y <= high.second; ++y) {
     for (int x = low.first; x <= high.first; ++x) {
       const glm::dvec2 place_m = center_m({x, y});
-      if (seen_near_.count({x, y}) == 0 &&
+      if (seen_near_.count(key_of({x, y})) == 0 &&
           cost_.state(frame.cell_at(place_m)) == CellState::kFree) {
         far_m.push_back(place_m);
       }

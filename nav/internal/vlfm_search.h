@@ -4,9 +4,9 @@
 /// The state machine behind make_vlfm_policy().
 
 #include <optional>
-#include <set>
 #include <span>
 #include <string>
+#include <unordered_set>
 #include <vector>
 
 #include "nav/grid_planner.h"
@@ -99,7 +99,7 @@ class VlfmSearch final : public core::Policy {
   core::TimeNs postponed_until_ns_ = 0;  ///< Objects are left alone: one was out of reach.
   bool looked_from_afar_ = false;  ///< The present object gets its look from farther away.
 
-  std::set<std::pair<int, int>> seen_near_;  ///< Coarse cells that a near view showed.
+  std::unordered_set<std::uint64_t> seen_near_;  ///< Coarse cells that a near view showed.
   std::optional<glm::dvec2> sweep_m_;
   std::vector<glm::dvec2> swept_m_;
   core::TimeNs sweep_since_ns_ = 0;

@@ -1,8 +1,8 @@
 #include "nav/frontier_choice.h"
 
-#include <limits>
+#include <algorithm>
 
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 
 namespace segsim::nav {
 namespace {
@@ -72,21 +72,19 @@ TEST(FrontierChoice, MemoryRoundsPlacesAndValuesAndForgetsWithTheEpisode) {
 TEST(FrontierChoice, AllVetoedGoesToTheNearestOrTheFarthest) {  // Q2
   // One visit to each frontier with the same values vetoes all of them.
   const Frontiers frontiers{{{7, 0}, 0.1}, {{3, 0}, 0.2}, {{5, 0}, 0.3}};
-  const auto choose_all_vetoed = [&](const VlfmRules& rules,
-                                     const std::function<double(const glm::dvec2&)>& way) {
+  const auto choose_all_vetoed = [&](const VlfmRules& rules, const FloorWays& ways) {
     FrontierChooser chooser({}, rules);
     for (int k = 0; k < 3; ++k) {
-      (void)chooser.choose({0, 0}, frontiers, way);
-      (void)chooser.choose({0, 0}, Frontiers{{{50.0 + k, 50}, 5.0 + k}},
-                           way);  // No stickiness.
+      (void)chooser.choose({0, 0}, frontiers, ways);
+      (void)chooser.choose({0, 0}, Frontiers{{{50.0 + k, 50}, 5.0 + k}});  // No stickiness.
     }
-    return chooser.choose({0, 0}, frontiers, way).value();
+    return chooser.choose({0, 0}, frontiers, ways).value();
   };
   EXPECT_EQ(choose_all_vetoed(VlfmRules(), {}), 1U);  // Nearest: 3 m.
   // By the way along the floor another one is nearest.
-  EXPECT_EQ(choose_all_vetoed(VlfmRules(),
-                              [](const glm::dvec2& p) { return p.x == 7.0 ? 1.0 : 10.0; }),
-            0U);
+  FloorWays ways;
+  ways.length_m = [](std::size_t k) { return k == 0 ? 1.0 : 10.0; };
+  EXPECT_EQ(choose_all_vetoed(VlfmRules(), ways), 0U);
   // Farthest is index 0 of the list; the sorted list has the frontier at 5 m there.
   EXPECT_EQ(choose_all_vetoed(published(Quirk::kVetoFallback), {}), 2U);
 }
@@ -97,6 +95,30 @@ TEST(FrontierChoice, TiesGoToTheNearestIfAsked) {
   EXPECT_EQ(FrontierChooser(options).choose({0, 0}, frontiers), 0U);
   options.tie_margin = 0.02;
   EXPECT_EQ(FrontierChooser(options).choose({0, 0}, frontiers), 1U);
+}
+
+/// The way to the second nearest matters only where the state with the nearest comes back.
+TEST(FrontierChoice, AsksForTheWaysOfTiesOneAfterTheOther) {
+  const Frontiers frontiers{{{7, 0}, 0.300}, {{3, 0}, 0.295}, {{1, 0}, 0.298}};
+  std::vector<std::size_t> asked_among;
+  FloorWays ways;
+  ways.nearest = [&](std::span<const std::size_t> list) {
+    asked_among.push_back(list.size());
+    const auto nearest =
+        std::find(list.begin(), list.end(), asked_among.size() == 1 ? 1U : 2U);
+    return static_cast<std::size_t>(nearest - list.begin());
+  };
+  FrontierChoiceOptions options;
+  options.tie_margin = 0.02;
+  FrontierChooser chooser(options);
+  EXPECT_EQ(chooser.choose({0, 0}, frontiers, ways), 1U);
+  EXPECT_THAT(asked_among, testing::ElementsAre(3U));
+
+  // Its state is known now; stickiness does not hold.
+  ASSERT_EQ(chooser.choose({0, 0}, Frontiers{{{50, 50}, 5.0}}), 0U);
+  asked_among.clear();
+  EXPECT_EQ(chooser.choose({0, 0}, frontiers, ways), 2U);
+  EXPECT_THAT(asked_among, testing::ElementsAre(3U, 2U));
 }
 
 }  // namespace
