@@ -32,6 +32,7 @@ VlfmOptions vlfm_for_jackal(const VlfmRules& rules, double camera_height_m) {
   options.values.band_max_m = camera_height_m + 0.1;
   // Equal values are the rule as long as the prior has nothing to go by.
   if (!rules.published(Quirk::kVetoFallback)) options.choice.tie_margin = 0.02;
+  options.obstacles.measured_where_enclosed = !rules.published(Quirk::kEmptyCone);
   // Both belong to the repaired handling of places that cannot be reached.
   if (rules.published(Quirk::kNoRecovery)) {
     options.approach = false;
