@@ -127,6 +127,14 @@ void ObstacleMap::mark_monotone(const core::Observation& observation) {
   }
 }
 
+/// Our cell of the log-odds map's first one.
+Cell ObstacleMap::shift_of(const OccupancyMap& map) const {
+  const glm::dvec2 shift_cells =
+      (map.frame().origin_m - frame_.origin_m) / frame_.resolution_m;
+  return {static_cast<int>(std::lround(shift_cells.x)),
+          static_cast<int>(std::lround(shift_cells.y))};
+}
+
 /// Takes over what the log-odds map says about the cells that this view changed.
 /// @return  Holds the cells of which that is news, in our frame.
 CellBox ObstacleMap::take_log_odds(const core::Observation& observation) {
@@ -146,10 +154,7 @@ CellBox ObstacleMap::take_log_odds(const core::Observation& observation) {
     clean_depth_m(thinned_m_, rules_, options_.depth, depth_m_);
   }
   occupancy_->integrate(cleaned);
-  const GridFrame& from = occupancy_->frame();
-  const glm::dvec2 shift_cells = (from.origin_m - frame_.origin_m) / frame_.resolution_m;
-  const Cell shift(static_cast<int>(std::lround(shift_cells.x)),
-                   static_cast<int>(std::lround(shift_cells.y)));
+  const Cell shift = shift_of(*occupancy_);
   const float above = occupancy_->options().occupied_above;
   CellBox box = occupancy_->take_changed();
   if (box.empty()) return {};
@@ -263,6 +268,19 @@ void ObstacleMap::keep_component_of(const glm::dvec2& robot_m) {
   cv::bitwise_and(explored, kept, explored);
 }
 
+/// Explores the navigable cells of the box that the log-odds map knows to be free.
+void ObstacleMap::reveal_measured(const CellBox& box) {
+  const Cell shift = shift_of(*occupancy_);
+  for (int j = box.low.y; j <= box.high.y; ++j) {
+    for (int i = box.low.x; i <= box.high.x; ++i) {
+      if (navigable_(i, j) != 0 &&
+          occupancy_->body_state(Cell(i, j) - shift) == CellState::kFree) {
+        explored_(i, j) = 1;
+      }
+    }
+  }
+}
+
 void ObstacleMap::reveal(const core::Observation& observation) {
   FogOptions fog = options_.fog;
   fog.hfov_rad = observation.intrinsics.horizontal_fov_rad();
@@ -282,6 +300,9 @@ void ObstacleMap::reveal(const core::Observation& observation) {
       explored[i] = static_cast<std::uint8_t>((explored[i] | shown[i]) & navigable[i]);
     }
   }
+  const Cell robot = frame_.cell_at(robot_of(observation));
+  const bool enclosed = frame_.contains(robot) && navigable_(robot.x, robot.y) == 0;
+  if (options_.measured_where_enclosed && occupancy_ && enclosed) reveal_measured(box);
   note_changed(box);
   if (rules_.published(Quirk::kOneComponent)) {
     keep_component_of(robot_of(observation));

@@ -34,6 +34,9 @@ struct ObstacleMapOptions {
   FogOptions fog;  ///< Its opening is the camera's.
   ContourFrontierOptions frontiers;
   OccupancyOptions occupancy;  ///< Log-odds rule only; band and range are taken from here.
+  /// Not in VLFM, log-odds rule only: where the robot stands inside of the inflation the
+  /// sector reveals nothing; what was measured to be free counts as explored then.
+  bool measured_where_enclosed = false;
 };
 
 class ObstacleMap {
@@ -68,8 +71,10 @@ class ObstacleMap {
   void ensure_covers(const glm::dvec2& robot_m);
   void mark_monotone(const core::Observation& observation);
   CellBox take_log_odds(const core::Observation& observation);
+  [[nodiscard]] Cell shift_of(const OccupancyMap& map) const;
   void update_navigable(const Cell& low, const Cell& high);
   void reveal(const core::Observation& observation);
+  void reveal_measured(const CellBox& box);
   void keep_component_of(const glm::dvec2& robot_m);
   void note_changed(const CellBox& cells);
 

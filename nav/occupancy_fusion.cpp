@@ -136,7 +136,8 @@ void OccupancyMap::fuse_view(const MappingCamera& camera) {
     if (cell.hits.mast > 0 || cell.hits.body > 0) {
       const glm::dvec2 offset = frame_.center_m(at) - eye;
       const double range2 = glm::dot(offset, offset);
-      below_unseen = cell.hits.mast > 0 && range2 < blind_m * blind_m;
+      below_unseen =
+          cell.hits.mast > 0 && range2 < blind_m * blind_m && like_a_wall(cell.hits.heights);
       // Nearer than 1 m the camera looks over what it hits at a slant.
       hits_needed = std::max(hits_needed, static_cast<int>(square_px / std::max(range2, 1.0)));
     }

@@ -44,6 +44,10 @@ struct OccupancyOptions {
   int min_hits_per_cell = 2;  ///< Points of one image that make a hit; one is a stray.
   /// ... and this share of the points that a facing square of one cell would get.
   double hit_share = 0.25;
+  /// Very near, where the body's band lies below the image, only the upper part of a wall is
+  /// in view: what extends over this height in a cell is taken to stand on the floor. A table
+  /// top is flat, and the body passes below it.
+  double wall_part_m = 0.0;
   bool reject_flying_pixels = true;
   double hole_range_m = 4.0;  ///< Missing depth within this range of the floor is a hole;
   int hole_views = 3;  ///< seen so often, its unknown cells are presumed free. 0: never.
@@ -113,6 +117,11 @@ class OccupancyMap {
     bool passed_low, through_body, through_mast;
   };
   void fuse_body(std::size_t index, const CellView& cell, int hits_needed, bool below_unseen);
+  /// Whether the hits may be the upper part of what stands on the floor.
+  [[nodiscard]] bool like_a_wall(const HitHeights& heights) const {
+    return static_cast<double>(heights.mast_top_m - heights.mast_low_m) >=
+           options_.wall_part_m;
+  }
   void fuse_mast(std::size_t index, const CellView& cell, int hits_needed);
   void fuse_hole(std::size_t index, const CellView& cell);
 

@@ -27,11 +27,13 @@ VlfmOptions vlfm_for_jackal(const VlfmRules& rules, double camera_height_m) {
       rules.published(Quirk::kObstaclesStay) ? camera_height_m + 0.05 : 0.60;
   options.obstacles.occupancy.ray_step_x_px = 2;
   options.obstacles.occupancy.ray_step_y_px = 3;
+  options.obstacles.occupancy.wall_part_m = 0.2;
   options.obstacles.depth.min_depth_m = 0.1;  // The renderer's camera measures from there on.
   options.values.min_depth_m = 0.1;
   options.values.band_max_m = camera_height_m + 0.1;
   // Equal values are the rule as long as the prior has nothing to go by.
   if (!rules.published(Quirk::kVetoFallback)) options.choice.tie_margin = 0.02;
+  options.obstacles.measured_where_enclosed = !rules.published(Quirk::kEmptyCone);
   // Both belong to the repaired handling of places that cannot be reached.
   if (rules.published(Quirk::kNoRecovery)) {
     options.approach = false;

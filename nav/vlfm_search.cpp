@@ -52,6 +52,7 @@ VlfmOptions completed(VlfmOptions options) {
   if (options.approach) {
     options.cloud.floor_m = options.approach_floor_m;
     options.cloud.carve_m = options.approach_carve_m;
+    options.cloud.support_share = options.approach_support_share;
   }
   return options;
 }
@@ -122,8 +123,11 @@ core::VelocityCommand VlfmSearch::act(const Now& now) {
     return {};
   }
   if (nothing_new(now)) {
-    stop("nothing_new");
-    return {};
+    if (!squeeze_through()) {
+      stop("nothing_new");
+      return {};
+    }
+    news_ns_ = now.time_ns;
   }
   if (recovering_) return recover(now);
   if (!options_.rules.published(Quirk::kNoRecovery) && stuck_.stuck()) {

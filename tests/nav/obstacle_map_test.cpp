@@ -141,6 +141,32 @@ TEST(ObstacleMap, ExploredAreaGrowsInFrontAndStaysNavigable) {
   EXPECT_FALSE(map.frontiers().empty());
 }
 
+/// Something was felt on either side of the robot, so that the inflation encloses it.
+TEST(ObstacleMap, EnclosedItExploresWhatItMeasured) {
+  for (const bool measured : {false, true}) {
+    ObstacleMapOptions options;
+    options.robot_radius_m = 0.33;
+    options.measured_where_enclosed = measured;
+    ObstacleMap map(options);
+    test::SimulationOptions simulated;
+    simulated.camera = core::CameraIntrinsics::from_fov(160, 120, 1.3788);
+    simulated.mast_m = 0.88;
+    test::Simulation ahead(test::four_rooms(), {5.0, 4.0, 0.0}, simulated);
+    map.update(ahead.observe());
+    map.mark_blocked_disc({5.0, 4.28}, 0.05);
+    map.mark_blocked_disc({5.0, 3.72}, 0.05);
+    const Cell robot = map.frame().cell_at({5.0, 4.0});
+    ASSERT_EQ(map.navigable()(robot.x, robot.y), 0);
+    const int before = count_of(map.explored());
+    test::Simulation behind(test::four_rooms(), {5.0, 4.0, kPi}, simulated);
+    for (int k = 0; k < 2; ++k) map.update(behind.observe());
+    EXPECT_EQ(count_of(map.explored()) > before + 100, measured);
+    for (std::size_t k = 0; k < map.explored().size(); ++k) {
+      ASSERT_LE(map.explored().data()[k], map.navigable().data()[k]);
+    }
+  }
+}
+
 TEST(ObstacleMap, OneComponentOrAll) {  // Q10
   // Two views of open floor, 14 m apart; with Q3 fixed each reveals its sector.
   for (const Rule rule : {Rule::kVlfm, Rule::kFixed}) {

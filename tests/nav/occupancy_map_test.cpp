@@ -107,6 +107,29 @@ TEST(OccupancyMap, WallInTheBlindZoneStandsOnTheFloor) {
               state_at(map, 2.93, 0.0) == CellState::kOccupied);
 }
 
+/// From so near that the body's band lies below the image, a table top is seen and its legs
+/// are not: the body fits below, which a narrow place between tables depends on.
+TEST(OccupancyMap, TableTopInTheBlindZoneBlocksTheMastOnly) {
+  WorldBuilder b = room();
+  b.table(1.0, -0.8, 2.0, 0.8);
+  SimulationOptions simulated;
+  simulated.camera = core::CameraIntrinsics::from_fov(256, 192, 1.3788);
+  Simulation simulation(b.world, {0.35, 0, 0}, simulated);
+  for (const double wall_part_m : {0.0, 0.2}) {
+    OccupancyOptions options;
+    options.wall_part_m = wall_part_m;
+    OccupancyMap map(options);
+    for (int k = 0; k < 3; ++k) map.integrate(simulation.observe());
+    bool mast = false, body = false;
+    for (double x = 1.02; x < 1.15; x += 0.05) {
+      mast |= map.mast_blocked(map.frame().cell_at({x, 0.0}));
+      body |= state_at(map, x, 0.0) == CellState::kOccupied;
+    }
+    EXPECT_TRUE(mast);
+    EXPECT_EQ(body, wall_part_m == 0.0);
+  }
+}
+
 TEST(OccupancyMap, GrowsAndKeepsWhatItKnew) {
   OccupancyMap map;
   Simulation here(room().world, {0, 0, 0}, {});
