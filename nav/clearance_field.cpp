@@ -48,12 +48,10 @@ void ClearanceField::grow(int left, int bottom, int right, int top) {
   grow_layer(squares_, Margins{left, bottom, right, top}, beyond());
 }
 
-CellBox ClearanceField::update(const core::Image<std::uint8_t>& sources,
-                               const CellBox& changed) {
+void ClearanceField::update(const core::Image<std::uint8_t>& sources, const CellBox& changed) {
   const CellBox all{Cell(0), Cell(squares_.width_px() - 1, squares_.height_px() - 1)};
   const CellBox out = changed.grown(reach_).clipped_to(all);
   if (!out.empty()) compute(sources, out);
-  return out;
 }
 
 void ClearanceField::compute(const core::Image<std::uint8_t>& sources, const CellBox& out) {

@@ -21,10 +21,9 @@ class ClearanceField {
   void reset(int width_cells, int height_cells, int reach_cells);
   /// Adds cells without sources around the old ones.
   void grow(int left, int bottom, int right, int top);
-  /// To be called after sources changed. @param changed  Holds every changed cell; may go
-  /// beyond the image. @return  The cells that were computed anew: `changed` and the reach
-  /// around it, clipped.
-  CellBox update(const core::Image<std::uint8_t>& sources, const CellBox& changed);
+  /// To be called after sources changed: computes their cells anew, and the reach around them.
+  /// @param changed  Holds every changed cell; may go beyond the image.
+  void update(const core::Image<std::uint8_t>& sources, const CellBox& changed);
   /// Computes these cells anew; inside of the image.
   void compute(const core::Image<std::uint8_t>& sources, const CellBox& out);
 

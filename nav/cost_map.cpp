@@ -282,8 +282,8 @@ void CostMap::finish() {
     body_field_.compute(occupied_, box);
     mast_field_.compute(mast_, box);
   }
-  (void)body_field_.update(occupied_, body_changed_);
-  (void)mast_field_.update(mast_, mast_changed_);
+  body_field_.update(occupied_, body_changed_);
+  mast_field_.update(mast_, mast_changed_);
   // What changed lies in one view, so that one box holds it.
   changed_.add(body_changed_.grown(body_influence_cells_));
   changed_.add(mast_changed_.grown(mast_influence_cells_));
