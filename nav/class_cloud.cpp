@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <map>
 #include <set>
 
 #include <glm/common.hpp>
@@ -23,7 +24,26 @@ constexpr double kImageWidth_px = 640.0, kImageArea_px2 = 640.0 * 480.0;
 // As in nav/object_map.cpp: a box is this uncertain, or by this share of its size; a point is
 // in view if the depth there agrees.
 constexpr float kCarveMargin_px = 3.0F, kCarveMargin = 0.1F;
+constexpr float kSquare_m = 0.25F;  // The surroundings of a target are three of these wide.
 constexpr double kCarveDepth_m = 0.15, kCarveNearest_m = 0.2;
+
+using Square = std::pair<int, int>;
+
+Square square_of(const CloudPoint& point) {
+  return {static_cast<int>(std::floor(point.p_odom_m.x / kSquare_m)),
+          static_cast<int>(std::floor(point.p_odom_m.y / kSquare_m))};
+}
+
+/// Of each square, the points in it and in the eight around it.
+std::map<Square, int> counted_around(const std::map<Square, int>& counts) {
+  std::map<Square, int> sums;
+  for (const auto& [square, count] : counts) {
+    for (int dx = -1; dx <= 1; ++dx) {
+      for (int dy = -1; dy <= 1; ++dy) sums[{square.first + dx, square.second + dy}] += count;
+    }
+  }
+  return sums;
+}
 
 core::Image<std::uint8_t> eroded(const core::Image<std::uint8_t>& mask, int passes) {
   core::Image<std::uint8_t> result = mask;
@@ -243,6 +263,25 @@ void ClassCloud::erase_around(const glm::dvec2& place_m, double radius_m) {
   last_target_m_.reset();
 }
 
+/// The points, or the trusted ones, that ClassCloudOptions::support_share allows as targets.
+std::vector<const CloudPoint*> ClassCloud::supported(bool trusted_only) const {
+  std::vector<const CloudPoint*> points;
+  points.reserve(points_.size());
+  for (const CloudPoint& point : points_) {
+    if (!trusted_only || point.detection == kTrusted) points.push_back(&point);
+  }
+  if (options_.support_share <= 0.0) return points;
+  std::map<Square, int> counts;
+  for (const CloudPoint* point : points) ++counts[square_of(*point)];
+  const std::map<Square, int> around = counted_around(counts);
+  int most = 0;
+  for (const auto& [square, count] : counts) most = std::max(most, around.at(square));
+  std::erase_if(points, [&](const CloudPoint* point) {
+    return around.at(square_of(*point)) < options_.support_share * most;
+  });
+  return points;
+}
+
 std::optional<glm::dvec3> ClassCloud::target_m(const glm::dvec2& robot_m) {
   if (points_.empty()) {
     last_target_m_.reset();
@@ -253,12 +292,11 @@ std::optional<glm::dvec3> ClassCloud::target_m(const glm::dvec2& robot_m) {
                   [](const CloudPoint& p) { return p.detection == kTrusted; });
   const CloudPoint* best = nullptr;
   double best_m = 1e18;
-  for (const CloudPoint& point : points_) {
-    if (any_trusted && point.detection != kTrusted) continue;
-    const double distance_m = glm::distance(glm::dvec2(point.p_odom_m), robot_m);
+  for (const CloudPoint* point : supported(any_trusted)) {
+    const double distance_m = glm::distance(glm::dvec2(point->p_odom_m), robot_m);
     if (distance_m < best_m) {
       best_m = distance_m;
-      best = &point;
+      best = point;
     }
   }
   const glm::dvec3 now(best->p_odom_m);

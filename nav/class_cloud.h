@@ -43,6 +43,9 @@ struct ClassCloudOptions {
   /// Not in VLFM (0: as there): points this near to a new detection and in plain view, yet
   /// beside every box of the class, were taken for the object by mistake and are deleted.
   double carve_m = 0.0;
+  /// Not in VLFM (0: as there): a point is a target only if the 0.75 m around it hold at least
+  /// this share of what the densest 0.75 m hold. A clump in mid-air has a few points.
+  double support_share = 0.0;
   // Hysteresis of the target.
   double keep_below_m = 0.1;  ///< Smaller moves keep the previous target ...
   double keep_far_below_m = 0.5,
@@ -72,8 +75,8 @@ class ClassCloud {
   void refute_second_class(const core::Observation& observation);
   /// Deletes every point within a planar distance: it was looked at and found wrong.
   void erase_around(const glm::dvec2& place_odom_m, double radius_m);
-  /// Where to go: the point nearest to the robot now, trusted ones first, with hysteresis;
-  /// nullopt without points.
+  /// Where to go: the supported point nearest to the robot now, trusted ones first, with
+  /// hysteresis; nullopt without points.
   [[nodiscard]] std::optional<glm::dvec3> target_m(const glm::dvec2& robot_odom_m);
   [[nodiscard]] const std::vector<CloudPoint>& points() const { return points_; }
 
@@ -83,6 +86,7 @@ class ClassCloud {
   std::uint64_t new_id();
   void store(const CloudPoint& point);
   void recount_voxels();
+  [[nodiscard]] std::vector<const CloudPoint*> supported(bool trusted_only) const;
 
   ClassCloudOptions options_;
   VlfmRules rules_;

@@ -109,7 +109,9 @@ std::unique_ptr<core::Policy> make_vlfm(const PolicySettings& settings,
   options.second_look = settings.second_look;
   options.approach = options.approach && settings.approach;
   if (!settings.sweep) options.sweep_places = 0;
-  if (!settings.clean_cloud) options.approach_floor_m = options.approach_carve_m = 0.0;
+  if (!settings.clean_cloud) {
+    options.approach_floor_m = options.approach_carve_m = options.approach_support_share = 0.0;
+  }
   options.give_up_s =
       settings.give_up_s > 0.0 ? settings.give_up_s : std::numeric_limits<double>::infinity();
   options.min_score = settings.min_score;

@@ -63,10 +63,12 @@ struct VlfmOptions {
   /// Not in VLFM: drive to a place that nav/approach.h chooses (these distances from the
   /// object's surface, open floor between) and look there, instead of stopping where the
   /// radius is crossed; an object that is not seen again gets one more look from farther away.
-  /// The cloud is kept clean for it: no floor, and nothing that a later view contradicts.
+  /// The cloud is kept clean for it: no floor, nothing that a later view contradicts, and no
+  /// way to a clump of a few points.
   bool approach = true;
   double approach_min_m = 0.5, approach_max_m = 0.75;
-  double approach_floor_m = 0.06, approach_carve_m = 1.0;  ///< ClassCloudOptions.
+  double approach_floor_m = 0.06, approach_carve_m = 3.0;  ///< ClassCloudOptions.
+  double approach_support_share = 0.05;                    ///< Likewise.
   /// Not in VLFM: so many places that were seen only from afar are visited, with a turn
   /// around, when no frontier is left.
   int sweep_places = 4;

@@ -44,6 +44,7 @@ VlfmOptions completed(VlfmOptions options) {
   if (options.approach) {
     options.cloud.floor_m = options.approach_floor_m;
     options.cloud.carve_m = options.approach_carve_m;
+    options.cloud.support_share = options.approach_support_share;
   }
   return options;
 }

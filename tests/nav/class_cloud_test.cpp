@@ -188,6 +188,24 @@ TEST(ClassCloud, TrustedPointsFirst) {
   EXPECT_NEAR(cloud.target_m({0.0, 0.0}).value().x, 4.0, 0.05);
 }
 
+/// A clump of a few points in mid-air hangs before a large object.
+TEST(ClassCloud, AClumpIsNoTargetWhileThereIsMore) {
+  for (const double share : {0.0, 0.05}) {
+    ClassCloudOptions options;
+    options.support_share = share;
+    ClassCloud cloud(options);
+    Scene scene;
+    scene.object(280, 190, 380, 290, 3.0F);
+    ASSERT_TRUE(cloud.add(scene.observation, scene.mask));
+    scene.object(320, 230, 342, 252, 1.5F);
+    ASSERT_TRUE(cloud.add(scene.observation, scene.mask));
+    EXPECT_NEAR(cloud.target_m({0.0, 0.0}).value().x, share > 0.0 ? 3.0 : 1.5, 0.05);
+    // Alone it is all there is.
+    cloud.erase_around({3.0, 0.0}, 1.0);
+    EXPECT_NEAR(cloud.target_m({0.0, 0.0}).value().x, 1.5, 0.05);
+  }
+}
+
 /// What a first view took for the object, a second one shows beside the box.
 TEST(ClassCloud, CarvingRemovesWhatALaterViewShowsBesideTheBox) {
   for (const double carve_m : {0.0, 1.0}) {
