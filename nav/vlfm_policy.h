@@ -16,6 +16,7 @@
 /// height); the place beside the object is chosen on the grid, where the original lets its
 /// network drive at the object.
 
+#include <array>
 #include <memory>
 #include <string>
 
@@ -72,12 +73,14 @@ struct VlfmOptions {
   /// Not in VLFM: so many places that were seen only from afar are visited, with a turn
   /// around, when no frontier is left.
   int sweep_places = 4;
-  /// Not in VLFM: without anything new from near for so long the search is given up
-  /// ("nothing_new"): a goal behind glass, a camera that shows no depth. Needs the sweep.
+  /// Not in VLFM: without anything new from near for so long the next narrow inflation is
+  /// tried, and after the last one the search is given up ("nothing_new"): a goal behind
+  /// glass, a camera that shows no depth. Needs the sweep.
   double give_up_s = 45.0;
-  /// Not in VLFM: with this inflation the search goes on once, when nothing else is left; as
-  /// FrontierPolicyOptions::tight_radius_m. Needs the sweep, too.
-  double tight_radius_m = 0.28;
+  /// Not in VLFM: with these inflations, one after the other, the search goes on when nothing
+  /// else is left. The first is FrontierPolicyOptions::tight_radius_m, the last little more
+  /// than the inscribed 0.215 m. Needs the sweep, too.
+  std::array<double, 2> tight_radii_m{0.28, 0.235};
 
   CostMapOptions cost;
   DiscreteMotionOptions actions;

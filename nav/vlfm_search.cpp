@@ -115,8 +115,11 @@ core::VelocityCommand VlfmSearch::act(const Now& now) {
     return {};
   }
   if (nothing_new(now)) {
-    stop("nothing_new");
-    return {};
+    if (!squeeze_through()) {
+      stop("nothing_new");
+      return {};
+    }
+    news_ns_ = now.time_ns;
   }
   if (recovering_) return recover(now);
   if (!options_.rules.published(Quirk::kNoRecovery) && stuck_.stuck()) {

@@ -49,8 +49,8 @@ bool VlfmSearch::replan_due(const Now& now) const {
 void VlfmSearch::refresh_cost_map() {
   CostMapOptions cost = options_.cost;
   cost.cross_unknown = true;
-  if (tight_) {
-    cost.robot_radius_m = std::min(cost.robot_radius_m, options_.tight_radius_m);
+  if (squeezes_ > 0) {
+    cost.robot_radius_m = std::min(cost.robot_radius_m, options_.tight_radii_m[squeezes_ - 1]);
     cost.margin_m = 0.0;
   }
   const GridFrame& frame = obstacles_.frame();

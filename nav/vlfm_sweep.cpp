@@ -17,6 +17,7 @@ constexpr double kNear_m = 2.5;     // VLFM's own idea of "near enough to confir
 constexpr double kReach_m = 2.0;    // A place stands for what lies this near to it.
 constexpr double kLeast_m2 = 0.5;   // Less is not worth the way.
 constexpr double kWay_m2_per_m = 0.1;  // A metre of way outweighs this much.
+constexpr double kNarrower_m = 0.01;   // The follower's circle, than the planner's.
 constexpr int kRays = 64;
 constexpr int kStride_cells = 5;  // Of candidate places.
 
@@ -53,11 +54,17 @@ void VlfmSearch::note_near_cells(const Now& now) {
   }
 }
 
-/// Nothing is left to do. Once the search goes on where the robot fits only just: beside a
-/// table the full inflation encloses it.
+/// Nothing is left to do. The search goes on where the robot fits only just: beside a table
+/// the full inflation encloses it.
+/// @return  False if it did so with every inflation.
 bool VlfmSearch::squeeze_through() {
-  if (tight_ || options_.sweep_places <= 0) return false;
-  tight_ = true;
+  if (squeezes_ == options_.tight_radii_m.size() || options_.sweep_places <= 0) return false;
+  // Where the planner leads the follower must dare to go.
+  FollowerOptions narrow = options_.follower;
+  narrow.footprint_radius_m =
+      std::min(narrow.footprint_radius_m, options_.tight_radii_m[squeezes_] - kNarrower_m);
+  follower_ = PathFollower(narrow);
+  ++squeezes_;
   vetoed_m_.clear();
   swept_m_.clear();
   postponed_until_ns_ = 0;

@@ -107,7 +107,7 @@ class VlfmSearch final : public core::Policy {
   std::size_t news_ = 0;  ///< Of seen_near_, when it grew last.
   std::optional<core::TimeNs> news_ns_;
   bool sweep_spinning_ = false;
-  bool tight_ = false;  ///< Nothing was left with the full inflation.
+  std::size_t squeezes_ = 0;  ///< So many of the narrow inflations were needed.
 
   bool recovering_ = false, recovery_turning_ = false;
   core::Pose2 recovery_start_;

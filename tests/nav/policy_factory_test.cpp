@@ -88,7 +88,7 @@ TEST(PolicyFactory, GivingUpCanBeTimedOrSwitchedOff) {
     policy->reset({"thing", 0}, 1);
     test::TestView view({}, test::kNan, 1.2);
     core::Decision decision;
-    for (int k = 0; k < 40 && !decision.stop; ++k) {
+    for (int k = 0; k < 80 && !decision.stop; ++k) {  // 20 s: once with each inflation.
       view.observation.capture_time_ns = k * core::kNsPerSecond / 4;
       decision = policy->decide(view.observation, {});
     }
