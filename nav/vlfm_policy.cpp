@@ -27,6 +27,7 @@ VlfmOptions vlfm_for_jackal(const VlfmRules& rules, double camera_height_m) {
       rules.published(Quirk::kObstaclesStay) ? camera_height_m + 0.05 : 0.60;
   options.obstacles.occupancy.ray_step_x_px = 2;
   options.obstacles.occupancy.ray_step_y_px = 3;
+  options.obstacles.occupancy.wall_part_m = 0.2;
   options.obstacles.depth.min_depth_m = 0.1;  // The renderer's camera measures from there on.
   options.values.min_depth_m = 0.1;
   options.values.band_max_m = camera_height_m + 0.1;
