@@ -3,9 +3,8 @@
 /// @file
 /// A renderer as the camera of a running Gazebo, over Gazebo's own transport.
 ///
-///     Gazebo --poses--> [newest pose of each view] --> renderer --> images, camera info -->
-///     who
-///                        older ones are dropped subscribed
+///     Gazebo --poses--> [due poses of each view] --> renderer --> images, camera info
+///                       few wait, rest dropped                    to who subscribed
 ///
 /// Gazebo is not changed: the bridge subscribes to the poses that its SceneBroadcaster sends
 /// to any viewer, and publishes on the topics and in the encodings that its sensors would use

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <numeric>
-#include <utility>
 
 namespace segsim::sim {
 
@@ -40,7 +39,7 @@ std::vector<GazeboView> make_views(const std::vector<GazeboCamera>& cameras) {
 
 GazeboInbox::GazeboInbox(const std::vector<GazeboView>& views) {
   for (const GazeboView& view : views) {
-    slots_.push_back({view.camera(), CameraSchedule(view.camera().rate_hz), std::nullopt});
+    slots_.push_back({view.camera(), CameraSchedule(view.camera().rate_hz), {}});
   }
 }
 
@@ -70,8 +69,11 @@ void GazeboInbox::put(std::optional<core::TimeNs> stamp_ns,
     if (timing == PoseTiming::kEarly) ++traffic_.early;
     if (timing == PoseTiming::kRepeated) ++traffic_.repeated;
     if (timing != PoseTiming::kDue) continue;
-    if (slot.waiting) ++traffic_.superseded;
-    slot.waiting = Job{i, *stamp_ns, pose.T_world_camera, arrival};
+    if (slot.waiting.size() == kMostWaiting) {
+      traffic_.superseded += slot.waiting.size();
+      slot.waiting.clear();
+    }
+    slot.waiting.push_back({i, *stamp_ns, pose.T_world_camera, arrival});
     arrived_.notify_one();
   }
   for (const Slot& slot : slots_) {
@@ -96,15 +98,18 @@ std::optional<GazeboInbox::Job> GazeboInbox::take(std::chrono::milliseconds pati
   const auto oldest = [this] {
     Slot* found = nullptr;
     for (Slot& slot : slots_) {
-      if (slot.waiting &&
-          (found == nullptr || slot.waiting->arrival < found->waiting->arrival)) {
+      if (!slot.waiting.empty() && (found == nullptr || slot.waiting.front().arrival <
+                                                            found->waiting.front().arrival)) {
         found = &slot;
       }
     }
     return found;
   };
   if (!arrived_.wait_for(lock, patience, [&] { return oldest() != nullptr; })) return {};
-  return std::exchange(oldest()->waiting, std::nullopt);
+  std::deque<Job>& waiting = oldest()->waiting;
+  const Job job = waiting.front();
+  waiting.pop_front();
+  return job;
 }
 
 void GazeboInbox::fill(GazeboStatus& status) const {

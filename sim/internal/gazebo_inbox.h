@@ -1,12 +1,15 @@
 #pragma once
 
 /// @file
-/// Between the transport's thread and the one that draws: the newest due pose of each view.
+/// Between the transport's thread and the one that draws: the due poses of each view. A few
+/// may wait, so that a short stall of the machine costs no frame; if more come, only the
+/// newest stays, so that a renderer that is too slow does not fall behind.
 
 #include <array>
 #include <chrono>
 #include <condition_variable>
 #include <cstdint>
+#include <deque>
 #include <mutex>
 #include <optional>
 #include <span>
@@ -32,6 +35,7 @@ struct GazeboView {
 class GazeboInbox {
  public:
   using Clock = std::chrono::steady_clock;
+  static constexpr std::size_t kMostWaiting = 3;  ///< Of each view.
   struct Job {
     std::size_t view = 0;
     core::TimeNs stamp_ns = 0;
@@ -59,7 +63,7 @@ class GazeboInbox {
   struct Slot {
     GazeboCamera camera;
     CameraSchedule schedule;
-    std::optional<Job> waiting;
+    std::deque<Job> waiting;  ///< Oldest first.
   };
   mutable std::mutex mutex_;
   std::condition_variable arrived_;

@@ -170,6 +170,22 @@ TEST(GazeboInbox, KeepsTheNewestPoseAndCountsTheRest) {
   EXPECT_EQ(status.traffic.superseded, 9U);
 }
 
+TEST(GazeboInbox, AShortStallCostsNoFrame) {
+  const auto views = internal::make_views({camera_on({"left", "base_link"}, 10.0)});
+  internal::GazeboInbox inbox(views);
+  const auto now = internal::GazeboInbox::Clock::now();
+  for (int i = 0; i < 3; ++i) inbox.put(i * 100'000'000LL, two_robots(), now);
+  for (int i = 0; i < 3; ++i) {
+    const auto job = inbox.take(0ms);
+    ASSERT_TRUE(job);
+    EXPECT_EQ(job->stamp_ns, i * 100'000'000LL);
+  }
+  EXPECT_FALSE(inbox.take(0ms));
+  GazeboStatus status;
+  inbox.fill(status);
+  EXPECT_EQ(status.traffic.superseded, 0U);
+}
+
 TEST(GazeboInbox, AFaultyPoseLeavesTheTurnToTheNext) {
   const auto views = internal::make_views({camera_on({"left", "base_link"}, 10.0)});
   internal::GazeboInbox inbox(views);
