@@ -8,27 +8,28 @@
 #include <string>
 
 #include <gtest/gtest.h>
-#include <unistd.h>
+#include <sqlite3.h>
 
 #include "core/error.h"
 #include "experiments/store/store.h"
+#include "tests/temporary_folder.h"
 
 namespace segsim::experiments {
 
-/// A folder of its own, removed in the end.
+/// A file in a folder of its own.
 class StoreTest : public testing::Test {
  protected:
-  void SetUp() override {
-    folder_ =
-        std::filesystem::temp_directory_path() / ("segsim_store_" + std::to_string(getpid()));
-    std::filesystem::remove_all(folder_);
-    std::filesystem::create_directories(folder_);
-    file_ = folder_ / "results.sqlite";
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
-
-  std::filesystem::path folder_, file_;
+  tests::TemporaryFolder folder_{"store"};
+  std::filesystem::path file_ = folder_ / "results.sqlite";
 };
+
+/// What no Store does to a file.
+inline void execute_sql(const std::filesystem::path& file, const char* sql) {
+  sqlite3* db = nullptr;
+  ASSERT_EQ(sqlite3_open(file.c_str(), &db), SQLITE_OK);
+  EXPECT_EQ(sqlite3_exec(db, sql, nullptr, nullptr, nullptr), SQLITE_OK) << sqlite3_errmsg(db);
+  sqlite3_close(db);
+}
 
 inline RunRow a_run() {
   RunRow run;

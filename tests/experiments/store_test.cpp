@@ -242,7 +242,7 @@ TEST_F(StoreTest, JsonLinesHoldTheRunAndEveryColumn) {
     store.add_trial(id, a_trial("after", "b/chair/00", true));
   }
   std::ostringstream out;
-  write_trials_jsonl(out, load_run(folder_));
+  write_trials_jsonl(out, load_run(folder_.path()));
   std::istringstream lines(out.str());
   std::vector<nlohmann::json> read;
   for (std::string line; std::getline(lines, line);)
@@ -266,10 +266,7 @@ TEST_F(StoreTest, JsonLinesHoldTheRunAndEveryColumn) {
 
 TEST_F(StoreTest, OtherFilesAreRefused) {
   const fs::path foreign = folder_ / "foreign.sqlite";
-  sqlite3* db = nullptr;
-  ASSERT_EQ(sqlite3_open(foreign.c_str(), &db), SQLITE_OK);
-  sqlite3_exec(db, "CREATE TABLE recipes (name TEXT)", nullptr, nullptr, nullptr);
-  sqlite3_close(db);
+  execute_sql(foreign, "CREATE TABLE recipes (name TEXT)");
   EXPECT_THAT(refusal(foreign), HasSubstr("another SQLite database"));
   const fs::path text = folder_ / "notes.txt";
   std::ofstream(text) << "This is no database, but it is long enough to be taken for one. "

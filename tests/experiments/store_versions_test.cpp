@@ -1,6 +1,5 @@
 // Databases of older and newer versions of the store.
 #include <gmock/gmock.h>
-#include <sqlite3.h>
 
 #include "store_fixture.h"
 
@@ -11,10 +10,7 @@ using testing::HasSubstr;
 
 TEST_F(StoreTest, AnotherSchemaVersionIsRefused) {
   { const Store store(file_); }
-  sqlite3* db = nullptr;
-  ASSERT_EQ(sqlite3_open(file_.c_str(), &db), SQLITE_OK);
-  sqlite3_exec(db, "UPDATE meta SET schema_version = 99", nullptr, nullptr, nullptr);
-  sqlite3_close(db);
+  execute_sql(file_, "UPDATE meta SET schema_version = 99");
   EXPECT_THAT(refusal(file_), HasSubstr("version 99"));
   EXPECT_THAT(refusal(file_), HasSubstr("results.sqlite"));
 }
@@ -27,21 +23,16 @@ TEST_F(StoreTest, AFileOfVersion2IsBroughtUpToDate) {
     store.add_trial(id, a_trial("before", "b/chair/00", true));
   }
   // What versions 3 to 6 added is taken away again.
-  sqlite3* db = nullptr;
-  ASSERT_EQ(sqlite3_open(file_.c_str(), &db), SQLITE_OK);
-  ASSERT_EQ(sqlite3_exec(db,
-                         "DROP TABLE attribution; DROP TABLE provenance;"
-                         "ALTER TABLE arm DROP COLUMN source_ap50;"
-                         "ALTER TABLE arm DROP COLUMN unseen_ap50;"
-                         "ALTER TABLE arm DROP COLUMN tuning_views;"
-                         "ALTER TABLE arm DROP COLUMN tuning_views_near_starts;"
-                         "ALTER TABLE arm DROP COLUMN start_radius_m;"
-                         "ALTER TABLE scene DROP COLUMN oracle_successes;"
-                         "ALTER TABLE scene DROP COLUMN oracle_episodes;"
-                         "UPDATE meta SET schema_version = 2",
-                         nullptr, nullptr, nullptr),
-            SQLITE_OK);
-  sqlite3_close(db);
+  execute_sql(file_,
+              "DROP TABLE attribution; DROP TABLE provenance;"
+              "ALTER TABLE arm DROP COLUMN source_ap50;"
+              "ALTER TABLE arm DROP COLUMN unseen_ap50;"
+              "ALTER TABLE arm DROP COLUMN tuning_views;"
+              "ALTER TABLE arm DROP COLUMN tuning_views_near_starts;"
+              "ALTER TABLE arm DROP COLUMN start_radius_m;"
+              "ALTER TABLE scene DROP COLUMN oracle_successes;"
+              "ALTER TABLE scene DROP COLUMN oracle_episodes;"
+              "UPDATE meta SET schema_version = 2");
 
   for (int opening = 0; opening < 2; ++opening) {  // The second finds nothing to do.
     Store store(file_);
@@ -99,10 +90,7 @@ INSERT INTO trial VALUES (1, 1, 'before', 'b', 'b/chair/00', 'chair', 0, 'succes
 )sql";
 
 TEST_F(StoreTest, AFileOfVersion1IsBroughtUpToDate) {
-  sqlite3* db = nullptr;
-  ASSERT_EQ(sqlite3_open(file_.c_str(), &db), SQLITE_OK);
-  ASSERT_EQ(sqlite3_exec(db, kVersion1, nullptr, nullptr, nullptr), SQLITE_OK);
-  sqlite3_close(db);
+  execute_sql(file_, kVersion1);
   for (int opening = 0; opening < 2; ++opening) {  // The second finds nothing to do.
     Store store(file_);
     ASSERT_EQ(store.runs().size(), 1U);
@@ -134,20 +122,15 @@ TEST_F(StoreTest, AFileOfVersion3IsBroughtUpToDate) {
     trial.why.cause = "stuck";
     store.add_trial(id, trial);
   }
-  sqlite3* db = nullptr;
-  ASSERT_EQ(sqlite3_open(file_.c_str(), &db), SQLITE_OK);
-  ASSERT_EQ(sqlite3_exec(db,
-                         "DROP TABLE provenance;"
-                         "ALTER TABLE attribution DROP COLUMN images;"
-                         "ALTER TABLE arm DROP COLUMN source_ap50;"
-                         "ALTER TABLE arm DROP COLUMN unseen_ap50;"
-                         "ALTER TABLE arm DROP COLUMN tuning_views;"
-                         "ALTER TABLE arm DROP COLUMN tuning_views_near_starts;"
-                         "ALTER TABLE arm DROP COLUMN start_radius_m;"
-                         "UPDATE meta SET schema_version = 3",
-                         nullptr, nullptr, nullptr),
-            SQLITE_OK);
-  sqlite3_close(db);
+  execute_sql(file_,
+              "DROP TABLE provenance;"
+              "ALTER TABLE attribution DROP COLUMN images;"
+              "ALTER TABLE arm DROP COLUMN source_ap50;"
+              "ALTER TABLE arm DROP COLUMN unseen_ap50;"
+              "ALTER TABLE arm DROP COLUMN tuning_views;"
+              "ALTER TABLE arm DROP COLUMN tuning_views_near_starts;"
+              "ALTER TABLE arm DROP COLUMN start_radius_m;"
+              "UPDATE meta SET schema_version = 3");
   const Store store(file_);
   EXPECT_EQ(store.trials(id)[0].why.cause, "stuck");
   EXPECT_EQ(store.arms(id)[1].held_out->ap50, 0.5);
@@ -162,12 +145,7 @@ TEST_F(StoreTest, AFileOfVersion5IsBroughtUpToDate) {
     id = begin(store);
     store.add_trial(id, a_trial("before", "b/chair/00", true));
   }
-  sqlite3* db = nullptr;
-  ASSERT_EQ(sqlite3_open(file_.c_str(), &db), SQLITE_OK);
-  ASSERT_EQ(sqlite3_exec(db, "DROP TABLE provenance; UPDATE meta SET schema_version = 5",
-                         nullptr, nullptr, nullptr),
-            SQLITE_OK);
-  sqlite3_close(db);
+  execute_sql(file_, "DROP TABLE provenance; UPDATE meta SET schema_version = 5");
   Store store(file_);
   EXPECT_EQ(store.trials(id).size(), 1U);
   EXPECT_TRUE(store.runs()[0].provenance.empty());
