@@ -35,7 +35,7 @@ std::size_t nearest_among(const GeodesicField& field,
       best_m = field.cost_m(cell->x, cell->y);
     }
     if (best) return *best;
-    (void)field.settle_more();  // Reachable cells remain, so that it goes on.
+    if (!field.settle_more()) return 0;  // Reachable cells are settled before.
   }
 }
 
