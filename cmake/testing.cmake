@@ -16,9 +16,10 @@ endfunction()
 # CTest runs the cases that match the filter once, so a benchmark cannot rot.
 function(segsim_add_bench module name smoke_filter)
   set(target ${module}_${name}_bench)
-  add_executable(${target} ${CMAKE_CURRENT_SOURCE_DIR}/${name}_bench.cpp)
+  add_executable(${target} ${CMAKE_CURRENT_SOURCE_DIR}/${name}_bench.cpp
+    ${PROJECT_SOURCE_DIR}/tests/benchmark_main.cpp)
   target_link_libraries(${target} PRIVATE ${ARGN} segsim::core segsim::build_flags
-    benchmark::benchmark_main)
+    benchmark::benchmark)
   add_test(NAME ${module}/${name}_bench
     COMMAND ${target} --benchmark_min_time=0 --benchmark_filter=${smoke_filter})
   set_tests_properties(${module}/${name}_bench PROPERTIES LABELS "${module};bench" TIMEOUT 600

@@ -7,6 +7,7 @@
 
 #include "core/error.h"
 #include "core/interrupted.h"
+#include "core/process_memory.h"
 #include "core/version.h"
 #include "experiments/commands/commands.h"
 
@@ -22,6 +23,7 @@ constexpr int kInterruptedExit = 4;
 int main(int argc, char** argv) {
   using namespace segsim;  // NOLINT(google-build-using-namespace): main wires everything
 
+  core::keep_freed_memory();
   std::signal(SIGXFSZ, SIG_IGN);  // A file at its limit is an error like a full disk.
   CLI::App app{
       "Fast-SegSim: does this perception change make the robot reach its goal more often?\n"
