@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "core/check.h"
-#include "nav/growing_frame.h"
 
 namespace segsim::nav {
 namespace {
@@ -41,22 +40,18 @@ void take_smaller(std::int16_t* __restrict best, const std::int16_t* __restrict 
 void ClearanceField::reset(int width_cells, int height_cells, int reach_cells) {
   SEGSIM_CHECK(reach_cells >= 1 && reach_cells <= 100, "reach_cells");
   reach_ = reach_cells;
-  squares_ = first_layer<std::int16_t>(width_cells, height_cells, beyond());
+  squares_.reset(width_cells, height_cells, beyond());
 }
 
-void ClearanceField::grow(int left, int bottom, int right, int top) {
-  grow_layer(squares_, Margins{left, bottom, right, top}, beyond());
-}
-
-void ClearanceField::update(const core::Image<std::uint8_t>& sources, const CellBox& changed) {
-  const CellBox all{Cell(0), Cell(squares_.width_px() - 1, squares_.height_px() - 1)};
+void ClearanceField::update(const GridView<std::uint8_t>& sources, const CellBox& changed) {
+  const CellBox all{Cell(0), Cell(squares_.width_cells() - 1, squares_.height_cells() - 1)};
   const CellBox out = changed.grown(reach_).clipped_to(all);
   if (!out.empty()) compute(sources, out);
 }
 
-void ClearanceField::compute(const core::Image<std::uint8_t>& sources, const CellBox& out) {
-  SEGSIM_CHECK(sources.size() == squares_.size(), "sources and field differ in size");
-  const CellBox all{Cell(0), Cell(squares_.width_px() - 1, squares_.height_px() - 1)};
+void ClearanceField::compute(const GridView<std::uint8_t>& sources, const CellBox& out) {
+  SEGSIM_CHECK(same_size(sources, squares_), "sources and field differ in size");
+  const CellBox all{Cell(0), Cell(squares_.width_cells() - 1, squares_.height_cells() - 1)};
   const CellBox in = out.grown(reach_).clipped_to(all);
 
   // Along columns: the nearest source above or below, for the columns that matter.

@@ -10,8 +10,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/image.h"
-#include "nav/grid.h"
+#include "nav/grid_layer.h"
 
 namespace segsim::nav {
 
@@ -20,12 +19,12 @@ class ClearanceField {
   /// No source anywhere. @param reach_cells  In [1, 100].
   void reset(int width_cells, int height_cells, int reach_cells);
   /// Adds cells without sources around the old ones.
-  void grow(int left, int bottom, int right, int top);
+  void grow(const Margins& added) { squares_.grow(added); }
   /// To be called after sources changed: computes their cells anew, and the reach around them.
   /// @param changed  Holds every changed cell; may go beyond the image.
-  void update(const core::Image<std::uint8_t>& sources, const CellBox& changed);
+  void update(const GridView<std::uint8_t>& sources, const CellBox& changed);
   /// Computes these cells anew; inside of the image.
-  void compute(const core::Image<std::uint8_t>& sources, const CellBox& out);
+  void compute(const GridView<std::uint8_t>& sources, const CellBox& out);
 
   /// Squared distance between cell centres [cells^2]; beyond() if it is larger than the reach.
   [[nodiscard]] std::int16_t squared_cells(int x, int y) const { return squares_(x, y); }
@@ -37,7 +36,7 @@ class ClearanceField {
 
  private:
   int reach_ = 1;
-  core::Image<std::int16_t> squares_;
+  GridLayer<std::int16_t> squares_;
   std::vector<std::int16_t> column_squares_;  ///< Scratch: squared distances along columns.
 };
 

@@ -16,9 +16,9 @@ using Outline = std::vector<cv::Point>;
 
 /// The map's part that holds explored cells, with a border in which everything outside is one
 /// piece.
-cv::Rect explored_part(const core::Image<std::uint8_t>& explored, const CellBox& within,
+cv::Rect explored_part(const GridView<std::uint8_t>& explored, const CellBox& within,
                        int border) {
-  const int width = explored.width_px(), height = explored.height_px();
+  const int width = explored.width_cells(), height = explored.height_cells();
   int left = width, right = -1, bottom = height, top = -1;
   for (int j = within.low.y; j <= within.high.y; ++j) {
     const std::uint8_t* row = explored.row(j);
@@ -40,10 +40,11 @@ cv::Rect explored_part(const core::Image<std::uint8_t>& explored, const CellBox&
           std::min(top + border, height - 1) - bottom + 1};
 }
 
-cv::Mat part_of(const core::Image<std::uint8_t>& cells, const cv::Rect& part) {
+cv::Mat part_of(const GridView<std::uint8_t>& cells, const cv::Rect& part) {
   // OpenCV has no const header; nothing below writes through it.
-  const cv::Mat all(cells.height_px(), cells.width_px(), CV_8U,
-                    const_cast<std::uint8_t*>(cells.data()));
+  const cv::Mat all(cells.height_cells(), cells.width_cells(), CV_8U,
+                    const_cast<std::uint8_t*>(cells.row(0)),
+                    static_cast<std::size_t>(cells.stride()));
   return all(part);
 }
 
@@ -102,11 +103,11 @@ glm::dvec2 middle_along(const std::vector<Cell>& cells) {
 }
 
 std::vector<ContourFrontier> find_contour_frontiers(const GridFrame& frame,
-                                                    const core::Image<std::uint8_t>& explored,
-                                                    const core::Image<std::uint8_t>& navigable,
+                                                    const GridView<std::uint8_t>& explored,
+                                                    const GridView<std::uint8_t>& navigable,
                                                     const ContourFrontierOptions& options,
                                                     const std::optional<CellBox>& within) {
-  SEGSIM_CHECK(explored.size() == navigable.size(), "explored and navigable differ in size");
+  SEGSIM_CHECK(same_size(explored, navigable), "explored and navigable differ in size");
   const double pocket_cells2 =
       options.min_pocket_m2 / (frame.resolution_m * frame.resolution_m);
   std::vector<ContourFrontier> frontiers;

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "core/image.h"
-#include "nav/grid.h"
+#include "nav/grid_layer.h"
 
 namespace segsim::nav {
 
@@ -28,8 +28,8 @@ struct ContourFrontier {
 /// @param explored, navigable  0 or 1, of the frame's size.
 /// @param within  Holds every explored cell; spares the search for them.
 [[nodiscard]] std::vector<ContourFrontier> find_contour_frontiers(
-    const GridFrame& frame, const core::Image<std::uint8_t>& explored,
-    const core::Image<std::uint8_t>& navigable, const ContourFrontierOptions& options,
+    const GridFrame& frame, const GridView<std::uint8_t>& explored,
+    const GridView<std::uint8_t>& navigable, const ContourFrontierOptions& options,
     const std::optional<CellBox>& within = std::nullopt);
 
 /// The point at half the arc length of a polyline of cell centres, in cells.

@@ -8,7 +8,6 @@
 #include <opencv2/imgproc.hpp>
 
 #include "core/check.h"
-#include "nav/growing_frame.h"
 
 namespace segsim::nav {
 namespace {
@@ -30,8 +29,8 @@ void add_frame_of(const CellBox& outer, const CellBox& inner, std::vector<CellBo
 }
 
 template <class Pixel>
-std::span<const Pixel> part_of_row(const core::Image<Pixel>& image, int j, int i0, int count) {
-  return {image.row(j) + i0, static_cast<std::size_t>(count)};
+std::span<const Pixel> part_of_row(const GridView<Pixel>& cells, int j, int i0, int count) {
+  return {cells.row(j) + i0, static_cast<std::size_t>(count)};
 }
 
 }  // namespace
@@ -62,11 +61,12 @@ void CostMap::build(const OccupancyMap& map, const CostMapOptions& options) {
   update(map, map.frame().box(), options);
 }
 
-void CostMap::build(const GridFrame& frame, const core::Image<CellState>& body,
-                    const core::Image<std::uint8_t>& mast, const CostMapOptions& options) {
-  SEGSIM_CHECK(body.width_px() == frame.width_cells && body.height_px() == frame.height_cells,
-               "states and frame differ in size");
-  SEGSIM_CHECK(mast.empty() || mast.size() == body.size(), "mast and states differ in size");
+void CostMap::build(const GridFrame& frame, const GridView<CellState>& body,
+                    const GridView<std::uint8_t>& mast, const CostMapOptions& options) {
+  SEGSIM_CHECK(
+      body.width_cells() == frame.width_cells && body.height_cells() == frame.height_cells,
+      "states and frame differ in size");
+  SEGSIM_CHECK(mast.empty() || same_size(mast, body), "mast and states differ in size");
   start(frame, options);
   set_active(frame.box());
   const std::vector<std::uint8_t> none(static_cast<std::size_t>(frame.width_cells), 0);
@@ -101,11 +101,11 @@ void CostMap::update(const OccupancyMap& map, const CellBox& changed,
   finish();
 }
 
-void CostMap::update(const GridFrame& frame, const core::Image<std::uint8_t>& occupied,
-                     const core::Image<std::uint8_t>& explored,
-                     const core::Image<std::uint8_t>& mast, const CellBox& active,
+void CostMap::update(const GridFrame& frame, const GridView<std::uint8_t>& occupied,
+                     const GridView<std::uint8_t>& explored,
+                     const GridView<std::uint8_t>& mast, const CellBox& active,
                      const CellBox& changed, const CostMapOptions& options) {
-  SEGSIM_CHECK(occupied.size() == explored.size() && frame.width_cells == occupied.width_px(),
+  SEGSIM_CHECK(same_size(occupied, explored) && frame.width_cells == occupied.width_cells(),
                "layers and frame differ in size");
   // Of a large frame only the active part is kept, with some room to grow.
   const CellBox wanted = active.grown(kBorder_cells).clipped_to(frame.box());
@@ -155,9 +155,9 @@ void CostMap::start(const GridFrame& frame, const CostMapOptions& options) {
   added_.clear();
   dirty_.clear();
   const int width = frame.width_cells, height = frame.height_cells;
-  states_ = first_layer<CellState>(width, height, CellState::kUnknown);
+  states_.reset(width, height);  // Unknown.
   for (auto* layer : {&occupied_, &mast_, &traversable_, &clear_, &pocket_}) {
-    *layer = first_layer<std::uint8_t>(width, height);
+    layer->reset(width, height);
   }
   visited_ = {};
   visit_ = 0;
@@ -166,7 +166,7 @@ void CostMap::start(const GridFrame& frame, const CostMapOptions& options) {
   const int reach_cells = static_cast<int>(std::lround(std::sqrt(last)));
   body_field_.reset(width, height, reach_cells);
   mast_field_.reset(width, height, reach_cells);
-  cost_ = first_layer<float>(width, height, 1.0F);
+  cost_.reset(width, height, 1.0F);
 }
 
 CellBox CostMap::follow(const GridFrame& frame, const CellBox& changed,
@@ -182,19 +182,18 @@ CellBox CostMap::follow(const GridFrame& frame, const CellBox& changed,
   }
   const Margins margins{-low.x, -low.y, more.x, more.y};
   if (margins.any()) {
-    grow_layer(states_, margins, CellState::kUnknown);
+    states_.grow(margins);
     for (auto* layer : {&occupied_, &mast_, &traversable_, &clear_, &pocket_}) {
-      grow_layer(*layer, margins);
+      layer->grow(margins);
     }
-    visited_ = {};
-    visit_ = 0;
-    body_field_.grow(margins.left, margins.bottom, margins.right, margins.top);
-    mast_field_.grow(margins.left, margins.bottom, margins.right, margins.top);
-    grow_layer(cost_, margins, 1.0F);
+    body_field_.grow(margins);
+    mast_field_.grow(margins);
+    cost_.grow(margins);
     const Cell shift(margins.left, margins.bottom);
     const CellBox old{shift, shift + Cell(frame_.width_cells - 1, frame_.height_cells - 1)};
     if (!active_.empty()) active_ = {active_.low + shift, active_.high + shift};
-    add_frame_of(frame.box(), old, added_);
+    // The new cells hold nothing yet; sources near the old edge reach into some of them.
+    add_frame_of(old.grown(body_field_.reach_cells()).clipped_to(frame.box()), old, added_);
   }
   frame_ = frame;
   return changed.clipped_to(frame.box());
@@ -293,9 +292,7 @@ void CostMap::finish() {
     for (int j = box.low.y; j <= box.high.y; ++j) combine_row(j, box.low.x, box.high.x);
   }
   if (!options_.cross_unknown && options_.fill_pocket_m2 > 0.0) {
-    if (visited_.empty()) {
-      visited_ = core::Image<std::uint32_t>(frame_.width_cells, frame_.height_cells, 0);
-    }
+    visited_.cover_like(states_);
     visit_ += 2;
     for (const CellBox& box : dirty_) fill_pockets(box);
   }
@@ -330,61 +327,55 @@ void CostMap::combine_row(int j, int i0, int i1) {
 void CostMap::fill_pockets(const CellBox& around) {
   const CellBox box = around.grown(1).clipped_to(active_);
   for (int j = box.low.y; j <= box.high.y; ++j) {
-    const std::size_t row =
-        static_cast<std::size_t>(j) * static_cast<std::size_t>(frame_.width_cells);
     for (int i = box.low.x; i <= box.high.x; ++i) {
-      const std::size_t index = row + static_cast<std::size_t>(i);
-      if (may_be_pocket(index) && visited_.data()[index] < visit_) {
-        visit_pocket(static_cast<std::uint32_t>(index));
-      }
+      const std::ptrdiff_t index = states_.index_of({i, j});
+      if (may_be_pocket(index) && visited_.plane()[index] < visit_) visit_pocket(index);
     }
   }
 }
 
 /// Spreads from the cell until the group ends, or is too large, or reaches the edge of what is
 /// active (it goes on beyond it), or another one that is.
-void CostMap::visit_pocket(std::uint32_t seed) {
-  const int width = frame_.width_cells;
+void CostMap::visit_pocket(std::ptrdiff_t seed) {
   const double cell_m2 = frame_.resolution_m * frame_.resolution_m;
+  std::uint32_t* visited = visited_.plane();
   queue_.assign(1, seed);
-  visited_.data()[seed] = visit_;
+  visited[seed] = visit_;
   bool large = false;
   for (std::size_t k = 0; k < queue_.size() && !large; ++k) {
-    const int x = static_cast<int>(queue_[k]) % width, y = static_cast<int>(queue_[k]) / width;
-    large = x == active_.low.x || y == active_.low.y || x == active_.high.x ||
-            y == active_.high.y ||
+    const Cell at = states_.cell_of(queue_[k]);
+    large = at.x == active_.low.x || at.y == active_.low.y || at.x == active_.high.x ||
+            at.y == active_.high.y ||
             !(static_cast<double>(queue_.size()) * cell_m2 < options_.fill_pocket_m2);
     for (int n = 0; n < 9 && !large; ++n) {
-      const auto next = static_cast<std::uint32_t>((y + n / 3 - 1) * width + x + n % 3 - 1);
+      const std::ptrdiff_t next = queue_[k] + (n / 3 - 1) * states_.stride() + n % 3 - 1;
       if (!may_be_pocket(next)) continue;
-      large = visited_.data()[next] == visit_ + 1;
-      if (visited_.data()[next] >= visit_) continue;
-      visited_.data()[next] = visit_;
+      large = visited[next] == visit_ + 1;
+      if (visited[next] >= visit_) continue;
+      visited[next] = visit_;
       queue_.push_back(next);
     }
   }
   if (large) {
     empty_pockets_in_queue();
   } else {
-    for (const std::uint32_t index : queue_)
-      pocket_.data()[index] = traversable_.data()[index] = 1;
+    for (const std::ptrdiff_t k : queue_) pocket_.plane()[k] = traversable_.plane()[k] = 1;
   }
 }
 
 /// The queue's cells are part of something large; so are pockets of old that they touch.
 void CostMap::empty_pockets_in_queue() {
-  const int width = frame_.width_cells;
-  for (const std::uint32_t index : queue_) visited_.data()[index] = visit_ + 1;
+  std::uint8_t* pocket = pocket_.plane();
+  std::uint32_t* visited = visited_.plane();
+  for (const std::ptrdiff_t k : queue_) visited[k] = visit_ + 1;
   for (std::size_t k = 0; k < queue_.size(); ++k) {
-    if (pocket_.data()[queue_[k]] == 0) continue;
-    pocket_.data()[queue_[k]] = traversable_.data()[queue_[k]] = 0;
-    const int x = static_cast<int>(queue_[k]) % width, y = static_cast<int>(queue_[k]) / width;
+    if (pocket[queue_[k]] == 0) continue;
+    pocket[queue_[k]] = traversable_.plane()[queue_[k]] = 0;
     for (int n = 0; n < 9; ++n) {
-      const Cell cell(x + n % 3 - 1, y + n / 3 - 1);
-      if (!active_.contains(cell)) continue;
-      const auto next = static_cast<std::uint32_t>(cell.y * width + cell.x);
-      if (pocket_.data()[next] == 0 || visited_.data()[next] == visit_ + 1) continue;
-      visited_.data()[next] = visit_ + 1;
+      const std::ptrdiff_t next = queue_[k] + (n / 3 - 1) * states_.stride() + n % 3 - 1;
+      // There are no pockets outside of the active part.
+      if (pocket[next] == 0 || visited[next] == visit_ + 1) continue;
+      visited[next] = visit_ + 1;
       queue_.push_back(next);
     }
   }

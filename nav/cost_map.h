@@ -12,7 +12,7 @@
 #include <span>
 
 #include "nav/clearance_field.h"
-#include "nav/grid.h"
+#include "nav/grid_layer.h"
 #include "nav/occupancy_map.h"
 
 namespace segsim::nav {
@@ -45,8 +45,8 @@ class CostMap {
   void build(const OccupancyMap& map, const CostMapOptions& options);
   /// Builds from hand-made states (tests, other map sources). @param mast  Empty or equal
   /// size.
-  void build(const GridFrame& frame, const core::Image<CellState>& body,
-             const core::Image<std::uint8_t>& mast, const CostMapOptions& options);
+  void build(const GridFrame& frame, const GridView<CellState>& body,
+             const GridView<std::uint8_t>& mast, const CostMapOptions& options);
   /// Ends like build(map, options), if what is here came from an earlier state of the same
   /// map. Changed options mean building anew. @param changed  Holds every cell of the map that
   /// changed since, in its frame of now.
@@ -54,8 +54,8 @@ class CostMap {
   /// The same for layers of occupied cells, explored cells (free unless occupied) and cells
   /// only the mast hits (may be empty). @param active  Holds all cells that are set. The map's
   /// own frame is the part around them.
-  void update(const GridFrame& frame, const core::Image<std::uint8_t>& occupied,
-              const core::Image<std::uint8_t>& explored, const core::Image<std::uint8_t>& mast,
+  void update(const GridFrame& frame, const GridView<std::uint8_t>& occupied,
+              const GridView<std::uint8_t>& explored, const GridView<std::uint8_t>& mast,
               const CellBox& active, const CellBox& changed, const CostMapOptions& options);
 
   [[nodiscard]] const GridFrame& frame() const { return frame_; }
@@ -75,15 +75,15 @@ class CostMap {
   /// Multiple of the length that a traversable cell costs, >= 1.
   [[nodiscard]] float length_cost(const Cell& cell) const;
 
-  [[nodiscard]] const core::Image<CellState>& states() const { return states_; }
+  [[nodiscard]] const GridLayer<CellState>& states() const { return states_; }
   /// 1 where traversable() holds.
-  [[nodiscard]] const core::Image<std::uint8_t>& traversable_cells() const {
+  [[nodiscard]] const GridLayer<std::uint8_t>& traversable_cells() const {
     return traversable_;
   }
   /// 1 where clear() holds.
-  [[nodiscard]] const core::Image<std::uint8_t>& clear_cells() const { return clear_; }
+  [[nodiscard]] const GridLayer<std::uint8_t>& clear_cells() const { return clear_; }
   /// length_cost() of every cell.
-  [[nodiscard]] const core::Image<float>& length_costs() const { return cost_; }
+  [[nodiscard]] const GridLayer<float>& length_costs() const { return cost_; }
 
  private:
   /// Empties the map.
@@ -101,10 +101,10 @@ class CostMap {
   void finish();
   void combine_row(int j, int i0, int i1);
   void fill_pockets(const CellBox& around);
-  void visit_pocket(std::uint32_t seed);
+  void visit_pocket(std::ptrdiff_t seed);
   void empty_pockets_in_queue();
-  [[nodiscard]] bool may_be_pocket(std::size_t index) const {
-    return states_.data()[index] == CellState::kUnknown && clear_.data()[index] != 0;
+  [[nodiscard]] bool may_be_pocket(std::ptrdiff_t index) const {
+    return states_.plane()[index] == CellState::kUnknown && clear_.plane()[index] != 0;
   }
 
   GridFrame frame_;
@@ -114,19 +114,19 @@ class CostMap {
   CellBox body_changed_, mast_changed_;  ///< Where sources of the two fields changed.
   std::vector<CellBox> added_;           ///< New parts of the frame,
   std::vector<CellBox> dirty_;           ///< of the active part.
-  core::Image<CellState> states_;
-  core::Image<std::uint8_t> occupied_, mast_;  ///< Sources of the two fields.
+  GridLayer<CellState> states_;
+  GridLayer<std::uint8_t> occupied_, mast_;  ///< Sources of the two fields.
   ClearanceField body_field_, mast_field_;
-  core::Image<std::uint8_t> traversable_, clear_, pocket_;
-  core::Image<float> cost_;
+  GridLayer<std::uint8_t> traversable_, clear_, pocket_;
+  GridLayer<float> cost_;
   /// By squared distance in cells: metres; cost; 1 where the body, the mast has room.
   std::vector<float> clearance_table_m_, cost_table_;
   std::vector<std::uint8_t> room_table_, mast_room_table_;
   /// An obstacle farther away than so many cells changes neither room nor cost.
   int body_influence_cells_ = 0, mast_influence_cells_ = 0;
-  core::Image<std::uint32_t> visited_;  ///< Scratch: visit_, or visit_ + 1 in a large pocket.
+  GridLayer<std::uint32_t> visited_;  ///< Scratch: visit_, or visit_ + 1 in a large pocket.
   std::uint32_t visit_ = 0;
-  std::vector<std::uint32_t> queue_;
+  std::vector<std::ptrdiff_t> queue_;  ///< Indices in the plane, of a pocket.
 };
 
 /// Distance from each cell centre to the nearest cell centre where `sources` is not 0 [m];

@@ -48,7 +48,7 @@ std::vector<Outline> outlines_of(const cv::Mat& mask) {
 
 }  // namespace
 
-CellWindow revealed_cells(const GridFrame& frame, const core::Image<std::uint8_t>& navigable,
+CellWindow revealed_cells(const GridFrame& frame, const GridView<std::uint8_t>& navigable,
                           const glm::dvec2& position_m, double yaw_rad,
                           const FogOptions& options, const VlfmRules& rules) {
   const int radius = static_cast<int>(options.range_m / frame.resolution_m);

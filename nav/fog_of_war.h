@@ -6,7 +6,7 @@
 /// at the robot counts. No depth is used.
 
 #include "core/image.h"
-#include "nav/grid.h"
+#include "nav/grid_layer.h"
 #include "nav/vlfm_rules.h"
 
 namespace segsim::nav {
@@ -32,7 +32,7 @@ struct CellWindow {
 /// nothing (Q3); the fixed one reveals the sector.
 /// @param navigable  1 where the robot's centre may be.
 [[nodiscard]] CellWindow revealed_cells(const GridFrame& frame,
-                                        const core::Image<std::uint8_t>& navigable,
+                                        const GridView<std::uint8_t>& navigable,
                                         const glm::dvec2& position_m, double yaw_rad,
                                         const FogOptions& options, const VlfmRules& rules);
 

@@ -89,7 +89,7 @@ Frontier describe(const CostMap& map, const core::Image<std::uint8_t>& unknown,
 
 std::vector<Frontier> find_reachable_frontiers(const CostMap& map, const GeodesicField& field,
                                                const FrontierOptions& options) {
-  SEGSIM_CHECK(field.reachable_cells().size() == map.states().size(),
+  SEGSIM_CHECK(same_size(field.reachable_cells(), map.states()),
                "field and map differ in size");
   std::vector<Frontier> frontiers;
   if (field.reachable_box().empty()) return frontiers;

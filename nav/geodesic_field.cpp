@@ -4,19 +4,14 @@
 #include <limits>
 
 #include "nav/grid_planner.h"
-#include "nav/growing_frame.h"
 
 namespace segsim::nav {
 namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 constexpr float kSqrt2 = 1.41421356F;
-// Kept where no way leads: less than every cost, so that the search never enters.
-constexpr float kNoWay = -1.0F;
-
-// Marks of cells that are joined to the start.
-constexpr std::uint8_t kReachable = 1;
-constexpr std::uint8_t kSpread = 3;  // Reachable, and its neighbours know of its present cost.
+// Kept where no way leads: no more than any cost, so that the search never enters.
+constexpr float kNoWay = 0.0F;
 
 /// A stretch of traversable cells of one row.
 struct Run {
@@ -26,22 +21,13 @@ struct Run {
 }  // namespace
 
 bool GeodesicField::begin(const CostMap& map, const Cell& from) {
-  const int width = map.frame().width_cells, height = map.frame().height_cells;
   // What the last search wrote lies in its box.
-  if (cost_m_.width_px() != width || cost_m_.height_px() != height) {
-    cost_m_.pixels().reserve(kReservedCells);
-    reachable_.pixels().reserve(kReservedCells);
-    cost_m_.resize(width, height);
-    reachable_.resize(width, height);
-    std::fill(cost_m_.pixels().begin(), cost_m_.pixels().end(), kNoWay);
-    std::fill(reachable_.pixels().begin(), reachable_.pixels().end(), std::uint8_t{0});
-  } else if (!box_.empty()) {
-    const auto count = static_cast<std::size_t>(box_.width());
-    for (int j = box_.low.y; j <= box_.high.y; ++j) {
-      std::fill_n(cost_m_.row(j) + box_.low.x, count, kNoWay);
-      std::fill_n(reachable_.row(j) + box_.low.x, count, std::uint8_t{0});
-    }
+  for (int j = box_.low.y; j <= box_.high.y && !box_.empty(); ++j) {
+    std::fill_n(cost_m_.row(j) + box_.low.x, box_.width(), kNoWay);
+    std::fill_n(reachable_.row(j) + box_.low.x, box_.width(), std::uint8_t{0});
   }
+  cost_m_.cover_like(map.length_costs());
+  reachable_.cover_like(map.length_costs());
   for (auto& bucket : buckets_) bucket.clear();
   next_bucket_ = waiting_ = 0;
   map_ = &map;
@@ -53,22 +39,22 @@ bool GeodesicField::begin(const CostMap& map, const Cell& from) {
   spread_rows();
   cost_m_(start_.x, start_.y) = 0.0F;
   if (buckets_.empty()) buckets_.resize(64);
-  buckets_[0].push_back(static_cast<std::uint32_t>(start_.y * width + start_.x));
+  buckets_[0].push_back({0.0F, static_cast<std::uint32_t>(cost_m_.index_of(start_))});
   waiting_ = 1;
   return true;
 }
 
 /// Marks everything that is joined to the start, a row's stretch at a time.
 void GeodesicField::spread_rows() {
-  const core::Image<std::uint8_t>& open = map_->traversable_cells();
-  const int width = open.width_px(), height = open.height_px();
+  const GridLayer<std::uint8_t>& open = map_->traversable_cells();
+  const int width = open.width_cells(), height = open.height_cells();
   std::vector<Run> runs;
   const auto take_run_at = [&](int x, int y) {
     const std::uint8_t* row = open.row(y);
     int x0 = x, x1 = x;
     while (x0 > 0 && row[x0 - 1] != 0) --x0;
     while (x1 + 1 < width && row[x1 + 1] != 0) ++x1;
-    std::memset(reachable_.row(y) + x0, kReachable, static_cast<std::size_t>(x1 - x0 + 1));
+    std::memset(reachable_.row(y) + x0, 1, static_cast<std::size_t>(x1 - x0 + 1));
     std::fill(cost_m_.row(y) + x0, cost_m_.row(y) + x1 + 1, kInfinity);
     box_.add(Cell(x0, y));
     box_.add(Cell(x1, y));
@@ -114,34 +100,34 @@ float GeodesicField::cost_m(int x, int y) const {
   return cost_m_(x, y);
 }
 
+/// The hot loop of the search.
 void GeodesicField::relax_around(std::uint32_t from) const {
-  const int width = reachable_.width_px(), height = reachable_.height_px();
-  const int x = static_cast<int>(from) % width, y = static_cast<int>(from) / width;
+  const std::ptrdiff_t stride = cost_m_.stride();
   const auto resolution = static_cast<float>(map_->frame().resolution_m);
   const float half_straight = resolution * 1.0F * 0.5F,
               half_diagonal = resolution * kSqrt2 * 0.5F;
-  const float* costs = map_->length_costs().data();
-  float* known = cost_m_.data();
-  const float here = known[from], cost_here = costs[from];
-  const auto relax = [&](std::uint32_t next, float half_length) {
+  float* known = cost_m_.plane() + from;
+  const float* costs = map_->length_costs().plane() + from;
+  const float here = *known, cost_here = *costs;
+  const auto relax = [&](std::ptrdiff_t step, float half_length) {
     // Most neighbours lie behind the front: no way leads back to them.
-    if (known[next] <= here) return;
-    const float there = here + half_length * (cost_here + costs[next]);
-    if (there >= known[next]) return;
-    known[next] = there;
-    reachable_.data()[next] = kReachable;
+    if (known[step] <= here) return;
+    const float there = here + half_length * (cost_here + costs[step]);
+    if (there >= known[step]) return;
+    known[step] = there;
     const std::size_t bucket = bucket_of(there);
     if (bucket >= buckets_.size()) buckets_.resize(bucket + 64);
-    buckets_[bucket].push_back(next);
+    buckets_[bucket].push_back({there, static_cast<std::uint32_t>(from + step)});
     ++waiting_;
   };
-  for (int dy = -1; dy <= 1; ++dy) {
-    if (y + dy < 0 || y + dy >= height) continue;
-    const auto row = static_cast<std::uint32_t>((y + dy) * width + x);
-    if (x > 0) relax(row - 1, dy == 0 ? half_straight : half_diagonal);
-    if (dy != 0) relax(row, half_straight);
-    if (x + 1 < width) relax(row + 1, dy == 0 ? half_straight : half_diagonal);
-  }
+  relax(-stride - 1, half_diagonal);
+  relax(-stride, half_straight);
+  relax(-stride + 1, half_diagonal);
+  relax(-1, half_straight);
+  relax(1, half_straight);
+  relax(stride - 1, half_diagonal);
+  relax(stride, half_straight);
+  relax(stride + 1, half_diagonal);
 }
 
 bool GeodesicField::settle_more() const {
@@ -149,13 +135,10 @@ bool GeodesicField::settle_more() const {
   while (buckets_[next_bucket_].empty()) ++next_bucket_;
   // Rounding may put a neighbour into the bucket that is being emptied: it is visited, too.
   for (std::size_t k = 0; k < buckets_[next_bucket_].size(); ++k) {
-    const std::uint32_t cell = buckets_[next_bucket_][k];
+    const Waiting cell = buckets_[next_bucket_][k];
     --waiting_;
-    // A better way was found since, or this one was known by another entry.
-    std::uint8_t& mark = reachable_.data()[cell];
-    if (mark == kSpread || bucket_of(cost_m_.data()[cell]) != next_bucket_) continue;
-    mark = kSpread;
-    relax_around(cell);
+    // Unless a better way was found since.
+    if (cost_m_.plane()[cell.index] == cell.cost_m) relax_around(cell.index);
   }
   buckets_[next_bucket_].clear();
   ++next_bucket_;

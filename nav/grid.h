@@ -79,6 +79,12 @@ struct GridFrame {
   }
 };
 
+/// Cells added on each side by a growth.
+struct Margins {
+  int left = 0, bottom = 0, right = 0, top = 0;
+  [[nodiscard]] bool any() const { return left + bottom + right + top != 0; }
+};
+
 /// What is known about a cell; the numbers are those of core::PolicyView::cells.
 enum class CellState : std::uint8_t { kUnknown = 0, kFree = 1, kOccupied = 2 };
 

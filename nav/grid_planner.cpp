@@ -7,7 +7,6 @@
 #include <queue>
 
 #include "core/check.h"
-#include "nav/growing_frame.h"
 
 namespace segsim::nav {
 namespace {
@@ -37,31 +36,6 @@ struct Open {
   }
 };
 using OpenQueue = std::priority_queue<Open, std::vector<Open>, std::greater<>>;
-
-/// Calls `visit(neighbour index, step cost in metres)` for the traversable neighbours.
-template <class Visit>
-void for_each_step(const CostMap& map, std::uint32_t from, const Visit& visit) {
-  const int width = map.frame().width_cells, height = map.frame().height_cells;
-  const int x = static_cast<int>(from) % width, y = static_cast<int>(from) / width;
-  const auto resolution = static_cast<float>(map.frame().resolution_m);
-  const std::uint8_t* traversable = map.traversable_cells().data();
-  const float* costs = map.length_costs().data();
-  for (const Step& step : kSteps) {
-    const int nx = x + step.dx, ny = y + step.dy;
-    if (nx < 0 || ny < 0 || nx >= width || ny >= height) continue;
-    const auto next = static_cast<std::uint32_t>(ny * width + nx);
-    if (traversable[next] == 0) continue;
-    visit(next, resolution * step.length * 0.5F * (costs[from] + costs[next]));
-  }
-}
-
-std::uint32_t index_of(const CostMap& map, const Cell& cell) {
-  return static_cast<std::uint32_t>(cell.y * map.frame().width_cells + cell.x);
-}
-Cell cell_of(const CostMap& map, std::uint32_t index) {
-  const int width = map.frame().width_cells;
-  return {static_cast<int>(index) % width, static_cast<int>(index) / width};
-}
 
 /// Mean weighted length of the segment, or nullopt if it leaves the traversable cells.
 std::optional<double> segment_cost_m(const CostMap& map, const glm::dvec2& a_m,
@@ -167,6 +141,12 @@ std::optional<std::vector<Cell>> astar_cells(const CostMap& map, const Cell& sta
   PlannerMemory own;
   PlannerMemory& scratch = memory != nullptr ? *memory : own;
   if (!map.traversable(start) || !map.traversable(goal)) return std::nullopt;
+  const GridLayer<float>& length_costs = map.length_costs();
+  scratch.cost.cover_like(length_costs);
+  scratch.parent.cover_like(length_costs);
+  const auto index_of = [&](const Cell& cell) {
+    return static_cast<std::uint32_t>(length_costs.index_of(cell));
+  };
   const auto resolution = static_cast<float>(map.frame().resolution_m);
   // Octile distance; admissible because length_cost is at least 1. Shrunk by rounding's share.
   const auto heuristic = [&](const Cell& cell) {
@@ -174,45 +154,46 @@ std::optional<std::vector<Cell>> astar_cells(const CostMap& map, const Cell& sta
     const auto dy = static_cast<float>(std::abs(cell.y - goal.y));
     return 0.9999F * resolution * (std::max(dx, dy) + (kSqrt2 - 1.0F) * std::min(dx, dy));
   };
-  const std::size_t count = map.traversable_cells().size();
-  std::vector<float>& cost = scratch.cost;
-  std::vector<std::uint32_t>& parent = scratch.parent;
-  if (cost.size() != count) {
-    cost.reserve(kReservedCells);
-    parent.reserve(kReservedCells);
-    cost.resize(count);
-    parent.resize(count);
-    std::fill(cost.begin(), cost.end(), kInfinity);
-  } else {
-    for (const std::uint32_t cell : scratch.touched) cost[cell] = kInfinity;
-  }
+  float* cost = scratch.cost.plane();
+  std::uint32_t* parent = scratch.parent.plane();
+  const std::uint32_t start_index = index_of(start), goal_index = index_of(goal);
   OpenQueue open;
-  const std::uint32_t start_index = index_of(map, start), goal_index = index_of(map, goal);
-  cost[start_index] = 0.0F;
-  scratch.touched.assign(1, start_index);
   open.push({heuristic(start), start_index});
   while (!open.empty()) {
     const Open top = open.top();
     open.pop();
     if (top.cell == goal_index) break;
+    const Cell at = length_costs.cell_of(top.cell);
     const float here = cost[top.cell];
-    if (top.priority > here + heuristic(cell_of(map, top.cell)) + 1e-4F) continue;
-    for_each_step(map, top.cell, [&](std::uint32_t next, float step_m) {
-      const float there = here + step_m;
-      if (there >= cost[next]) return;
-      if (cost[next] == kInfinity) scratch.touched.push_back(next);
+    if (top.priority > here + heuristic(at) + 1e-4F) continue;
+    const float* costs = length_costs.plane() + top.cell;
+    const std::uint8_t* traversable = map.traversable_cells().plane() + top.cell;
+    for (const Step& step : kSteps) {
+      const std::ptrdiff_t offset = step.dy * length_costs.stride() + step.dx;
+      const auto next = static_cast<std::uint32_t>(top.cell + offset);
+      if (traversable[offset] == 0 || next == start_index) continue;
+      const float there = here + resolution * step.length * 0.5F * (costs[0] + costs[offset]);
+      if (cost[next] == 0.0F) {
+        scratch.touched.push_back(next);
+      } else if (there >= cost[next]) {
+        continue;
+      }
       cost[next] = there;
       parent[next] = top.cell;
-      open.push({there + heuristic(cell_of(map, next)), next});
-    });
+      open.push({there + heuristic(at + Cell(step.dx, step.dy)), next});
+    }
   }
-  if (!std::isfinite(cost[goal_index])) return std::nullopt;
-  std::vector<Cell> cells;
-  for (std::uint32_t at = goal_index;; at = parent[at]) {
-    cells.push_back(cell_of(map, at));
-    if (at == start_index) break;
+  std::optional<std::vector<Cell>> cells;
+  if (goal_index == start_index || cost[goal_index] != 0.0F) {
+    cells.emplace();
+    for (std::uint32_t cell = goal_index; cell != start_index; cell = parent[cell]) {
+      cells->push_back(length_costs.cell_of(cell));
+    }
+    cells->push_back(start);
+    std::reverse(cells->begin(), cells->end());
   }
-  std::reverse(cells.begin(), cells.end());
+  for (const std::uint32_t cell : scratch.touched) cost[cell] = 0.0F;
+  scratch.touched.clear();
   return cells;
 }
 

@@ -33,8 +33,8 @@ class GeodesicField {
   /// Where the search began.
   [[nodiscard]] Cell start() const { return start_; }
   [[nodiscard]] bool reachable(const Cell& cell) const;
-  /// The lowest bit is set where reachable() holds. [width_cells x height_cells of the map]
-  [[nodiscard]] const core::Image<std::uint8_t>& reachable_cells() const { return reachable_; }
+  /// 1 where reachable() holds. [width_cells x height_cells of the map]
+  [[nodiscard]] const GridLayer<std::uint8_t>& reachable_cells() const { return reachable_; }
   /// Holds all reachable cells.
   [[nodiscard]] const CellBox& reachable_box() const { return box_; }
   /// Weighted by length_cost; infinity where unreachable.
@@ -50,24 +50,31 @@ class GeodesicField {
   void spread_rows();
   void relax_around(std::uint32_t from) const;
   [[nodiscard]] std::size_t bucket_of(float cost_m) const {
-    return static_cast<std::size_t>(cost_m * per_bucket_);
+    return static_cast<std::uint32_t>(static_cast<std::int32_t>(cost_m * per_bucket_));
   }
 
+  /// A cell, by its index in the plane, and the cost for which it is listed.
+  struct Waiting {
+    float cost_m;
+    std::uint32_t index;
+  };
+
   const CostMap* map_ = nullptr;
+  GridLayer<std::uint8_t> reachable_;  ///< 1 where cells are joined to the start.
   Cell start_{0};
   CellBox box_;
   float per_bucket_ = 20.0F;
   // What is computed on demand.
-  mutable core::Image<std::uint8_t> reachable_;  ///< 0: not joined to the start.
-  mutable core::Image<float> cost_m_;  ///< Final below settled_below_m(); else a bound, or -1.
-  mutable std::vector<std::vector<std::uint32_t>> buckets_;
+  mutable GridLayer<float> cost_m_;  ///< Final below settled_below_m(); else a bound.
+  mutable std::vector<std::vector<Waiting>> buckets_;
   mutable std::size_t next_bucket_ = 0, waiting_ = 0;
 };
 
-/// Arrays of a search that are used again.
+/// What a search needs and may use again; indices are those of the map's layers.
 struct PlannerMemory {
-  std::vector<float> cost;
-  std::vector<std::uint32_t> parent, touched;
+  GridLayer<float> cost;            ///< 0: none yet. Zero everywhere between searches.
+  GridLayer<std::uint32_t> parent;  ///< Holds something where a cost is known.
+  std::vector<std::uint32_t> touched;
 };
 
 /// The traversable cell that is reached first from `from` through cells that are not occupied

@@ -4,15 +4,11 @@
 /// Bounds of the maps of a search: they grow with what is seen, up to a limit that bounds
 /// their memory, or stay fixed with indices that wrap, as in VLFM (quirk Q9).
 ///
-/// A side that has to grow gets half of the map's length more: the cost of a growth is that of
-/// the whole map, so it has to be rare. All cells together are then copied a few times only.
+/// A side that has to grow gets half of the map's length more, so that it happens rarely.
 
 #include <algorithm>
-#include <cstring>
 #include <optional>
-#include <type_traits>
 
-#include "core/image.h"
 #include "nav/grid.h"
 
 namespace segsim::nav {
@@ -35,12 +31,6 @@ struct GrowthOptions {
   options.centered_cells = true;
   return options;
 }
-
-/// Cells added on each side by a growth.
-struct Margins {
-  int left = 0, bottom = 0, right = 0, top = 0;
-  [[nodiscard]] bool any() const { return left + bottom + right + top != 0; }
-};
 
 /// A frame whose first square lies around `center_m`.
 [[nodiscard]] inline GridFrame first_frame(const GrowthOptions& options,
@@ -99,44 +89,6 @@ struct Margins {
   frame.width_cells = width;
   frame.height_cells = height;
   return margins;
-}
-
-/// Cells for which the layers of growing maps reserve memory: 70 m x 70 m of 5 cm. Memory that
-/// nobody wrote to yet costs nothing.
-inline constexpr std::size_t kReservedCells = 2'000'000;
-
-/// A layer of a new map, with memory to grow.
-template <class Pixel>
-[[nodiscard]] core::Image<Pixel> first_layer(int width, int height, const Pixel& fill = {}) {
-  const auto count = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
-  core::Image<Pixel> layer;
-  layer.pixels().reserve(kReservedCells);
-  layer.pixels().assign(count, fill);
-  layer.resize(width, height);  // Has the cells already, and leaves them alone.
-  return layer;
-}
-
-/// Adds cells with `fill` on the sides of a layer, in its own memory as long as that suffices:
-/// a copy would touch twice as many new pages, which is most of what a growth costs.
-template <class Pixel>
-void grow_layer(core::Image<Pixel>& layer, const Margins& margins, const Pixel& fill = {}) {
-  static_assert(std::is_trivially_copyable_v<Pixel>);
-  const auto old_width = static_cast<std::size_t>(layer.width_px());
-  const int old_height = layer.height_px();
-  const int width = layer.width_px() + margins.left + margins.right;
-  const int height = old_height + margins.bottom + margins.top;
-  layer.pixels().resize(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
-  layer.resize(width, height);  // Has the cells already, and leaves them alone.
-  // From the last row on: no row moves forward into one that still has to move.
-  for (int j = old_height - 1; j >= 0; --j) {
-    Pixel* row = layer.row(j + margins.bottom);
-    std::memmove(row + margins.left, layer.data() + static_cast<std::size_t>(j) * old_width,
-                 old_width * sizeof(Pixel));
-    std::fill_n(row, margins.left, fill);
-    std::fill_n(row + margins.left + old_width, margins.right, fill);
-  }
-  std::fill(layer.data(), layer.row(margins.bottom), fill);
-  std::fill(layer.row(margins.bottom + old_height), layer.data() + layer.size(), fill);
 }
 
 /// The cell as NumPy would index it: negative ones count from the end (once), others beyond

@@ -14,8 +14,9 @@
 namespace segsim::nav {
 namespace {
 
-cv::Mat header(core::Image<std::uint8_t>& cells) {
-  return {cells.height_px(), cells.width_px(), CV_8U, cells.data()};
+cv::Mat header(GridLayer<std::uint8_t>& cells) {
+  return {cells.height_cells(), cells.width_cells(), CV_8U, cells.row(0),
+          static_cast<std::size_t>(cells.stride())};
 }
 
 glm::dvec2 robot_of(const core::Observation& observation) {
@@ -47,13 +48,14 @@ ObstacleMap::ObstacleMap(const ObstacleMapOptions& options, const VlfmRules& rul
 
 void ObstacleMap::reset() {
   frame_ = {};
-  occupied_ = mast_ = navigable_ = explored_ = {};
+  for (auto* layer : {&occupied_, &mast_, &navigable_, &explored_}) *layer = {};
   exhausted_ = false;
   touched_ = changed_ = {};
   occupancy_.reset();
   if (!rules_.published(Quirk::kObstaclesStay)) {
     OccupancyOptions occupancy = options_.occupancy;
-    occupancy.resolution_m = options_.growth.resolution_m;
+    occupancy.growth = options_.growth;
+    occupancy.growth.wrap = false;
     occupancy.obstacle_min_m = options_.band_min_m;
     occupancy.obstacle_max_m = options_.band_max_m;
     occupancy.max_range_m = options_.depth.max_depth_m;
@@ -62,27 +64,27 @@ void ObstacleMap::reset() {
 }
 
 void ObstacleMap::ensure_covers(const glm::dvec2& robot_m) {
-  if (frame_.width_cells == 0) {
-    frame_ = first_frame(options_.growth, robot_m);
-    const int width = frame_.width_cells, height = frame_.height_cells;
-    occupied_ = first_layer<std::uint8_t>(width, height);
-    explored_ = first_layer<std::uint8_t>(width, height);
-    navigable_ = first_layer<std::uint8_t>(width, height, 1);
-    if (occupancy_) mast_ = first_layer<std::uint8_t>(width, height);
-  }
+  const bool first = frame_.width_cells == 0;
+  if (first) frame_ = first_frame(options_.growth, robot_m);
   const double reach_m = options_.depth.max_depth_m + 1.0;
   const auto margins = grow(frame_, options_.growth, robot_m - reach_m, robot_m + reach_m);
   if (!margins) {
     // A wrapping map ends where an index is too large; a growing one where it may not grow.
     const Cell robot = frame_.cell_at(robot_m);
     exhausted_ |= options_.growth.wrap ? !wrapped(frame_, robot) : !frame_.contains(robot);
-    return;
   }
-  if (!margins->any()) return;
-  grow_layer(occupied_, *margins);
-  grow_layer(explored_, *margins);
-  grow_layer(navigable_, *margins, std::uint8_t{1});
-  if (occupancy_) grow_layer(mast_, *margins);
+  if (first) {
+    const int width = frame_.width_cells, height = frame_.height_cells;
+    occupied_ = GridLayer<std::uint8_t>(width, height);
+    explored_ = GridLayer<std::uint8_t>(width, height);
+    navigable_ = GridLayer<std::uint8_t>(width, height, 1);
+    if (occupancy_) mast_ = GridLayer<std::uint8_t>(width, height);
+  } else if (margins && margins->any()) {
+    occupied_.grow(*margins);
+    explored_.grow(*margins);
+    navigable_.grow(*margins);
+    if (occupancy_) mast_.grow(*margins);
+  }
 }
 
 /// Every pixel whose point lies in the band occupies its cell, once and for all.
@@ -262,7 +264,7 @@ void ObstacleMap::keep_component_of(const glm::dvec2& robot_m) {
       best = k;
     }
   }
-  cv::Mat kept(explored_.height_px(), explored_.width_px(), CV_8U, cv::Scalar(0));
+  cv::Mat kept(explored_.height_cells(), explored_.width_cells(), CV_8U, cv::Scalar(0));
   cv::drawContours(kept, outlines, static_cast<int>(best), cv::Scalar(1), cv::FILLED);
   cv::Mat explored = header(explored_);
   cv::bitwise_and(explored, kept, explored);
@@ -287,7 +289,7 @@ void ObstacleMap::reveal(const core::Observation& observation) {
   fog.range_m = options_.depth.max_depth_m;
   CellWindow window = revealed_cells(frame_, navigable_, robot_of(observation),
                                      pose_of(observation.T_odom_robot).yaw_rad, fog, rules_);
-  cv::Mat piece = header(window.cells);
+  cv::Mat piece(window.cells.height_px(), window.cells.width_px(), CV_8U, window.cells.data());
   cv::dilate(piece, piece, square(3));
   const CellBox box = CellBox{window.low, window.low + Cell(window.cells.width_px() - 1,
                                                             window.cells.height_px() - 1)}

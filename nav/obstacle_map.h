@@ -19,6 +19,7 @@
 #include "nav/contour_frontiers.h"
 #include "nav/depth_cleanup.h"
 #include "nav/fog_of_war.h"
+#include "nav/grid_layer.h"
 #include "nav/growing_frame.h"
 #include "nav/occupancy_map.h"
 
@@ -54,11 +55,11 @@ class ObstacleMap {
   [[nodiscard]] CellBox observed() const;
   /// Holds every cell that may have changed since the last call, in the frame of now.
   [[nodiscard]] CellBox take_changed();
-  [[nodiscard]] const core::Image<std::uint8_t>& occupied() const { return occupied_; }
+  [[nodiscard]] const GridLayer<std::uint8_t>& occupied() const { return occupied_; }
   /// Cells only the mast can hit; empty with the monotone rule.
-  [[nodiscard]] const core::Image<std::uint8_t>& mast() const { return mast_; }
-  [[nodiscard]] const core::Image<std::uint8_t>& navigable() const { return navigable_; }
-  [[nodiscard]] const core::Image<std::uint8_t>& explored() const { return explored_; }
+  [[nodiscard]] const GridLayer<std::uint8_t>& mast() const { return mast_; }
+  [[nodiscard]] const GridLayer<std::uint8_t>& navigable() const { return navigable_; }
+  [[nodiscard]] const GridLayer<std::uint8_t>& explored() const { return explored_; }
   [[nodiscard]] std::vector<ContourFrontier> frontiers() const {
     return find_contour_frontiers(frame_, explored_, navigable_, options_.frontiers,
                                   observed());
@@ -82,7 +83,7 @@ class ObstacleMap {
   VlfmRules rules_;
   std::optional<OccupancyMap> occupancy_;
   GridFrame frame_;
-  core::Image<std::uint8_t> occupied_, mast_, navigable_, explored_;
+  GridLayer<std::uint8_t> occupied_, mast_, navigable_, explored_;
   core::Image<float> depth_m_, thinned_m_;  ///< Scratch.
   bool exhausted_ = false;
   CellBox touched_, changed_;  ///< Ever, and since the last call; on the lattice.

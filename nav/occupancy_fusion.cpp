@@ -27,6 +27,7 @@ bool OccupancyMap::hidden_by_obstacle(const MappingCamera& camera, const glm::dv
   for (double s = 0.0; s < range_m - 0.5 * r; s += r) {
     const glm::dvec3 p = camera.eye_m + direction * (s / planar);
     const Cell cell = frame_.cell_at(glm::dvec2(p));
+    if (obstacles_(cell.x, cell.y) == 0) continue;
     const HitHeights& stored = heights_(cell.x, cell.y);
     const double low_m = 2.0 * r;
     if (body_(cell.x, cell.y) > options_.occupied_above &&
@@ -63,16 +64,15 @@ void OccupancyMap::note_holes(const core::Image<float>& depth_m, const MappingCa
   }
 }
 
-void OccupancyMap::fuse_hole(std::size_t index, const CellView& cell) {
-  if (body_.data()[index] != 0.0F || cell.hits.body > 0 || cell.hits.mast > 0) return;
-  std::uint8_t& views = hole_views_.data()[index];
-  if (++views >= options_.hole_views) body_.data()[index] = kAssumedFree;
+void OccupancyMap::fuse_hole(const Cell& at, const CellView& cell) {
+  if (body_(at.x, at.y) != 0.0F || cell.hits.body > 0 || cell.hits.mast > 0) return;
+  std::uint8_t& views = hole_views_(at.x, at.y);
+  if (++views >= options_.hole_views) body_(at.x, at.y) = kAssumedFree;
 }
 
-void OccupancyMap::fuse_body(std::size_t index, const CellView& cell, int hits_needed,
-                             bool below_unseen) {
-  float& odds = body_.data()[index];
-  HitHeights& stored = heights_.data()[index];
+void OccupancyMap::fuse_body(const Cell& at, const CellView& cell, int hits_needed,
+                             bool below_unseen, HitHeights& stored) {
+  float& odds = body_(at.x, at.y);
   if (odds >= kBlocked) return;
   if (cell.hits.body >= hits_needed) {
     odds = std::min(odds + options_.log_odds_hit, options_.log_odds_max);
@@ -98,9 +98,9 @@ void OccupancyMap::fuse_body(std::size_t index, const CellView& cell, int hits_n
   }
 }
 
-void OccupancyMap::fuse_mast(std::size_t index, const CellView& cell, int hits_needed) {
-  float& odds = mast_.data()[index];
-  HitHeights& stored = heights_.data()[index];
+void OccupancyMap::fuse_mast(const Cell& at, const CellView& cell, int hits_needed,
+                             HitHeights& stored) {
+  float& odds = mast_(at.x, at.y);
   if (odds >= kBlocked) return;
   if (cell.hits.mast >= hits_needed) {
     odds = std::min(odds + options_.log_odds_hit, options_.log_odds_max);
@@ -128,9 +128,6 @@ void OccupancyMap::fuse_view(const MappingCamera& camera) {
                         view_.has(seen_index, ViewCells::kPassedLow),
                         view_.has(seen_index, ViewCells::kThroughBody),
                         view_.has(seen_index, ViewCells::kThroughMast)};
-    const std::size_t index =
-        static_cast<std::size_t>(at.y) * static_cast<std::size_t>(frame_.width_cells) +
-        static_cast<std::size_t>(at.x);
     bool below_unseen = false;
     int hits_needed = options_.min_hits_per_cell;
     if (cell.hits.mast > 0 || cell.hits.body > 0) {
@@ -141,12 +138,15 @@ void OccupancyMap::fuse_view(const MappingCamera& camera) {
       // Nearer than 1 m the camera looks over what it hits at a slant.
       hits_needed = std::max(hits_needed, static_cast<int>(square_px / std::max(range2, 1.0)));
     }
-    fuse_body(index, cell, hits_needed, below_unseen);
-    fuse_mast(index, cell, hits_needed);
-    if (view_.has(seen_index, ViewCells::kHole)) fuse_hole(index, cell);
-    obstacles_.data()[index] = heights_.data()[index].any() ? 1 : 0;
+    std::uint8_t& obstacle = obstacles_(at.x, at.y);
+    HitHeights heights = obstacle != 0 ? heights_(at.x, at.y) : HitHeights{};
+    fuse_body(at, cell, hits_needed, below_unseen, heights);
+    fuse_mast(at, cell, hits_needed, heights);
+    if (view_.has(seen_index, ViewCells::kHole)) fuse_hole(at, cell);
+    obstacle = heights.any() ? 1 : 0;
+    if (obstacle != 0) heights_(at.x, at.y) = heights;
     changed.add(at);
-    if (body_.data()[index] != 0.0F) observed.add(at);
+    if (body_(at.x, at.y) != 0.0F) observed.add(at);
   };
   view_.for_each_told(fuse_cell);
   const Cell lattice = frame_.lattice();

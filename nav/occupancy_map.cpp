@@ -7,6 +7,8 @@
 namespace segsim::nav {
 namespace {
 
+constexpr HitHeights kUnread{0.0F, 0.0F, 0.0F, 0.0F};  // Zeros take no memory.
+
 /// Calls `visit(i, j)` for the cells whose centres lie within the disc, inside the map.
 template <class Visit>
 void for_each_cell_in_disc(const GridFrame& frame, const glm::dvec2& center_m, double radius_m,
@@ -24,7 +26,8 @@ void for_each_cell_in_disc(const GridFrame& frame, const glm::dvec2& center_m, d
 }  // namespace
 
 OccupancyMap::OccupancyMap(const OccupancyOptions& options) : options_(options) {
-  SEGSIM_CHECK(options.resolution_m > 0.0, "resolution_m");
+  SEGSIM_CHECK(options.growth.resolution_m > 0.0, "resolution_m");
+  SEGSIM_CHECK(!options.growth.wrap, "a log-odds map does not wrap");
   SEGSIM_CHECK(options.obstacle_max_m > options.obstacle_min_m, "obstacle band is empty");
   SEGSIM_CHECK(options.max_range_m > 0.0, "max_range_m");
   SEGSIM_CHECK(options.ray_step_x_px > 0 && options.ray_step_y_px > 0, "ray step");
@@ -36,39 +39,36 @@ OccupancyMap::OccupancyMap(const OccupancyOptions& options) : options_(options) 
 
 void OccupancyMap::reset() {
   frame_ = {};
-  frame_.resolution_m = options_.resolution_m;
-  body_ = mast_ = {};
+  frame_.resolution_m = options_.growth.resolution_m;
+  body_ = {};
+  mast_ = {};
+  obstacles_ = {};
   heights_ = {};
-  obstacles_ = hole_views_ = {};
+  hole_views_ = {};
   observed_ = changed_ = {};
   started_ = exhausted_ = false;
 }
 
 bool OccupancyMap::ensure_covers(const glm::dvec2& low_m, const glm::dvec2& high_m) {
-  GrowthOptions growth;
-  growth.resolution_m = options_.resolution_m;
-  growth.max_extent_m = options_.max_extent_m;
-  if (frame_.width_cells == 0) {
-    frame_ = first_frame(growth, 0.5 * (low_m + high_m));
+  const bool first = frame_.width_cells == 0;
+  if (first) frame_ = first_frame(options_.growth, 0.5 * (low_m + high_m));
+  const auto margins = grow(frame_, options_.growth, low_m, high_m);
+  exhausted_ |= !margins;
+  if (first) {
     const int width = frame_.width_cells, height = frame_.height_cells;
-    body_ = first_layer<float>(width, height);
-    mast_ = first_layer<float>(width, height);
-    heights_ = first_layer<HitHeights>(width, height);
-    obstacles_ = first_layer<std::uint8_t>(width, height);
-    hole_views_ = first_layer<std::uint8_t>(width, height);
+    body_ = GridLayer<float>(width, height);
+    mast_ = GridLayer<float>(width, height);
+    obstacles_ = GridLayer<std::uint8_t>(width, height);
+    heights_ = GridLayer<HitHeights>(width, height, kUnread);
+    hole_views_ = GridLayer<std::uint8_t>(width, height);
+  } else if (margins && margins->any()) {
+    body_.grow(*margins);
+    mast_.grow(*margins);
+    obstacles_.grow(*margins);
+    heights_.grow(*margins);
+    hole_views_.grow(*margins);
   }
-  const auto margins = grow(frame_, growth, low_m, high_m);
-  if (!margins) {
-    exhausted_ = true;
-    return false;
-  }
-  if (!margins->any()) return true;
-  grow_layer(body_, *margins);
-  grow_layer(mast_, *margins);
-  grow_layer(heights_, *margins);
-  grow_layer(obstacles_, *margins);
-  grow_layer(hole_views_, *margins);
-  return true;
+  return margins.has_value();
 }
 
 void OccupancyMap::note_changed(const Cell& cell) { changed_.add(cell + frame_.lattice()); }
@@ -91,7 +91,6 @@ void OccupancyMap::mark_free_disc(const glm::dvec2& center_odom_m, double radius
   if (!ensure_covers(center_odom_m - radius_m, center_odom_m + radius_m)) return;
   for_each_cell_in_disc(frame_, center_odom_m, radius_m, [&](int i, int j) {
     body_(i, j) = mast_(i, j) = options_.log_odds_min;
-    heights_(i, j) = {};
     obstacles_(i, j) = 0;
     note_changed({i, j});
     observed_.add(Cell(i, j) + frame_.lattice());

@@ -21,14 +21,14 @@
 #include <cstdint>
 
 #include "core/stages.h"
-#include "nav/grid.h"
+#include "nav/grid_layer.h"
 #include "nav/growing_frame.h"
 #include "nav/view_cells.h"
 
 namespace segsim::nav {
 
 struct OccupancyOptions {
-  double resolution_m = 0.05;  ///< VLFM: 20 cells per metre.
+  GrowthOptions growth;  ///< Never wraps.
   double obstacle_min_m =
       0.10;  ///< Lower points are floor; wheels of 0.1 m radius pass sills.
   double obstacle_max_m = 0.60;  ///< Body and payload; higher points concern the mast only.
@@ -54,7 +54,6 @@ struct OccupancyOptions {
   int hole_views = 3;  ///< seen so often, its unknown cells are presumed free. 0: never.
   /// Every n-th pixel is traced for clearing; of large images, more: about 128 x 64 rays.
   int ray_step_x_px = 2, ray_step_y_px = 3;
-  double max_extent_m = 200.0;  ///< No side of the map gets longer; see exhausted().
   float log_odds_hit = 0.7F, log_odds_miss = 0.35F;
   float log_odds_min = -1.5F, log_odds_max = 2.5F;
   float occupied_above = 0.5F;  ///< Log-odds; one hit makes an unknown cell occupied.
@@ -93,8 +92,8 @@ class OccupancyMap {
   /// Whether something hangs here between body and camera height.
   [[nodiscard]] bool mast_blocked(const Cell& cell) const;
   /// Log-odds of the two layers, 0 = never observed. [width_cells x height_cells]
-  [[nodiscard]] const core::Image<float>& body_log_odds() const { return body_; }
-  [[nodiscard]] const core::Image<float>& mast_log_odds() const { return mast_; }
+  [[nodiscard]] const GridLayer<float>& body_log_odds() const { return body_; }
+  [[nodiscard]] const GridLayer<float>& mast_log_odds() const { return mast_; }
 
  private:
   static constexpr float kBlocked = 100.0F;     ///< Log-odds of what was touched: for ever.
@@ -117,21 +116,22 @@ class OccupancyMap {
     int floor_hits;
     bool passed_low, through_body, through_mast;
   };
-  void fuse_body(std::size_t index, const CellView& cell, int hits_needed, bool below_unseen);
+  void fuse_body(const Cell& at, const CellView& cell, int hits_needed, bool below_unseen,
+                 HitHeights& stored);
   /// Whether the hits may be the upper part of what stands on the floor.
   [[nodiscard]] bool like_a_wall(const HitHeights& heights) const {
     return static_cast<double>(heights.mast_top_m - heights.mast_low_m) >=
            options_.wall_part_m;
   }
-  void fuse_mast(std::size_t index, const CellView& cell, int hits_needed);
-  void fuse_hole(std::size_t index, const CellView& cell);
+  void fuse_mast(const Cell& at, const CellView& cell, int hits_needed, HitHeights& stored);
+  void fuse_hole(const Cell& at, const CellView& cell);
 
   OccupancyOptions options_;
   GridFrame frame_;
-  core::Image<float> body_, mast_;  ///< Log-odds.
-  core::Image<HitHeights> heights_;
-  core::Image<std::uint8_t> obstacles_;  ///< 1 where heights are stored.
-  core::Image<std::uint8_t> hole_views_;
+  GridLayer<float> body_, mast_;       ///< Log-odds.
+  GridLayer<std::uint8_t> obstacles_;  ///< 1 where heights are stored.
+  GridLayer<HitHeights> heights_;      ///< Holds nothing elsewhere.
+  GridLayer<std::uint8_t> hole_views_;
   bool started_ = false, exhausted_ = false;
   /// On the lattice of GridFrame, so that growth shifts nothing.
   CellBox observed_, changed_;

@@ -154,13 +154,15 @@ void ValueMap::reset() {
 
 void ValueMap::update(const core::Observation& observation, double value) {
   const glm::dvec2 robot(observation.T_odom_robot.translation_m());
-  if (frame_.width_cells == 0) {
-    frame_ = first_frame(options_.growth, robot);
-    cells_ = first_layer<ValueCell>(frame_.width_cells, frame_.height_cells);
-  }
+  const bool first = frame_.width_cells == 0;
+  if (first) frame_ = first_frame(options_.growth, robot);
   const double reach_m = options_.max_depth_m + 1.0;
   const auto margins = grow(frame_, options_.growth, robot - reach_m, robot + reach_m);
-  if (margins && margins->any()) grow_layer(cells_, *margins);
+  if (first) {
+    cells_ = GridLayer<ValueCell>(frame_.width_cells, frame_.height_cells);
+  } else if (margins && margins->any()) {
+    cells_.grow(*margins);
+  }
   limits_m_ = column_limits_m(observation, options_, rules_);
   if (limits_m_.empty()) return;
   fuse_cone(observation, limits_m_, static_cast<float>(value));

@@ -16,6 +16,7 @@
 #include <span>
 
 #include "core/stages.h"
+#include "nav/grid_layer.h"
 #include "nav/growing_frame.h"
 #include "nav/vlfm_rules.h"
 
@@ -70,7 +71,7 @@ class ValueMap {
   [[nodiscard]] const GridFrame& frame() const { return frame_; }
   /// (0, 0) outside of the map.
   [[nodiscard]] ValueCell at(const glm::dvec2& p_odom_m) const;
-  [[nodiscard]] const core::Image<ValueCell>& cells() const { return cells_; }
+  [[nodiscard]] const GridLayer<ValueCell>& cells() const { return cells_; }
   /// Median of the values that are not 0 within a disc of cells; nullopt if there is none.
   /// VLFM uses a radius of 0.5 m and -1 for none.
   [[nodiscard]] std::optional<double> median_around(const glm::dvec2& p_odom_m,
@@ -92,7 +93,7 @@ class ValueMap {
   ValueMapOptions options_;
   VlfmRules rules_;
   GridFrame frame_;
-  core::Image<ValueCell> cells_;
+  GridLayer<ValueCell> cells_;
   ConeTables tables_;
   std::vector<float> limits_m_;
 };

@@ -145,7 +145,7 @@ double MappingCamera::range_where_lowest_ray_is_at(double height_m) const {
   return d.z < -1e-6 ? (eye_m.z - height_m) / -d.z * planar : 1e3;
 }
 
-void ViewCells::open(const GridFrame& frame, const core::Image<std::uint8_t>& obstacles,
+void ViewCells::open(const GridFrame& frame, const GridLayer<std::uint8_t>& obstacles,
                      const MappingCamera& camera, const ViewLimits& limits) {
   limits_ = limits;
   resolution_m_ = frame.resolution_m;
@@ -235,7 +235,7 @@ void ViewCells::mark_end_points(const core::Image<float>& depth_m,
 
 /// What a ray that passes an obstacle at this height says about it.
 void ViewCells::note_obstacle(std::int32_t cell, float height_m,
-                              const core::Image<HitHeights>& stored) {
+                              const GridLayer<HitHeights>& stored) {
   const int row = cell / side();
   const HitHeights& there = stored(low_.x + cell - row * side(), low_.y + row);
   std::uint8_t& mark = marks_.data()[cell];
@@ -252,7 +252,7 @@ void ViewCells::note_obstacle(std::int32_t cell, float height_m,
 /// says about obstacles. High above the floor it says nothing about the others. This loop is
 /// the other hot one.
 void ViewCells::trace_ray(const MappingCamera& camera, const glm::dvec3& direction,
-                          double depth_m, const core::Image<HitHeights>& stored) {
+                          double depth_m, const GridLayer<HitHeights>& stored) {
   const double planar = std::sqrt(direction.x * direction.x + direction.y * direction.y);
   const double r = resolution_m_;
   const double range_m = std::min(planar * depth_m - r, limits_.max_range_m);
@@ -293,8 +293,7 @@ void ViewCells::trace_ray(const MappingCamera& camera, const glm::dvec3& directi
 }
 
 void ViewCells::trace_rays(const core::Image<float>& depth_m, const MappingCamera& camera,
-                           const core::Image<HitHeights>& stored, int step_x_px,
-                           int step_y_px) {
+                           const GridLayer<HitHeights>& stored, int step_x_px, int step_y_px) {
   // As MappingCamera::direction(), to the last bit; most of it once per column and row.
   const core::CameraIntrinsics& pinhole = camera.intrinsics;
   std::vector<glm::dvec3> columns;

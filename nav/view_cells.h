@@ -15,7 +15,7 @@
 #include <glm/vec3.hpp>
 
 #include "core/stages.h"
-#include "nav/grid.h"
+#include "nav/grid_layer.h"
 #include "nav/internal/set_bytes.h"
 #include "nav/obstacle_horizon.h"
 
@@ -76,14 +76,14 @@ class ViewCells {
 
   /// Places the window around the eye, two cells more than the range on each side, and forgets
   /// the last image. @param obstacles  1 where the map stores heights; covers the window.
-  void open(const GridFrame& frame, const core::Image<std::uint8_t>& obstacles,
+  void open(const GridFrame& frame, const GridLayer<std::uint8_t>& obstacles,
             const MappingCamera& camera, const ViewLimits& limits);
   /// Every pixel: which cell does it end in, and at what height?
   void mark_end_points(const core::Image<float>& depth_m, const MappingCamera& camera);
   /// Every n-th pixel's ray: which cells does it pass, and how low?
   /// @param stored  Of the map, in its own frame.
   void trace_rays(const core::Image<float>& depth_m, const MappingCamera& camera,
-                  const core::Image<HitHeights>& stored, int step_x_px, int step_y_px);
+                  const GridLayer<HitHeights>& stored, int step_x_px, int step_y_px);
 
   /// Cell of the map that is the window's first.
   [[nodiscard]] const Cell& low() const { return low_; }
@@ -117,8 +117,8 @@ class ViewCells {
  private:
   void note_hit(std::size_t index, float height_m);
   void trace_ray(const MappingCamera& camera, const glm::dvec3& direction, double depth_m,
-                 const core::Image<HitHeights>& stored);
-  void note_obstacle(std::int32_t cell, float height_m, const core::Image<HitHeights>& stored);
+                 const GridLayer<HitHeights>& stored);
+  void note_obstacle(std::int32_t cell, float height_m, const GridLayer<HitHeights>& stored);
 
   ViewLimits limits_{};
   double resolution_m_ = 0.05;

@@ -229,10 +229,12 @@ core::PolicyView VlfmSearch::view() const {
   view.resolution_m = frame.resolution_m;
   view.origin_m = frame.origin_m;
   view.cells = core::Image<std::uint8_t>(frame.width_cells, frame.height_cells);
-  for (std::size_t k = 0; k < view.cells.size(); ++k) {
-    const bool hit = obstacles_.occupied().data()[k] != 0;
-    const bool free = obstacles_.explored().data()[k] != 0;
-    view.cells.data()[k] = hit ? 2 : free ? 1 : obstacles_.navigable().data()[k] == 0 ? 3 : 0;
+  for (int j = 0; j < frame.height_cells; ++j) {
+    for (int i = 0; i < frame.width_cells; ++i) {
+      const bool hit = obstacles_.occupied()(i, j) != 0;
+      const bool free = obstacles_.explored()(i, j) != 0;
+      view.cells(i, j) = hit ? 2 : free ? 1 : obstacles_.navigable()(i, j) == 0 ? 3 : 0;
+    }
   }
   for (const ContourFrontier& f : frontiers_) view.frontiers_m.push_back(f.waypoint_m);
   view.path_m = follower_.path().points_m;

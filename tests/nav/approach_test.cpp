@@ -55,11 +55,10 @@ TEST(ChooseApproach, WallsHideAndLowThingsDoNot) {
   for (std::string& line : lines) line[15] = '#';
   const CostMap low = text_map(lines, test::thin_options());
   EXPECT_TRUE(line_of_sight(low, {0.5, 0.5}, {2.5, 0.5}));
-  core::Image<CellState> states = low.states();
   core::Image<std::uint8_t> mast(30, 11);
   for (int j = 0; j < 11; ++j) mast(15, j) = 1;
   CostMap high;
-  high.build(low.frame(), states, mast, test::thin_options());
+  high.build(low.frame(), low.states(), mast, test::thin_options());
   EXPECT_FALSE(line_of_sight(high, {0.5, 0.5}, {2.5, 0.5}));
   EXPECT_TRUE(line_of_sight(high, {0.5, 0.5}, {1.55, 0.5}));  // The object is the wall.
 }

@@ -305,7 +305,7 @@ TEST(OccupancyMap, RefusesWrongInput) {
   observation.depth_m = &small;
   EXPECT_THROW(map.integrate(observation), core::ContractViolation);
   OccupancyOptions options;
-  options.resolution_m = 0.0;
+  options.growth.resolution_m = 0.0;
   EXPECT_THROW(OccupancyMap{options}, core::ContractViolation);
 }
 

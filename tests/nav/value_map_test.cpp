@@ -153,8 +153,11 @@ TEST(ValueMap, DegenerateDepthAndOffMapAreHarmless) {
       TestView view({}, depth);
       ValueMap map({}, VlfmRules(rule));
       map.update(view.observation, 0.5);
-      for (const ValueCell& cell : map.cells().pixels()) {
-        ASSERT_TRUE(std::isfinite(cell.confidence) && std::isfinite(cell.value));
+      for (int j = 0; j < map.frame().height_cells; ++j) {
+        for (int i = 0; i < map.frame().width_cells; ++i) {
+          const ValueCell& cell = map.cells()(i, j);
+          ASSERT_TRUE(std::isfinite(cell.confidence) && std::isfinite(cell.value));
+        }
       }
     }
   }
