@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cassert>
 #include <cstddef>
 #include <cstring>
 #include <memory>
@@ -130,8 +131,14 @@ class GridLayer {
   [[nodiscard]] bool contains(int x, int y) const {
     return x >= 0 && y >= 0 && x < width_ && y < height_;
   }
-  Pixel& operator()(int x, int y) { return row(y)[x]; }
-  const Pixel& operator()(int x, int y) const { return row(y)[x]; }
+  Pixel& operator()(int x, int y) {
+    assert(contains(x, y));
+    return row(y)[x];
+  }
+  const Pixel& operator()(int x, int y) const {
+    assert(contains(x, y));
+    return row(y)[x];
+  }
   Pixel* row(int y) { return first_ + y * stride(); }
   const Pixel* row(int y) const { return first_ + y * stride(); }
 
