@@ -49,6 +49,10 @@ class ObstacleMap {
   void update(const core::Observation& observation);
   /// Adds an obstacle that was felt, not seen.
   void mark_blocked_disc(const glm::dvec2& center_odom_m, double radius_m);
+  /// Takes back what was felt (log-odds rule only), from the next image on.
+  void forget_blocked() {
+    if (occupancy_) occupancy_->forget_blocked();
+  }
 
   [[nodiscard]] const GridFrame& frame() const { return frame_; }
   /// The smallest box that holds all occupied and explored cells.

@@ -106,6 +106,16 @@ void OccupancyMap::mark_blocked_disc(const glm::dvec2& center_odom_m, double rad
   });
 }
 
+void OccupancyMap::forget_blocked() {
+  for (int j = 0; j < frame_.height_cells; ++j) {
+    for (int i = 0; i < frame_.width_cells; ++i) {
+      if (body_(i, j) < kBlocked) continue;
+      body_(i, j) = 0.0F;
+      note_changed({i, j});
+    }
+  }
+}
+
 void OccupancyMap::assume_free_disc(const glm::dvec2& center_odom_m, double radius_m) {
   for_each_cell_in_disc(frame_, center_odom_m, radius_m, [&](int i, int j) {
     if (body_(i, j) != 0.0F) return;

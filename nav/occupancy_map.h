@@ -78,6 +78,8 @@ class OccupancyMap {
   /// Marks cells whose centre lies within `radius_m` as an obstacle that no ray can clear:
   /// something was touched there which the camera does not see.
   void mark_blocked_disc(const glm::dvec2& center_odom_m, double radius_m);
+  /// Takes all of that back: the cells count as never observed.
+  void forget_blocked();
 
   [[nodiscard]] const GridFrame& frame() const { return frame_; }
   /// Something lay farther away than the map may grow; it was left out.

@@ -254,6 +254,9 @@ TEST(ObstacleMap, FeltObstaclesCount) {
   EXPECT_EQ(map.navigable()(cell.x + 3, cell.y), 0);
   map.update(view.observation);
   EXPECT_EQ(map.occupied()(cell.x, cell.y), 1);
+  map.forget_blocked();
+  map.update(view.observation);
+  EXPECT_EQ(map.occupied()(cell.x, cell.y), 0);
 }
 
 }  // namespace

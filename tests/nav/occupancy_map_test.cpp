@@ -154,6 +154,22 @@ TEST(OccupancyMap, BlockedDiscSurvivesRaysButNotTheRobot) {
   EXPECT_EQ(state_at(map, 1.0, 0.0), CellState::kFree);
 }
 
+TEST(OccupancyMap, WhatWasFeltCanBeForgotten) {
+  OccupancyMap map;
+  Simulation simulation(room().world, {-1.0, 0, 0}, {});
+  map.integrate(simulation.observe());
+  map.mark_blocked_disc({1.0, 0.0}, 0.1);
+  map.mark_blocked_disc({2.98, 0.0}, 0.1);  // At the wall.
+  (void)map.take_changed();
+  map.forget_blocked();
+  EXPECT_EQ(state_at(map, 1.0, 0.0), CellState::kUnknown);
+  EXPECT_TRUE(map.take_changed().contains(map.frame().cell_at({1.0, 0.0})));
+  // What is there is seen again.
+  map.integrate(simulation.observe());
+  EXPECT_EQ(state_at(map, 1.0, 0.0), CellState::kFree);
+  EXPECT_EQ(state_at(map, 2.98, 0.0), CellState::kOccupied);
+}
+
 TEST(OccupancyMap, AllNanAndInfinityChangeNothingBeyondTheFootprint) {
   Simulation simulation(room().world, {0, 0, 0}, {});
   core::Observation observation = simulation.observe();
