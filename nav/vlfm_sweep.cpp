@@ -74,9 +74,11 @@ bool VlfmSearch::squeeze_through() {
   follower_ = PathFollower(narrow);
   ++squeezes_;
   vetoed_m_.clear();
-  // A touch blocks a disc ahead, which may close a gap that could be passed in its middle.
-  obstacles_.forget_blocked();
-  stuck_places_m_.clear();
+  if (squeezes_ == options_.tight_radii_m.size()) {
+    // A touch blocks a disc ahead, which may close a gap that could be passed in its middle.
+    obstacles_.forget_blocked();
+    stuck_places_m_.clear();
+  }
   swept_m_.clear();
   postponed_until_ns_ = 0;
   planned_ns_ = -1;
