@@ -18,6 +18,19 @@ struct Run {
   int y, x0, x1;
 };
 
+/// The first position from `x` to `last` where `set` is 1 and `but_not` is 0; `last` + 1 if
+/// there is none. Eight at a time, as most rows next to a run were marked from its other end.
+int first_set_beside(const std::uint8_t* set, const std::uint8_t* but_not, int x, int last) {
+  for (; x + 7 <= last; x += 8) {
+    std::uint64_t a = 0, b = 0;
+    std::memcpy(&a, set + x, sizeof a);
+    std::memcpy(&b, but_not + x, sizeof b);
+    if ((a & ~b) != 0) break;
+  }
+  while (x <= last && (set[x] & ~but_not[x]) == 0) ++x;
+  return x;
+}
+
 }  // namespace
 
 bool GeodesicField::begin(const CostMap& map, const Cell& from) {
@@ -50,10 +63,13 @@ void GeodesicField::spread_rows() {
   const int width = open.width_cells(), height = open.height_cells();
   std::vector<Run> runs;
   const auto take_run_at = [&](int x, int y) {
+    // The rim holds zeros, so that both ends are found.
     const std::uint8_t* row = open.row(y);
-    int x0 = x, x1 = x;
-    while (x0 > 0 && row[x0 - 1] != 0) --x0;
-    while (x1 + 1 < width && row[x1 + 1] != 0) ++x1;
+    const auto at = static_cast<std::size_t>(x);
+    const auto left = static_cast<const std::uint8_t*>(memrchr(row - 1, 0, at + 1));
+    const auto right = static_cast<const std::uint8_t*>(
+        std::memchr(row + at, 0, static_cast<std::size_t>(width) + 1 - at));
+    const int x0 = static_cast<int>(left + 1 - row), x1 = static_cast<int>(right - 1 - row);
     std::memset(reachable_.row(y) + x0, 1, static_cast<std::size_t>(x1 - x0 + 1));
     std::fill(cost_m_.row(y) + x0, cost_m_.row(y) + x1 + 1, kInfinity);
     box_.add(Cell(x0, y));
@@ -70,10 +86,10 @@ void GeodesicField::spread_rows() {
       const std::uint8_t* marked = reachable_.row(y);
       // Diagonal neighbours are joined, too.
       const int last = std::min(run.x1 + 1, width - 1);
-      for (int x = std::max(run.x0 - 1, 0); x <= last; ++x) {
-        if (row[x] == 0 || marked[x] != 0) continue;
+      int x = first_set_beside(row, marked, std::max(run.x0 - 1, 0), last);
+      while (x <= last) {
         take_run_at(x, y);
-        x = runs.back().x1;
+        x = first_set_beside(row, marked, runs.back().x1 + 1, last);
       }
     }
   }
