@@ -1,6 +1,5 @@
 #include "nav/grid_layer.h"
 
-#include <cerrno>
 #include <map>
 #include <mutex>
 #include <new>

@@ -75,6 +75,16 @@ class GridLayer {
     fill_box({Cell(0), Cell(width_ - 1, height_ - 1)});
   }
 
+  /// Begins with the size of a frame, and later grows with it; of nullopt nothing is taken.
+  void cover(const GridFrame& frame, const std::optional<Margins>& added,
+             const Pixel& fill = {}) {
+    if (empty()) {
+      reset(frame.width_cells, frame.height_cells, fill);
+    } else if (added && added->any()) {
+      grow(*added);
+    }
+  }
+
   /// Adds cells on the sides; what is there stays, and so do the addresses of its cells unless
   /// the plane had to be replaced by a larger one.
   void grow(const Margins& added) {

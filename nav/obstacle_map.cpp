@@ -64,8 +64,7 @@ void ObstacleMap::reset() {
 }
 
 void ObstacleMap::ensure_covers(const glm::dvec2& robot_m) {
-  const bool first = frame_.width_cells == 0;
-  if (first) frame_ = first_frame(options_.growth, robot_m);
+  if (frame_.width_cells == 0) frame_ = first_frame(options_.growth, robot_m);
   const double reach_m = options_.depth.max_depth_m + 1.0;
   const auto margins = grow(frame_, options_.growth, robot_m - reach_m, robot_m + reach_m);
   if (!margins) {
@@ -73,18 +72,10 @@ void ObstacleMap::ensure_covers(const glm::dvec2& robot_m) {
     const Cell robot = frame_.cell_at(robot_m);
     exhausted_ |= options_.growth.wrap ? !wrapped(frame_, robot) : !frame_.contains(robot);
   }
-  if (first) {
-    const int width = frame_.width_cells, height = frame_.height_cells;
-    occupied_ = GridLayer<std::uint8_t>(width, height);
-    explored_ = GridLayer<std::uint8_t>(width, height);
-    navigable_ = GridLayer<std::uint8_t>(width, height, 1);
-    if (occupancy_) mast_ = GridLayer<std::uint8_t>(width, height);
-  } else if (margins && margins->any()) {
-    occupied_.grow(*margins);
-    explored_.grow(*margins);
-    navigable_.grow(*margins);
-    if (occupancy_) mast_.grow(*margins);
-  }
+  occupied_.cover(frame_, margins);
+  explored_.cover(frame_, margins);
+  navigable_.cover(frame_, margins, 1);
+  if (occupancy_) mast_.cover(frame_, margins);
 }
 
 /// Every pixel whose point lies in the band occupies its cell, once and for all.

@@ -50,24 +50,14 @@ void OccupancyMap::reset() {
 }
 
 bool OccupancyMap::ensure_covers(const glm::dvec2& low_m, const glm::dvec2& high_m) {
-  const bool first = frame_.width_cells == 0;
-  if (first) frame_ = first_frame(options_.growth, 0.5 * (low_m + high_m));
+  if (frame_.width_cells == 0) frame_ = first_frame(options_.growth, 0.5 * (low_m + high_m));
   const auto margins = grow(frame_, options_.growth, low_m, high_m);
   exhausted_ |= !margins;
-  if (first) {
-    const int width = frame_.width_cells, height = frame_.height_cells;
-    body_ = GridLayer<float>(width, height);
-    mast_ = GridLayer<float>(width, height);
-    obstacles_ = GridLayer<std::uint8_t>(width, height);
-    heights_ = GridLayer<HitHeights>(width, height, kUnread);
-    hole_views_ = GridLayer<std::uint8_t>(width, height);
-  } else if (margins && margins->any()) {
-    body_.grow(*margins);
-    mast_.grow(*margins);
-    obstacles_.grow(*margins);
-    heights_.grow(*margins);
-    hole_views_.grow(*margins);
-  }
+  body_.cover(frame_, margins);
+  mast_.cover(frame_, margins);
+  obstacles_.cover(frame_, margins);
+  heights_.cover(frame_, margins, kUnread);
+  hole_views_.cover(frame_, margins);
   return margins.has_value();
 }
 

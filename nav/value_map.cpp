@@ -154,15 +154,10 @@ void ValueMap::reset() {
 
 void ValueMap::update(const core::Observation& observation, double value) {
   const glm::dvec2 robot(observation.T_odom_robot.translation_m());
-  const bool first = frame_.width_cells == 0;
-  if (first) frame_ = first_frame(options_.growth, robot);
+  if (frame_.width_cells == 0) frame_ = first_frame(options_.growth, robot);
   const double reach_m = options_.max_depth_m + 1.0;
   const auto margins = grow(frame_, options_.growth, robot - reach_m, robot + reach_m);
-  if (first) {
-    cells_ = GridLayer<ValueCell>(frame_.width_cells, frame_.height_cells);
-  } else if (margins && margins->any()) {
-    cells_.grow(*margins);
-  }
+  cells_.cover(frame_, margins);
   limits_m_ = column_limits_m(observation, options_, rules_);
   if (limits_m_.empty()) return;
   fuse_cone(observation, limits_m_, static_cast<float>(value));
