@@ -64,14 +64,30 @@ std::vector<LabelScene> label_scenes_of(const ExperimentSpec& spec,
   return scenes;
 }
 
+/// One of the view sets of an experiment.
+struct ViewSet {
+  std::string purpose;  ///< "train", "validation" or "test".
+  int per_scene = 0;
+  double facing_share = 0.85;
+};
+
+ViewSet view_set(const FinetuneSpec& finetune, const std::string& purpose) {
+  if (purpose == "train") return {purpose, finetune.views_per_scene, finetune.facing_share};
+  const int views = finetune.validation_views_per_scene > 0
+                        ? finetune.validation_views_per_scene
+                        : std::max(10, finetune.views_per_scene / kValidationShare);
+  return {purpose, views, finetune.validation_facing_share};
+}
+
 std::string describe_views(const ExperimentSpec& spec, const std::vector<LabelScene>& scenes,
-                           const std::string& purpose, int views) {
+                           const ViewSet& set) {
   const core::CameraIntrinsics camera = view_camera(spec);
   const FinetuneSpec& finetune = *spec.detectors.finetune;
   std::ostringstream text;
-  text << "views v1, " << purpose << ", " << views << " per scene, seed " << finetune.seed
-       << ", robot " << spec.robot << ", " << camera.width_px << "x" << camera.height_px
-       << " f " << camera.fx_px << ", pitch " << spec.camera.pitch_down_deg;
+  text << "views v2, " << set.purpose << ", " << set.per_scene << " per scene, "
+       << set.facing_share << " facing, seed " << finetune.seed << ", robot " << spec.robot
+       << ", " << camera.width_px << "x" << camera.height_px << " f " << camera.fx_px
+       << ", pitch " << spec.camera.pitch_down_deg;
   for (const LabelScene& scene : scenes) {
     text << "; " << scene.spec->name << " at " << scene.spec->camera_height_m << " m "
          << core::sha256_of_file(scene.bundle / "scene.yaml");
@@ -86,10 +102,10 @@ std::string describe_views(const ExperimentSpec& spec, const std::vector<LabelSc
 
 fs::path label_scenes(const ExperimentSpec& spec, const std::vector<LabelScene>& scenes,
                       const std::vector<std::string>& class_names, const std::string& purpose,
-                      int views, const fs::path& folder) {
+                      const fs::path& folder) {
+  const ViewSet set = view_set(*spec.detectors.finetune, purpose);
   const fs::path json = folder / (purpose + ".json");
-  const StepRecord record(folder / (purpose + ".step"),
-                          describe_views(spec, scenes, purpose, views));
+  const StepRecord record(folder / (purpose + ".step"), describe_views(spec, scenes, set));
   if (fs::exists(json) && record.is_current()) return json;
 
   perception::CocoDataset all;
@@ -97,7 +113,8 @@ fs::path label_scenes(const ExperimentSpec& spec, const std::vector<LabelScene>&
     ViewLabelOptions options;
     options.seed =
         core::hash64(scene.spec->name + "/" + purpose, spec.detectors.finetune->seed);
-    options.views = views;
+    options.views = set.per_scene;
+    options.share_facing_object = set.facing_share;
     options.camera = view_camera(spec);
     options.camera_height_m = scene.spec->camera_height_m;
     options.camera_pitch_down_rad = spec.camera.pitch_down_rad();
@@ -316,23 +333,22 @@ PreparedDetectors prepare_detectors(const ExperimentSpec& spec,
   }
 
   const std::vector<std::string> class_names = perception::read_weights(before).class_names;
-  const int views = spec.detectors.finetune->views_per_scene;
-  const int held_out = std::max(10, views / kValidationShare);
   const fs::path folder = work / "views";
   const std::vector<LabelScene> scenes = label_scenes_of(spec, bundles, starts);
-  const auto views_for = [&](const char* purpose, int count) {
-    return label_scenes(spec, scenes, class_names, purpose, count, folder);
+  const auto views_for = [&](const char* purpose) {
+    return label_scenes(spec, scenes, class_names, purpose, folder);
   };
-  const fs::path train = views_for("train", views);
+  const fs::path train = views_for("train");
   HeldOutSets sets;
-  sets.validation = views_for("validation", held_out);
-  sets.test = views_for("test", held_out);
+  sets.validation = views_for("validation");
+  sets.test = views_for("test");
   const fs::path after = prepare_after(spec, before, train, sets.validation, work);
   prepared.start_leak = start_leak(train, scenes, spec.detectors.finetune->start_clearance_m);
   if (shares_classes_of_procedural_homes(class_names)) render_foreign_sets(spec, work, sets);
   const auto finish = [&](const char* name, const fs::path& weights) {
     PreparedWeights arm{work / ("arm-" + std::string(name) + ".weights"), std::nullopt};
-    arm.held_out = prepare_arm_weights(weights, sets, arm.file);
+    arm.held_out = prepare_arm_weights(weights, sets,
+                                       spec.detectors.finetune->precision_target, arm.file);
     print_precision(name, *arm.held_out);
     return arm;
   };

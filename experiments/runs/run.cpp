@@ -14,6 +14,7 @@
 #include "core/file_io.h"
 #include "core/progress.h"
 #include "core/version.h"
+#include "experiments/reproducibility/stage_digests.h"
 #include "experiments/runs/folder_lock.h"
 #include "experiments/runs/prepare.h"
 #include "experiments/runs/run_provenance.h"
@@ -367,6 +368,11 @@ RunReport run_experiment(const ExperimentSpec& spec, const RunOptions& options) 
   report.table = summarise(store.runs().back(), store.scenes(report.run_id),
                            store.arms(report.run_id), trials);
   write_tables(results, report.table, trials);
+  std::vector<fs::path> bundles;
+  for (const LoadedScene& scene : inputs.scenes) bundles.push_back(scene.bundle.folder);
+  report.digests = digest_stages(work, bundles, report.results_sha256);
+  write_digests(results / "digests.json",
+                {spec.name, spec.sha256, core::version(), describe_machine(), report.digests});
   return report;
 }
 

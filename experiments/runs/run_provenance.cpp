@@ -7,6 +7,7 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
+#include "core/kernel_choice.h"
 #include "experiments/benchmarks/machine_peaks.h"
 #include "experiments/timing/clock_spec.h"
 #include "perception/library_versions.h"
@@ -57,6 +58,7 @@ std::map<std::string, std::string> run_provenance(const ExperimentSpec& spec,
                                                   const std::optional<Shard>& shard) {
   std::map<std::string, std::string> rows;
   const std::string clock = clock_in_words(spec.clock);
+  rows["kernels"] = core::to_string(core::kernel_choice());
   rows["clock"] = clock.empty() ? "lockstep" : clock;
   const auto add_libraries = [&](const std::map<std::string, std::string>& versions) {
     for (const auto& [name, version] : versions) rows["library/" + name] = version;

@@ -246,7 +246,7 @@ OperatingPoint write_with_threshold(const std::filesystem::path& file, DetectorW
   core::write_via_temporary(file, [&](const std::filesystem::path& temporary) {
     write_weights(temporary, weights);
     const auto results = detect_all(temporary, sample);
-    best = best_f1(results, static_cast<int>(weights.class_names.size()));
+    best = best_f1(operating_points(results, static_cast<int>(weights.class_names.size())));
     weights.score_threshold = best.score_threshold;
     write_weights(temporary, weights);
   });
