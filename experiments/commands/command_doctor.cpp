@@ -19,7 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 
 struct DoctorFlags {
-  fs::path digests, against;
+  fs::path digests, against, record;
 };
 
 void print_machine() {
@@ -50,6 +50,11 @@ void examine(const DoctorFlags& flags) {
     return;
   }
   const DigestRecord found = read_digests(digests_of(flags.digests));
+  if (!flags.record.empty()) {
+    record_digests(flags.record, found);
+    std::printf("%s\n", flags.record.c_str());
+    return;
+  }
   if (flags.against.empty()) {
     std::printf("%s by segsim %s on %s, %s kernels\n%s", found.experiment.c_str(),
                 found.program.c_str(), found.machine.processor.c_str(),
@@ -78,6 +83,10 @@ void add_doctor_command(CLI::App& app) {
       ->add_option("--against", flags->against,
                    "Another run's, or a recorded file as experiments/specs/digests/flat.json; "
                    "exit code 1 if a stage differs")
+      ->needs(digests);
+  command
+      ->add_option("--record", flags->record,
+                   "Make this record of the run, or add this processor to it")
       ->needs(digests);
   command->callback([flags] { examine(*flags); });
 }

@@ -161,7 +161,7 @@ std::vector<StageDigest> digest_stages(const fs::path& work,
   add_files("episodes", work / "episodes", ".jsonl", digest_of_episodes);
   add_files("labels", work / "views", ".json", digest_of_views);
   add_files("weights", work, ".weights", digest_of_weights);
-  stages.push_back({"trials", "", results_sha256});
+  if (!results_sha256.empty()) stages.push_back({"trials", "", results_sha256});
   return stages;
 }
 
@@ -171,9 +171,13 @@ void write_digests(const fs::path& file, const DigestRecord& record) {
     stages.push_back(
         {{"stage", digest.stage}, {"subject", digest.subject}, {"sha256", digest.sha256}});
   }
-  const Json json{{"schema", DigestRecord::kSchema},    {"experiment", record.experiment},
-                  {"spec_sha256", record.spec_sha256},  {"program", record.program},
-                  {"machine", json_of(record.machine)}, {"stages", stages}};
+  const Json json{{"schema", DigestRecord::kSchema},
+                  {"experiment", record.experiment},
+                  {"spec_sha256", record.spec_sha256},
+                  {"program", record.program},
+                  {"machine", json_of(record.machine)},
+                  {"confirmed_on", record.confirmed_on},
+                  {"stages", stages}};
   core::write_file_atomically(file, [&](std::ostream& out) { out << json.dump(2) << '\n'; });
 }
 
@@ -187,6 +191,7 @@ DigestRecord read_digests(const fs::path& file) {
     record.spec_sha256 = json.at("spec_sha256").get<std::string>();
     record.program = json.at("program").get<std::string>();
     record.machine = machine_from(json.at("machine"));
+    record.confirmed_on = json.at("confirmed_on").get<std::vector<std::string>>();
     for (const auto& stage : json.at("stages")) {
       record.stages.push_back({stage.at("stage").get<std::string>(),
                                stage.at("subject").get<std::string>(),
@@ -198,6 +203,24 @@ DigestRecord read_digests(const fs::path& file) {
         file.string(), std::string("digests of a run (") + DigestRecord::kSchema + ")",
         error.what());
   }
+}
+
+void record_digests(const fs::path& file, const DigestRecord& run) {
+  if (!fs::exists(file)) {
+    write_digests(file, run);
+    return;
+  }
+  DigestRecord record = read_digests(file);
+  const DigestComparison comparison = compare_digests(record, run);
+  if (!comparison.equal) {
+    throw core::CheckFailed(file.string() + " stays as it is:\n" + comparison.text);
+  }
+  for (const std::string& processor : run.confirmed_on) {
+    const auto known =
+        std::find(record.confirmed_on.begin(), record.confirmed_on.end(), processor);
+    if (known == record.confirmed_on.end()) record.confirmed_on.push_back(processor);
+  }
+  write_digests(file, record);
 }
 
 std::string digests_in_words(const std::vector<StageDigest>& stages) {

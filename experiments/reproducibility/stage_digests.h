@@ -27,12 +27,15 @@ struct DigestRecord {
   std::string spec_sha256;  ///< Another spec may have other digests.
   std::string program;      ///< Version and commit.
   MachineRecord machine;
+  /// Processors of all machines that made equal digests; that of `machine` is the first.
+  std::vector<std::string> confirmed_on;
   std::vector<StageDigest> stages;
 };
 
 /// Digests of what lies in a work folder. They cover what was computed, not in which folder,
 /// when, or by which commit: manifests and headers that name those are left out.
-/// @param bundles  Of the scenes.  @param results_sha256  Of the trials (results_digest.h).
+/// @param bundles  Of the scenes.  @param results_sha256  Of the trials (results_digest.h);
+/// empty while some are missing.
 [[nodiscard]] std::vector<StageDigest> digest_stages(
     const std::filesystem::path& work, const std::vector<std::filesystem::path>& bundles,
     const std::string& results_sha256);
@@ -43,6 +46,11 @@ void write_digests(const std::filesystem::path& file, const DigestRecord& record
 
 /// A line for each stage, with the first digits of its digest.
 [[nodiscard]] std::string digests_in_words(const std::vector<StageDigest>& stages);
+
+/// What `run` says for the record `file`: a new record if there is none yet; another processor
+/// on its list if all stages are equal.
+/// @throws core::CheckFailed if a stage differs: the file stays as it is.
+void record_digests(const std::filesystem::path& file, const DigestRecord& run);
 
 struct DigestComparison {
   bool equal = true;

@@ -12,6 +12,7 @@
 #include "core/check.h"
 #include "core/error.h"
 #include "core/file_io.h"
+#include "core/kernel_choice.h"
 #include "core/progress.h"
 #include "core/version.h"
 #include "experiments/reproducibility/stage_digests.h"
@@ -49,6 +50,13 @@ std::int64_t open_run(Store& store, const ExperimentSpec& spec, const RunOptions
           "another text; give --new to begin another run, or another --work folder");
     }
     check_same_inputs(store, last.run_id, scenes, arms);
+    const std::string kernels = core::to_string(core::kernel_choice());
+    const auto began = last.provenance.find("kernels");
+    if (began != last.provenance.end() && began->second != kernels) {
+      throw core::InputError::expected(
+          "run " + std::to_string(last.run_id) + " in " + options.folders.work.string(),
+          began->second + " kernels, with which it began (--fast says which)", kernels);
+    }
     if (last.code_version != core::version()) {
       if (options.shard) {
         throw core::InputError::expected("shard " + options.shard->text(),
@@ -370,9 +378,12 @@ RunReport run_experiment(const ExperimentSpec& spec, const RunOptions& options) 
   write_tables(results, report.table, trials);
   std::vector<fs::path> bundles;
   for (const LoadedScene& scene : inputs.scenes) bundles.push_back(scene.bundle.folder);
-  report.digests = digest_stages(work, bundles, report.results_sha256);
-  write_digests(results / "digests.json",
-                {spec.name, spec.sha256, core::version(), describe_machine(), report.digests});
+  const bool complete = report.trials_left == 0 && report.trials_failed == 0;
+  report.digests = digest_stages(work, bundles, complete ? report.results_sha256 : "");
+  DigestRecord record{spec.name, spec.sha256, core::version(), describe_machine(), {}, {}};
+  record.confirmed_on = {record.machine.processor};
+  record.stages = report.digests;
+  write_digests(results / "digests.json", record);
   return report;
 }
 
