@@ -14,7 +14,7 @@ constexpr LibrarySetting kReproducible[] = {
     {"DNNL_MAX_CPU_ISA", "AVX2", false},  // The same for oneDNN inside older libtorch.
     {"OPENBLAS_CORETYPE", "Haswell", true},
     {"OPENBLAS_NUM_THREADS", "1", true},
-    {"OPENCV_CPU_DISABLE", "AVX512_SKX", true},
+    {"OPENCV_CPU_DISABLE", "AVX512-SKX", true},
     {"MKL_CBWR", "AVX2", false},  // A libtorch from elsewhere may come with MKL.
 };
 

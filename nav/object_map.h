@@ -55,12 +55,20 @@ struct MappedObject {
   double sightings = 0.0;              ///< Weighted views with a detection.
   double score_sum = 0.0;              ///< Scores times the same weights.
   double misses = 0.0;  ///< Weighted views that should have shown it and did not.
+  /// From within refute_range_m and from another place than the view before: how often it was
+  /// detected, and how often it should have been and was not.
+  int near_hits = 0, near_misses = 0;
   float best_score = 0.0F;
   double best_range_m = 1e9;  ///< Nearest range it was seen from; the cloud comes from there.
   bool trusted = false;       ///< Seen from within trusted_range_m.
   int times_refuted = 0;
   double sightings_at_refute = 0.0;
   core::TimeNs last_seen_ns = 0;  ///< Any detection, counted as a view or not.
+  /// Of the near views, those with a detection; 1 without any near view.
+  [[nodiscard]] double near_share() const {
+    const int views = near_hits + near_misses;
+    return views == 0 ? 1.0 : static_cast<double>(near_hits) / views;
+  }
   /// Planar distance from a place to the nearest point of the cloud [m].
   [[nodiscard]] double planar_distance_m(const glm::dvec2& p_odom_m) const;
   /// The cloud's nearest point to a place, in the plane.

@@ -156,6 +156,12 @@ PolicySettings read_policy_settings(
   if (type.starts_with("frontier") && node.has("follower")) {
     settings.dynamic_window = choice(node, "follower", {"pure-pursuit", "dwa"}) == 1;
   }
+  if (type.starts_with("frontier")) {
+    settings.confirm_share = node.number_or("confirm_share", settings.confirm_share);
+    if (!(settings.confirm_share >= 0.0 && settings.confirm_share <= 1.0)) {
+      node.child("confirm_share").fail("a number in [0, 1]", node.text("confirm_share"));
+    }
+  }
   if (type == "vlfm" || type == "frontier-value") {
     settings.scorer = node.text_or("scorer", settings.scorer);
     if (node.has("scorer")) {
@@ -186,6 +192,7 @@ std::unique_ptr<core::Policy> make_policy(const PolicySettings& settings,
                                           const PolicyContext& context) {
   if (settings.type == "vlfm") return make_vlfm(settings, context);
   FrontierPolicyOptions frontier;
+  frontier.confirm_share = settings.confirm_share;
   if (settings.dynamic_window) frontier.follower.motion = LocalMotion::kDynamicWindow;
   if (settings.type == "frontier-value") {
     ValueSearchOptions options;
