@@ -54,9 +54,9 @@ struct FrontierPolicyOptions {
   /// Share of the near views of an object that must show it before the robot stops there. A
   /// false detection often needs one particular view.
   double confirm_share = 0.0;
-  double verify_time_s = 2.0;       ///< Looking at the place without detection until refuted.
-  double second_look_m = 1.1;       ///< An object that was seen often gets a second look from
-                                    ///< this far or more: very near it may fill the image.
+  double verify_time_s = 2.0;  ///< Looking at the place without detection until refuted.
+  double second_look_m = 1.1;  ///< An object that was seen often gets a second look from
+                               ///< this far or more: very near it may fill the image.
   double second_look_sightings = 5.0;  ///< Weighted views that entitle to it.
   double postpone_s = 15.0;  ///< An object that is not reachable yet waits this long.
   StuckOptions stuck;

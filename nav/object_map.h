@@ -28,6 +28,10 @@ struct ObjectMapOptions {
   int min_cluster_points = 5;        ///< After thinning.
   int max_box_samples = 2500;        ///< Pixels looked at per box (VLFM: 5000).
   double floor_height_m = 0.05;      ///< Points below are floor, not object.
+  /// A detection is not believed if one of another class with a higher score covers it by this
+  /// much (intersection over union): the same thing under its better name; 1 = always
+  /// believed.
+  double rival_iou = 1.0;
   double association_m = 0.5;      ///< Planar gap between a detection's centre and an object's
                                    ///< cloud up to which they are the same.
   double min_move_m = 0.10;        ///< A view counts again after moving this far ...

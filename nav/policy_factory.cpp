@@ -161,6 +161,10 @@ PolicySettings read_policy_settings(
     if (!(settings.confirm_share >= 0.0 && settings.confirm_share <= 1.0)) {
       node.child("confirm_share").fail("a number in [0, 1]", node.text("confirm_share"));
     }
+    settings.rival_iou = node.number_or("rival_iou", settings.rival_iou);
+    if (!(settings.rival_iou > 0.0 && settings.rival_iou <= 1.0)) {
+      node.child("rival_iou").fail("a number in (0, 1]", node.text("rival_iou"));
+    }
   }
   if (type == "vlfm" || type == "frontier-value") {
     settings.scorer = node.text_or("scorer", settings.scorer);
@@ -193,6 +197,7 @@ std::unique_ptr<core::Policy> make_policy(const PolicySettings& settings,
   if (settings.type == "vlfm") return make_vlfm(settings, context);
   FrontierPolicyOptions frontier;
   frontier.confirm_share = settings.confirm_share;
+  frontier.objects.rival_iou = settings.rival_iou;
   if (settings.dynamic_window) frontier.follower.motion = LocalMotion::kDynamicWindow;
   if (settings.type == "frontier-value") {
     ValueSearchOptions options;

@@ -42,6 +42,7 @@ struct PolicySettings {
   std::filesystem::path prior;  ///< Empty: the built-in nav/data/semantic_prior.yaml.
   /// Of the frontier policies: FrontierPolicyOptions::confirm_share.
   double confirm_share = FrontierPolicyOptions{}.confirm_share;
+  double rival_iou = ObjectMapOptions{}.rival_iou;  ///< The same: ObjectMapOptions::rival_iou.
   // script
   std::vector<DiscreteAction> actions;
   // random

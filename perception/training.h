@@ -113,7 +113,7 @@ struct TrainOptions {
   int patience = 0;  ///< Evaluations without a better one after which it stops; 0: never.
 
   std::uint64_t seed = 1;
-  int threads = 2;
+  int threads = 1;
   TrainDevice device = TrainDevice::kCpu;
   bool mixed_precision = false;  ///< float16 where it is safe; CUDA only.
 
