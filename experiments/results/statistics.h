@@ -107,9 +107,12 @@ struct ClusterSum {
   int count = 0;
 };
 
+/// With fewer scenes nothing can be said about others.
+inline constexpr std::size_t kScenesForClaim = 5;
+
 /// Mean over all values, with an interval from drawing whole clusters with replacement: what
 /// differs between scenes counts, not only what differs between the episodes of a scene. Says
-/// little for fewer than 5 clusters. Empty clusters are left out.
+/// little for fewer than kScenesForClaim clusters. Empty clusters are left out.
 [[nodiscard]] MeanInterval cluster_bootstrap_mean(std::span<const ClusterSum> clusters,
                                                   int rounds = 10000, unsigned seed = 1);
 

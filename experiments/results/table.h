@@ -53,9 +53,6 @@ struct GroupSummary {
   [[nodiscard]] const ArmSummary* find(const std::string& arm) const;
 };
 
-/// With fewer scenes nothing can be said about others.
-inline constexpr std::size_t kScenesForClaim = 5;
-
 struct ResultTable {
   RunRow run;
   std::vector<SceneRow> scene_rows;
