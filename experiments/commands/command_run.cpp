@@ -46,7 +46,8 @@ void run(RunFlags& flags) {
     std::fputs(format_table(report.table, TableFormat::kText).c_str(), stdout);
     std::printf("\n");
   }
-  std::printf("Results in %s, SHA-256 %s\n", report.results.c_str(),
+  std::fputs(stage_times_text(report.times, report.wall_s).c_str(), stdout);
+  std::printf("\nResults in %s, SHA-256 %s\n", report.results.c_str(),
               report.results_sha256.c_str());
   check_end(report);
 }
