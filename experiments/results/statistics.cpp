@@ -313,18 +313,21 @@ MeanInterval cluster_bootstrap_mean(std::span<const ClusterSum> clusters, int ro
   return {all.sum / all.count, middle_95(std::move(means))};
 }
 
-std::string verdict(const PairedCounts& counts) {
+std::string verdict(const PairedCounts& counts, double p, const PairedDifference& difference) {
   constexpr double kSignificant = 0.05, kMargin = 0.1;
   constexpr int kFewPairs = 30;
-  if (mcnemar_exact_p(counts.only_after, counts.only_before) < kSignificant) {
-    return counts.only_after > counts.only_before ? "improved" : "worse";
-  }
-  const Interval interval = newcombe_paired_difference(counts).interval;
+  if (p < kSignificant) return difference.difference > 0.0 ? "improved" : "worse";
+  const Interval& interval = difference.interval;
   if (counts.total() > 0 && interval.low > -kMargin && interval.high < kMargin) return "held";
   if (counts.discordant() < kMinDiscordantPairs && counts.total() < kFewPairs) {
     return "underpowered";
   }
   return "unresolved";
+}
+
+std::string verdict(const PairedCounts& counts) {
+  return verdict(counts, mcnemar_exact_p(counts.only_after, counts.only_before),
+                 newcombe_paired_difference(counts));
 }
 
 }  // namespace segsim::experiments

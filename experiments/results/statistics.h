@@ -118,8 +118,11 @@ inline constexpr std::size_t kScenesForClaim = 5;
 
 /// In one word: "improved", "worse" (p < 0.05), "underpowered" (fewer than kMinDiscordantPairs
 /// discordant pairs and fewer than 30 pairs), "held" (the interval of the difference lies
-/// within
-/// +-0.1), "unresolved".
+/// within +-0.1), "unresolved".
+/// @param p, difference  Of the test and the interval that suit the design.
+[[nodiscard]] std::string verdict(const PairedCounts& counts, double p,
+                                  const PairedDifference& difference);
+/// The same by McNemar's exact test and Newcombe's interval: of one training.
 [[nodiscard]] std::string verdict(const PairedCounts& counts);
 
 }  // namespace segsim::experiments

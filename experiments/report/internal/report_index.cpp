@@ -110,7 +110,7 @@ std::string sure_card(const ReportModel& model) {
   std::string html = "<section class=\"card\"><h2>How sure are we?</h2>\n";
   if (group != nullptr && compares(table) && group->pairs.total() > 0) {
     const TrialFilter filter = of_group(model, *group);
-    html += "<p class=\"answer\">p = " + p_text(group->p_exact) + "</p>\n<ul><li>" +
+    html += "<p class=\"answer\">p = " + p_text(group->p) + "</p>\n<ul><li>" +
             html_escaped(difference_text(*group)) +
             " points (95 % interval, Newcombe, paired)</li><li>" +
             std::to_string(group->pairs.total()) + " episodes in both arms: " +
