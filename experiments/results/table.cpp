@@ -221,16 +221,20 @@ ArmSummary summarise_arm(const TableInputs& inputs, const Family& family, Episod
   ArmSummary summary;
   summary.arm = family.name;
   summary.members = static_cast<int>(family.rows.size());
+  summary.by_member.resize(family.rows.size());
   std::map<std::string, int> outcomes;
   std::vector<const TrialRow*> all;
   SeededValues successes;
   int usable = 0;
   for (std::size_t k = 0; k < episodes.size(); ++k) {
-    for (const std::size_t row : family.rows) {
+    for (std::size_t member = 0; member < family.rows.size(); ++member) {
+      const std::size_t row = family.rows[member];
       const EpisodeArm& cell = episodes[k].arms[row];
       if (cell.result.usable > 0) {
-        ++summary.success.trials;
-        summary.success.successes += cell.result.success ? 1 : 0;
+        for (Proportion* count : {&summary.success, &summary.by_member[member]}) {
+          ++count->trials;
+          count->successes += cell.result.success ? 1 : 0;
+        }
         summary.spl += cell.result.spl;
         summary.soft_spl += cell.result.soft_spl;
         const RowPair of{row, row, inputs.arms[row].reconstruction,

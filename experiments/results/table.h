@@ -19,9 +19,10 @@ namespace segsim::experiments {
 /// together. With several repetitions an episode counts as a success if more than half of its
 /// repetitions succeed, and its other figures are means.
 struct ArmSummary {
-  std::string arm;     ///< Family (ArmRow).
-  int members = 1;     ///< Trainings and reconstructions of it.
-  Proportion success;  ///< Episodes, each once for each member.
+  std::string arm;                      ///< Family (ArmRow).
+  int members = 1;                      ///< Trainings and reconstructions of it.
+  Proportion success;                   ///< Episodes, each once for each member.
+  std::vector<Proportion> by_member{};  ///< Episodes of each, in the order of the run's arms.
   /// Of several members: hierarchical_interval() of the rate.
   std::optional<Interval> pooled_interval{};
   double spl = 0, soft_spl = 0;                ///< Means over those episodes.

@@ -101,7 +101,9 @@ std::string headline_title(const ResultTable& table) {
 std::vector<std::string> headline_lines(const ResultTable& table) {
   std::vector<std::string> lines;
   if (!trainings_in_words(table).empty()) lines.push_back(training_line(table));
-  lines.push_back("Success rule: " + profile_name(table) + "." + strict_rule_line(table));
+  if (!profile_name(table).empty()) {
+    lines.push_back("Success rule: " + profile_name(table) + "." + strict_rule_line(table));
+  }
   return lines;
 }
 
