@@ -112,7 +112,9 @@ void add_run_command(CLI::App& app) {
                       "Folder that ${data} in the spec stands for");
   command->add_option("--work", flags->options.folders.work,
                       "Folder for everything that is made (default: out/<name of the spec>)");
-  command->add_option("--workers", flags->options.workers, "Trials at the same time")
+  command
+      ->add_option("--workers", flags->options.workers,
+                   "Trials, and before them scenes and trainings, at the same time")
       ->check(CLI::Range(1, 1024))
       ->capture_default_str();
   command

@@ -154,7 +154,8 @@ std::vector<fs::path> prepare_scenes(const ExperimentSpec& spec, const fs::path&
     StageTimes::Timer timer(times, "reconstruction/" + names[k]);
     if (steps[k].is_current()) return;
     timer.working();
-    const perception::ThreadCountScope part(std::max(1, processor_count() / at_once));
+    std::optional<perception::ThreadCountScope> part;
+    if (at_once > 1) part.emplace(std::max(1, processor_count() / at_once));
     steps[k].reconstruct();
   });
   return bundles;

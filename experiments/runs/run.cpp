@@ -1,5 +1,6 @@
 #include "experiments/runs/run.h"
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cstdio>
@@ -135,34 +136,42 @@ std::vector<TrialTask> unfinished(std::vector<TrialTask> tasks,
   return tasks;
 }
 
-/// Success rates so far, for the progress line: "before 3/10, after 7/10".
+/// Success rates so far, all trainings of an arm together, for the progress line: "before
+/// 3/10, after 7/10".
 class Tally {
  public:
-  explicit Tally(const ExperimentSpec& spec) : spec_(spec) {}
+  explicit Tally(const ExperimentSpec& spec) {
+    for (const ArmSpec& arm : spec.arms) {
+      family_[arm.name] = arm.family;
+      const bool known = std::find(order_.begin(), order_.end(), arm.family) != order_.end();
+      if (!known) order_.push_back(arm.family);
+    }
+  }
   void count(const TrialRow& trial) {
     if (trial.failed()) {
       ++failed_;
       return;
     }
     if (!trial.counts()) return;
-    auto& [successes, trials] = counts_[trial.arm];
+    auto& [successes, trials] = counts_[family_[trial.arm]];
     ++trials;
     successes += trial.success ? 1 : 0;
   }
   [[nodiscard]] std::string text() const {
     std::string line;
-    for (const ArmSpec& arm : spec_.arms) {
-      const auto found = counts_.find(arm.name);
+    for (const std::string& arm : order_) {
+      const auto found = counts_.find(arm);
       if (found == counts_.end()) continue;
-      line += (line.empty() ? "" : ", ") + arm.name + " " +
-              std::to_string(found->second.first) + "/" + std::to_string(found->second.second);
+      line += (line.empty() ? "" : ", ") + arm + " " + std::to_string(found->second.first) +
+              "/" + std::to_string(found->second.second);
     }
     if (failed_ > 0) line += ", failed " + std::to_string(failed_);
     return line;
   }
 
  private:
-  const ExperimentSpec& spec_;
+  std::vector<std::string> order_;             ///< Arms of the spec.
+  std::map<std::string, std::string> family_;  ///< Which of them an arm is a training of.
   std::map<std::string, std::pair<int, int>> counts_;
   int failed_ = 0;
 };
