@@ -46,10 +46,11 @@ bool same_episode(const SeededValue& a, const SeededValue& b) {
 }
 
 std::vector<std::pair<int, int>> sorted_trainings(std::span<const SeededValue> values) {
-  std::vector<std::pair<int, int>> trainings;
-  for (const SeededValue& v : values) trainings.push_back(training_of(v));
-  std::sort(trainings.begin(), trainings.end());
-  trainings.erase(std::unique(trainings.begin(), trainings.end()), trainings.end());
+  std::vector<std::pair<int, int>> trainings;  // Few, so that they are kept sorted.
+  for (const SeededValue& v : values) {
+    const auto at = std::lower_bound(trainings.begin(), trainings.end(), training_of(v));
+    if (at == trainings.end() || *at != training_of(v)) trainings.insert(at, training_of(v));
+  }
   return trainings;
 }
 
@@ -74,6 +75,7 @@ Design crossed_design(std::span<const SeededValue> values, Episodes episodes) {
   const std::vector<std::pair<int, int>> trainings = sorted_trainings(values);
   const std::vector<SeededValue> sorted = sorted_values(values);
   Design design;
+  design.cells.reserve(sorted.size());
   for (std::size_t k = 0; k < trainings.size(); ++k) {
     const bool next = k > 0 && trainings[k].first != trainings[k - 1].first;
     design.reconstruction.push_back(k == 0 ? 0
@@ -201,6 +203,15 @@ std::vector<Cell> drawn_cells(const Design& design) {
   return several || design.draws_scenes() ? merged(std::move(cells)) : cells;
 }
 
+/// @param share  Of the columns in the variance of the mean.
+double degrees_of_freedom(const MeanSquares& squares, double share) {
+  if (squares.row_df <= 0.0) return squares.column_df;
+  if (squares.column_df <= 0.0) return squares.row_df;
+  // Satterthwaite's formula with the share once, not squared: it rests on a few trainings, and
+  // is too small just when the variance is.
+  return 1.0 / (share / squares.column_df + square(1.0 - share) / squares.row_df);
+}
+
 /// @param more_variance  Added to the variance that comes from the rows.
 Estimate estimate_mean(const Design& design, double more_variance = 0.0) {
   const MeanSquares squares = mean_squares(drawn_cells(design));
@@ -211,14 +222,7 @@ Estimate estimate_mean(const Design& design, double more_variance = 0.0) {
   if (sum <= squares.rounding) return {.mean = squares.mean, .values = squares.weight};
   Estimate estimate{
       .mean = squares.mean, .variance = sum / squares.weight, .values = squares.weight};
-
-  // Satterthwaite's formula with the share of the columns once, not squared: that share rests
-  // on a few trainings, and is too small just when the variance is.
-  const double share = squares.column / sum;
-  double reciprocal = 0.0;
-  if (squares.column_df > 0.0) reciprocal += share / squares.column_df;
-  if (squares.row_df > 0.0) reciprocal += square(1.0 - share) / squares.row_df;
-  estimate.degrees_of_freedom = 1.0 / reciprocal;
+  estimate.degrees_of_freedom = degrees_of_freedom(squares, squares.column / sum);
   return estimate;
 }
 

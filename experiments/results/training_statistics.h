@@ -29,9 +29,10 @@ struct SeededValue {
 
 /// Mean of differences with a Student interval whose variance is that of a hierarchical
 /// bootstrap over reconstructions, trainings, scenes and episodes, in closed form: nothing is
-/// drawn. With one training it is the interval of the episodes alone. Where all values of a
-/// scene are equal, and at most 1 in size, Wilson's bound for what so few episodes can have
-/// missed takes its place. Zeros for no values.
+/// drawn. With one training it is the interval of the episodes alone. Its mean is that of all
+/// values. Values without any spread that can be differences of successes (at most 1 in size)
+/// leave room for what Wilson's interval says so few episodes can have missed. Not cut off at
+/// -1 and 1. Zeros for no values.
 [[nodiscard]] MeanInterval hierarchical_interval(std::span<const SeededValue> differences,
                                                  double confidence = 0.95);
 

@@ -178,6 +178,9 @@ TEST(TrainingStatistics, NothingToTestIsDefined) {
   EXPECT_EQ(hierarchical_rate_interval({}).interval.high, 1.0);
   EXPECT_EQ(training_test({}).p, 1.0);
   EXPECT_EQ(training_test({}).degrees_of_freedom, 0.0);
+  // One episode on which the trainings agree.
+  EXPECT_EQ(training_test(one_scene({{1, 1, 1}})).p, 1.0);
+  EXPECT_EQ(training_test(one_scene({{1, 1, 1}})).degrees_of_freedom, 2.0);
   // No episode has both trainings.
   const std::vector<SeededValue> apart{{0, 0, 0, 0, 1.0}, {0, 1, 0, 1, 1.0}};
   EXPECT_EQ(training_test(apart).p, 1.0);
