@@ -249,7 +249,7 @@ ArmSummary summarise_arm(const TableInputs& inputs, const Family& family, Episod
     }
   }
   if (summary.members > 1) {
-    summary.pooled_interval = hierarchical_interval(successes.all()).interval;
+    summary.pooled_interval = hierarchical_rate_interval(successes.all()).interval;
   }
   summary.insights = gain_insights(all);
   const double n = std::max(1, summary.success.trials), m = std::max(1, usable);
@@ -303,7 +303,9 @@ void compare(const TableInputs& inputs, Episodes episodes, GroupSummary& group) 
   const bool several = inputs.pairs.size() > 1;
   if (several) {
     const MeanInterval difference = hierarchical_interval(success.all());
-    group.difference = {difference.mean, difference.interval};
+    group.difference = {
+        difference.mean,
+        {std::max(-1.0, difference.interval.low), std::min(1.0, difference.interval.high)}};
     group.training = training_test(success.all());
     group.p = group.training->p;
   } else {

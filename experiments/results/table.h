@@ -23,7 +23,7 @@ struct ArmSummary {
   int members = 1;                      ///< Trainings and reconstructions of it.
   Proportion success;                   ///< Episodes, each once for each member.
   std::vector<Proportion> by_member{};  ///< Episodes of each, in the order of the run's arms.
-  /// Of several members: hierarchical_interval() of the rate.
+  /// Of several members: hierarchical_rate_interval().
   std::optional<Interval> pooled_interval{};
   double spl = 0, soft_spl = 0;                ///< Means over those episodes.
   double sim_s = 0, path_m = 0, contacts = 0;  ///< Means over trials.

@@ -390,7 +390,7 @@ TEST(Table, TrainingsOfAnArmArePooled) {
       differences.back().value -= before_values[episode];
     }
   }
-  const Interval rate = hierarchical_interval(rates).interval;
+  const Interval rate = hierarchical_rate_interval(rates).interval;
   EXPECT_EQ(after.interval().low, rate.low);
   EXPECT_EQ(after.interval().high, rate.high);
   EXPECT_EQ(before.interval().low, wilson_interval({1, 4}).low);

@@ -91,7 +91,7 @@ Grid rates_grid(const ResultTable& table, const std::vector<GroupSummary>& group
 Grid paired_grid(const ResultTable& table, const std::vector<GroupSummary>& groups) {
   const bool several = table.trainings.size() > 1;
   Grid grid{std::string("After - before on the same episodes (") +
-                (several ? "hierarchical bootstrap, test over trainings)"
+                (several ? "95 % interval and test over trainings and episodes)"
                          : "bootstrap 95 % interval, sign-flip test)"),
             {"Scene", "SPL", "p SPL", "Time [s]", "p time", "Path [m]", "p path",
              "SR over scenes [points]"},

@@ -112,11 +112,11 @@ void note_paper(ResultTable& table) {
 void note_several_trainings(ResultTable& table) {
   table.notes.push_back(
       "SR: successes/(episodes x trainings); where an arm has several trainings, with a 95 % "
-      "interval of a hierarchical bootstrap over reconstructions, trainings, scenes and "
+      "interval that counts what differs between reconstructions, trainings and "
       "episodes, else Wilson's. p: two-sided test of \"" +
       table.before + "\" against \"" + table.after +
       "\" over trainings and episodes; pairs +b -c, summed over trainings: b only after, c "
-      "only before. Difference: the same bootstrap of the paired differences "
+      "only before. Difference: the interval of the same kind "
       "(docs/metrics.md).");
 }
 
