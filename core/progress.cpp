@@ -5,8 +5,19 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <utility>
 
 namespace segsim::core {
+namespace {
+
+thread_local std::string prefix;
+
+}  // namespace
+
+ProgressPrefix::ProgressPrefix(std::string words)
+    : before_(std::exchange(prefix, std::move(words))) {}
+
+ProgressPrefix::~ProgressPrefix() { prefix = before_; }
 
 std::string format_duration(double duration_s) {
   const auto total = static_cast<long>(std::lround(std::max(0.0, duration_s)));
@@ -23,7 +34,7 @@ std::string format_duration(double duration_s) {
 }
 
 Progress::Progress(std::string label, std::int64_t total)
-    : label_(std::move(label)),
+    : label_(prefix + label),
       total_(std::max<std::int64_t>(total, 1)),
       terminal_(::isatty(STDERR_FILENO) == 1),
       start_(Clock::now()),

@@ -30,6 +30,19 @@ class Progress {
   Clock::time_point start_, last_print_;
 };
 
+/// Words before the labels of all progress lines that the calling thread begins while it
+/// lives, so that lines of work that runs side by side can be told apart.
+class ProgressPrefix {
+ public:
+  explicit ProgressPrefix(std::string words);
+  ~ProgressPrefix();
+  ProgressPrefix(const ProgressPrefix&) = delete;
+  ProgressPrefix& operator=(const ProgressPrefix&) = delete;
+
+ private:
+  std::string before_;
+};
+
 /// "1:02:03", "4:05" or "6 s".
 [[nodiscard]] std::string format_duration(double duration_s);
 

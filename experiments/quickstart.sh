@@ -13,20 +13,24 @@ fi
 source "$(dirname "${BASH_SOURCE[0]}")/../tools/setup.sh"
 cd "$root"
 
+took() { echo "$(($1 / 60)) min $(($1 % 60)) s"; }
+
 install_packages debian_packages.txt
+installed=$SECONDS
 build release segsim
+built=$SECONDS
 
 work=out/flat
 say "Running the main job (results in $work)"
-started=$SECONDS
 build/release/experiments/segsim run experiments/specs/flat.yaml --work "$work" "$@" \
   || fail "segsim run ended with code $?; what was finished is kept in $work: run this script again"
 
+ran=$SECONDS
 say "Writing the report"
 build/release/experiments/segsim report "$work" \
   || fail "segsim report ended with code $?; the results themselves are in $work"
 
-say "Done in $(((SECONDS - started) / 60)) min $(((SECONDS - started) % 60)) s. Where to look:"
+say "Done: build $(took $((built - installed))), run $(took $((ran - built))), report $(took $((SECONDS - ran))). Where to look:"
 cat <<TEXT
   table      $work/table.md            success rate before and after, with intervals
   pictures   $work/pictures/           one top-down picture for each trial: path, frontiers, goal, detections

@@ -3,6 +3,7 @@
 #include <ATen/Parallel.h>
 
 #include <atomic>
+#include <mutex>
 #include <opencv2/core/utility.hpp>
 
 #include "core/check.h"
@@ -20,6 +21,19 @@ namespace segsim::perception {
 namespace {
 
 std::atomic<int> wanted_threads{1};
+thread_local int own_threads = 0;  ///< Of a ThreadCountScope; 0: the process's.
+
+/// OpenCV has one count for the process, and may not change it while another thread is at
+/// work.
+void apply_to_opencv() {
+  static std::mutex mutex;
+  static int applied = 0;
+  const std::lock_guard<std::mutex> lock(mutex);
+  const int wanted = wanted_threads;
+  if (applied == wanted) return;
+  cv::setNumThreads(wanted);
+  applied = wanted;
+}
 
 class LearnedDetector final : public BatchDetector {
  public:
@@ -104,15 +118,29 @@ void set_threads(int count) {
   apply_thread_count();
 }
 
-int threads() { return wanted_threads; }
+int threads() { return own_threads > 0 ? own_threads : wanted_threads.load(); }
 
 void apply_thread_count() {
   thread_local int applied = 0;
-  const int wanted = wanted_threads;
+  const int wanted = threads();
   if (applied == wanted) return;
+  // A thread's first question makes libtorch give it the count that some thread set last;
+  // asked later, that would undo what is set here.
+  (void)at::get_num_threads();
   at::set_num_threads(wanted);
-  cv::setNumThreads(wanted);
+  apply_to_opencv();
   applied = wanted;
+}
+
+ThreadCountScope::ThreadCountScope(int count) : before_(own_threads) {
+  SEGSIM_CHECK(count >= 1, std::to_string(count));
+  own_threads = count;
+  apply_thread_count();
+}
+
+ThreadCountScope::~ThreadCountScope() {
+  own_threads = before_;
+  apply_thread_count();
 }
 
 std::unique_ptr<BatchDetector> load_detector(const std::filesystem::path& weights,

@@ -57,10 +57,24 @@ class BatchDetector : public core::Detector {
     const std::filesystem::path& weights, const DetectorOptions& options = {});
 
 /// Threads inside one forward or training pass; 1 until this is called, which is the best for
-/// images up to 320 px. Holds for all threads of the process, and for OpenCV as well.
-/// Floating-point sums, and so scores in the last digits, depend on it. train() sets its own
-/// count and restores this one.
+/// images up to 320 px. Holds for all threads of the process but those with a
+/// ThreadCountScope, and for OpenCV as well. Floating-point sums, and so scores in the last
+/// digits, depend on it.
 void set_threads(int count);
+/// That of the calling thread.
 [[nodiscard]] int threads();
+
+/// A count of the calling thread's own while it lives, so that several threads of a process
+/// can train or detect side by side, each with so many threads of OpenMP below it.
+class ThreadCountScope {
+ public:
+  explicit ThreadCountScope(int count);
+  ~ThreadCountScope();
+  ThreadCountScope(const ThreadCountScope&) = delete;
+  ThreadCountScope& operator=(const ThreadCountScope&) = delete;
+
+ private:
+  int before_;
+};
 
 }  // namespace segsim::perception

@@ -17,18 +17,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Restores the thread count when training ends, also by an exception.
-class ThreadScope {
- public:
-  explicit ThreadScope(int count) : before_(threads()) { set_threads(count); }
-  ~ThreadScope() { set_threads(before_); }
-  ThreadScope(const ThreadScope&) = delete;
-  ThreadScope& operator=(const ThreadScope&) = delete;
-
- private:
-  int before_;
-};
-
 fs::path best_file(const TrainOptions& options) { return options.output.string() + ".best"; }
 
 bool patience_ended(const BestSoFar& best, const TrainOptions& options) {
@@ -82,7 +70,7 @@ TrainReport train(const TrainOptions& wanted) {
   check_train_options(wanted);
   TrainOptions options = wanted;
   const TrainingInputs inputs = read_training_inputs(options);
-  const ThreadScope thread_scope(options.threads);
+  const ThreadCountScope thread_scope(options.threads);
   Trainer trainer(options, inputs);
 
   TrainReport report;

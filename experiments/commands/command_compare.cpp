@@ -12,6 +12,7 @@
 #include "experiments/internal/formatted.h"
 #include "experiments/internal/text_grid.h"
 #include "experiments/results/internal/table_grids.h"
+#include "experiments/results/internal/training_grids.h"
 #include "experiments/store/stored_run.h"
 
 namespace segsim::experiments {
@@ -32,24 +33,35 @@ std::string outcome_words(const TrialRow& trial) {
          std::to_string(trial.trial_id);
 }
 
-/// Trials that went otherwise in the second arm, by episode and repetition.
-Grid changed_grid(const StoredRun& stored, const ResultTable& table) {
-  Grid grid{"Episodes that changed (#: number for segsim explain)",
-            {"Episode", "Goal", "Change", table.before, table.after},
-            {}};
+/// Adds the trials of one training that went otherwise, by episode and repetition.
+void add_changed(const StoredRun& stored, const TrainingSummary& training, bool several,
+                 Grid& grid) {
   std::map<std::string, const TrialRow*> first;
   const auto key = [](const TrialRow& trial) {
     return trial.episode + "\n" + std::to_string(trial.repetition);
   };
   for (const TrialRow& trial : stored.trials) {
-    if (trial.arm == table.before && trial.counts()) first[key(trial)] = &trial;
+    if (trial.arm == training.before && trial.counts()) first[key(trial)] = &trial;
   }
   for (const TrialRow& trial : stored.trials) {
-    if (trial.arm != table.after || !trial.counts()) continue;
+    if (trial.arm != training.arm || !trial.counts()) continue;
     const auto found = first.find(key(trial));
     if (found == first.end() || found->second->success == trial.success) continue;
     grid.rows.push_back({trial.episode, trial.goal_class, trial.success ? "gained" : "lost",
                          outcome_words(*found->second), outcome_words(trial)});
+    if (several) grid.rows.back().push_back(training.arm);
+  }
+}
+
+/// Trials that went otherwise in the second arm, training by training.
+Grid changed_grid(const StoredRun& stored, const ResultTable& table) {
+  Grid grid{"Episodes that changed (#: number for segsim explain)",
+            {"Episode", "Goal", "Change", table.before, table.after},
+            {}};
+  const bool several = table.trainings.size() > 1;
+  if (several) grid.header.emplace_back("Training");
+  for (const TrainingSummary& training : table.trainings) {
+    add_changed(stored, training, several, grid);
   }
   return grid;
 }
@@ -80,6 +92,7 @@ void compare(const CompareFlags& flags) {
                                  {"change", row[2]},
                                  {"before", row[3]},
                                  {"after", row[4]}});
+      if (row.size() > 5) json["changed"].back()["training"] = row[5];
     }
     std::printf("%s\n", json.dump(2).c_str());
     return;
@@ -88,8 +101,10 @@ void compare(const CompareFlags& flags) {
   if (table.all) rows.push_back(*table.all);
   internal::GridDocument document;
   document.grids = {internal::comparison_grid(table, rows, "Scene", false),
+                    internal::trainings_grid(table),
                     internal::comparison_grid(table, table.classes, "Goal", true),
                     internal::paired_grid(table, rows), changed};
+  if (table.trainings.size() < 2) document.grids.erase(document.grids.begin() + 1);
   document.notes = table.notes;
   std::fputs(internal::document_text(document, format).c_str(), stdout);
 }

@@ -50,7 +50,8 @@ void run(RunFlags& flags) {
         core::to_string(core::kernel_choice()), report.results.c_str(),
         digests_in_words(report.digests).c_str());
   }
-  std::printf("Results in %s, SHA-256 %s\n", report.results.c_str(),
+  std::fputs(stage_times_text(report.times, report.wall_s).c_str(), stdout);
+  std::printf("\nResults in %s, SHA-256 %s\n", report.results.c_str(),
               report.results_sha256.c_str());
   check_end(report);
 }
@@ -115,7 +116,9 @@ void add_run_command(CLI::App& app) {
                       "Folder that ${data} in the spec stands for");
   command->add_option("--work", flags->options.folders.work,
                       "Folder for everything that is made (default: out/<name of the spec>)");
-  command->add_option("--workers", flags->options.workers, "Trials at the same time")
+  command
+      ->add_option("--workers", flags->options.workers,
+                   "Trials, and before them scenes and trainings, at the same time")
       ->check(CLI::Range(1, 1024))
       ->capture_default_str();
   command

@@ -78,12 +78,14 @@ void choose_threshold(const fs::path& weights_file, const fs::path& validation,
 }  // namespace
 
 HeldOutPrecision prepare_arm_weights(const fs::path& weights, const HeldOutSets& sets,
-                                     double precision_target, const fs::path& output) {
+                                     double precision_target, const fs::path& output,
+                                     const std::function<void()>& on_measure) {
   const fs::path record = output.string() + ".precision.json";
   const std::string inputs = describe_inputs(weights, sets, precision_target);
   if (fs::exists(output)) {
     if (const auto known = read_measurement(record, inputs)) return *known;
   }
+  if (on_measure) on_measure();
   choose_threshold(weights, sets.validation, precision_target, output);
   const perception::EvaluationReport report = perception::evaluate(output, sets.test);
   const perception::OperatingPoint& point = report.precision.operating;

@@ -5,6 +5,7 @@
 /// of this project gives them, and how good they are on views that nothing was tuned on.
 
 #include <filesystem>
+#include <functional>
 #include <optional>
 
 namespace segsim::experiments {
@@ -39,9 +40,11 @@ struct HeldOutSets {
 /// others. 'Before' and 'after' are treated alike, so that neither
 /// profits from a better chosen threshold. A measurement of the same files is not repeated: it
 /// lies in `output`.precision.json.
+/// @param on_measure  Called before that takes time.
 /// @throws core::InputError if a file is missing or damaged.
 HeldOutPrecision prepare_arm_weights(const std::filesystem::path& weights,
                                      const HeldOutSets& sets, double precision_target,
-                                     const std::filesystem::path& output);
+                                     const std::filesystem::path& output,
+                                     const std::function<void()>& on_measure = {});
 
 }  // namespace segsim::experiments

@@ -256,6 +256,7 @@ ViewLabels label_views(const core::SceneBundle& bundle, const sim::RobotModel& r
     sampler.accept(pose);
     ++added;
     if (progress) progress->update(added);
+    if (options.on_view) options.on_view();
   }
   labeller.finish(labels);
   return labels;

@@ -7,6 +7,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -48,6 +49,7 @@ struct ViewLabelOptions {
   perception::BoxLabelOptions boxes;
   std::string prefix;  ///< Of image names, so that scenes can share a folder.
   bool show_progress = true;
+  std::function<void()> on_view;  ///< Called after each random view, if it is set.
 };
 
 struct ViewLabels {

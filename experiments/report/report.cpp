@@ -72,16 +72,41 @@ void note_changes(ReportModel& model) {
     ++count.usable;
     count.successes += view.row->success ? 1 : 0;
   }
+  // Of several trainings a trial before them has as many changes, and is told none.
+  const bool several = model.table.trainings.size() > 1;
+  std::map<std::string, const TrainingSummary*> pairs;
+  for (const TrainingSummary& training : model.table.trainings) {
+    pairs[training.arm] = &training;
+    if (!several) pairs[training.before] = &training;
+  }
   for (TrialView& view : model.trials) {
-    const bool compared =
-        view.row->arm == model.table.before || view.row->arm == model.table.after;
-    if (!compared || !view.row->counts()) continue;
-    const Count before = episodes[view.row->episode][model.table.before];
-    const Count after = episodes[view.row->episode][model.table.after];
+    const auto pair = pairs.find(view.row->arm);
+    if (pair == pairs.end() || !view.row->counts()) continue;
+    const Count before = episodes[view.row->episode][pair->second->before];
+    const Count after = episodes[view.row->episode][pair->second->arm];
     if (before.usable == 0 || after.usable == 0) continue;
     const bool first = 2 * before.successes > before.usable;
     const bool second = 2 * after.successes > after.usable;
     view.change = first ? (second ? "both" : "lost") : (second ? "gained" : "neither");
+  }
+}
+
+/// What the table calls the arm and the scene of each trial.
+void name_families(ReportModel& model) {
+  std::map<std::string, std::string> arms, scenes;
+  for (const ArmRow& row : model.table.arm_rows) {
+    const bool chosen = row.name == model.table.before || row.name == model.table.after;
+    arms[row.name] = chosen ? row.name : family_of(row);
+  }
+  for (const SceneRow& row : model.table.scene_rows) scenes[row.name] = family_of(row);
+  const auto named = [](const std::map<std::string, std::string>& names,
+                        const std::string& name) {
+    const auto found = names.find(name);
+    return found == names.end() ? name : found->second;
+  };
+  for (TrialView& view : model.trials) {
+    view.arm = named(arms, view.row->arm);
+    view.scene = named(scenes, view.row->scene);
   }
 }
 
@@ -126,15 +151,28 @@ namespace internal {
 std::string arm_color(const ReportModel& model, const std::string& arm) {
   static constexpr const char* kOthers[] = {"#8453a8", "#5f6b76", "#0f8b8d",
                                             "#a23b72", "#6b8e23", "#b3261e"};
-  if (arm == model.table.before) return "#c26a1b";
-  if (arm == model.table.after) return "#1f6fb2";
-  if (arm == model.table.oracle) return "#3a8f4d";
+  std::string family = arm;
+  for (const ArmRow& row : model.table.arm_rows) {
+    if (row.name == arm) family = family_of(row);
+  }
+  for (const std::string& name : {arm, family}) {
+    if (name == model.table.before) return "#c26a1b";
+    if (name == model.table.after) return "#1f6fb2";
+    if (name == model.table.oracle) return "#3a8f4d";
+  }
   std::size_t place = 0;
   for (const ArmRow& row : model.table.arm_rows) {
-    if (row.name == arm) break;
+    if (family_of(row) == family) break;
     ++place;
   }
   return kOthers[place % std::size(kOthers)];
+}
+
+std::vector<std::string> arms_of(const ReportModel& model) {
+  std::vector<std::string> arms;
+  if (model.table.scenes.empty()) return arms;
+  for (const ArmSummary& arm : model.table.scenes.front().arms) arms.push_back(arm.arm);
+  return arms;
 }
 
 std::string fate_of(const TrialRow& trial) {
@@ -159,6 +197,7 @@ ReportSummary write_report(const StoredRun& stored, const ReportOptions& options
   clear_output(options.output);
 
   ReportSummary summary;
+  name_families(model);
   name_pages(model);
   note_changes(model);
   model.with_plots = add_plot_library(options.output, model.notes);

@@ -58,18 +58,31 @@
       type: "scatter",
       data: {
         labels: plot.rows.map((row) => row.label),
-        datasets: plot.series.map((series, index) => {
+        datasets: plot.series.flatMap((series, index) => {
           const rows = plot.rows.filter((row) => row.series === series.name);
-          return {
+          const color = color_of(series, index);
+          const rates = {
             label: series.name,
             data: rows.map((row) => ({ x: row.value, y: row.label })),
             whiskers: rows.map((row) => [row.low, row.high]),
             along: "x",
-            borderColor: color_of(series, index),
-            backgroundColor: color_of(series, index),
+            borderColor: color,
+            backgroundColor: color,
             pointRadius: 6,
             clip: false,
           };
+          const dots = rows.flatMap((row) => (row.dots ?? []).map((x) => ({ x, y: row.label })));
+          if (dots.length === 0) return [rates];
+          const trainings = {
+            label: `${series.name}, each training`,
+            data: dots,
+            borderColor: color,
+            backgroundColor: "#ffffff",
+            borderWidth: 1.5,
+            pointRadius: 4,
+            clip: false,
+          };
+          return [trainings, rates];  // The first is drawn on top.
         }),
       },
       options: {

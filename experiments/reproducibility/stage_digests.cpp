@@ -156,10 +156,17 @@ std::vector<StageDigest> digest_stages(const fs::path& work,
       if (entry.path().extension() == ending) files.push_back(entry.path());
     }
     std::sort(files.begin(), files.end());
-    for (const fs::path& file : files) stages.push_back({stage, file.stem(), digest(file)});
+    for (const fs::path& file : files) {
+      const fs::path subject = fs::relative(file, work);
+      stages.push_back({stage, subject.parent_path() / subject.stem(), digest(file)});
+    }
   };
   add_files("episodes", work / "episodes", ".jsonl", digest_of_episodes);
-  add_files("labels", work / "views", ".json", digest_of_views);
+  for (const fs::path& folder : folders_in(work)) {  // "views", and one for each further seed.
+    if (folder.filename().string().starts_with("views")) {
+      add_files("labels", folder, ".json", digest_of_views);
+    }
+  }
   add_files("weights", work, ".weights", digest_of_weights);
   if (!results_sha256.empty()) stages.push_back({"trials", "", results_sha256});
   return stages;

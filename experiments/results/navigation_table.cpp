@@ -71,7 +71,7 @@ Grid grid_of(const std::vector<Row>& rows) {
           {scene.title, std::to_string(before == nullptr ? 0 : before->success.trials),
            internal::rate_text(before), internal::rate_text(scene.find(table.after)),
            internal::difference_text(scene), internal::pairs_text(scene),
-           internal::p_text(scene.p_exact), scene.verdict,
+           internal::p_text(scene.p), scene.verdict,
            internal::rate_text(scene.find(table.oracle)), leakage_word(scene)});
     }
     grid.rows.push_back(std::move(cells));
@@ -105,14 +105,19 @@ std::vector<std::string> notes_of(std::span<const NavigationEntry> entries) {
 
 Json json_rate(const ArmSummary* arm) {
   if (arm == nullptr) return nullptr;
-  const Interval wilson = wilson_interval(arm->success);
-  const Interval exact = clopper_pearson_interval(arm->success);
-  return {{"arm", arm->arm},
-          {"successes", arm->success.successes},
-          {"episodes", arm->success.trials},
-          {"sr", arm->success.value()},
-          {"wilson95", {wilson.low, wilson.high}},
-          {"clopper_pearson95", {exact.low, exact.high}}};
+  const Interval interval = arm->interval();
+  Json json{
+      {"arm", arm->arm},
+      {"trainings", arm->members},
+      {"successes", arm->success.successes},
+      {"episodes", arm->success.trials},
+      {"sr", arm->success.value()},
+      {arm->pooled_interval ? "hierarchical95" : "wilson95", {interval.low, interval.high}}};
+  if (!arm->pooled_interval) {
+    const Interval exact = clopper_pearson_interval(arm->success);
+    json["clopper_pearson95"] = {exact.low, exact.high};
+  }
+  return json;
 }
 
 std::string json_text(std::span<const NavigationEntry> entries) {
@@ -145,9 +150,10 @@ std::string json_text(std::span<const NavigationEntry> entries) {
       line["only_before"] = scene.pairs.only_before;
       line["pairs"] = scene.pairs.total();
       line["difference"] = scene.difference.difference;
-      line["newcombe95"] = {scene.difference.interval.low, scene.difference.interval.high};
-      line["p_mcnemar_exact"] = scene.p_exact;
-      line["p_mcnemar_mid"] = scene.p_mid;
+      line[scene.training ? "hierarchical95" : "newcombe95"] = {
+          scene.difference.interval.low, scene.difference.interval.high};
+      line[scene.training ? "p_trainings" : "p_mcnemar_exact"] = scene.p;
+      if (!scene.training) line["p_mcnemar_mid"] = scene.p_mid;
       line["verdict"] = scene.verdict;
       line["leakage"] = leakage_word(scene);
     }

@@ -138,18 +138,38 @@ double inverse_incomplete_beta(double a, double b, double probability) {
   return 0.5 * (low + high);
 }
 
+double student_two_sided_p(double t, double degrees_of_freedom) {
+  SEGSIM_CHECK(degrees_of_freedom > 0.0, std::to_string(degrees_of_freedom));
+  return incomplete_beta(0.5 * degrees_of_freedom, 0.5,
+                         degrees_of_freedom / (degrees_of_freedom + t * t));
+}
+
+double student_quantile(double probability, double degrees_of_freedom) {
+  check_probability(probability);
+  SEGSIM_CHECK(degrees_of_freedom > 0.0, std::to_string(degrees_of_freedom));
+  const double both_tails = 2.0 * std::min(probability, 1.0 - probability);
+  const double x = inverse_incomplete_beta(0.5 * degrees_of_freedom, 0.5, both_tails);
+  const double t = std::sqrt(degrees_of_freedom * (1.0 - x) / x);
+  return probability < 0.5 ? -t : t;
+}
+
+Interval score_interval(double rate, double trials, double quantile) {
+  SEGSIM_CHECK(rate >= 0.0 && rate <= 1.0 && trials > 0.0,
+               std::to_string(rate) + " of " + std::to_string(trials));
+  const double z = quantile, n = trials;
+  const double centre = (rate + z * z / (2.0 * n)) / (1.0 + z * z / n);
+  const double half =
+      z / (1.0 + z * z / n) * std::sqrt(rate * (1.0 - rate) / n + z * z / (4.0 * n * n));
+  // The ends are exact at 0 and 1; rounding must not push them past.
+  return {rate == 0.0 ? 0.0 : std::max(0.0, centre - half),
+          rate == 1.0 ? 1.0 : std::min(1.0, centre + half)};
+}
+
 Interval wilson_interval(const Proportion& p, double confidence) {
   check_proportion(p);
   check_probability(confidence);
   if (p.trials == 0) return {0.0, 1.0};
-  const double z = normal_quantile(0.5 + 0.5 * confidence);
-  const double n = p.trials;
-  const double centre = (p.value() + z * z / (2.0 * n)) / (1.0 + z * z / n);
-  const double half = z / (1.0 + z * z / n) *
-                      std::sqrt(p.value() * (1.0 - p.value()) / n + z * z / (4.0 * n * n));
-  // The ends are exact at k = 0 and k = n; rounding must not push them past 0 or 1.
-  return {p.successes == 0 ? 0.0 : std::max(0.0, centre - half),
-          p.successes == p.trials ? 1.0 : std::min(1.0, centre + half)};
+  return score_interval(p.value(), p.trials, normal_quantile(0.5 + 0.5 * confidence));
 }
 
 Interval clopper_pearson_interval(const Proportion& p, double confidence) {
@@ -170,8 +190,11 @@ double mcnemar_exact_p(int only_after, int only_before) {
 double mcnemar_mid_p(int only_after, int only_before) {
   SEGSIM_CHECK(only_after >= 0 && only_before >= 0, "negative count");
   const int n = only_after + only_before;
+  if (n == 0) return 1.0;
   const double observed = binomial_half(n, std::min(only_after, only_before));
-  return mcnemar_exact_p(only_after, only_before) - (n == 0 ? 0.0 : observed);
+  // An uneven split has a mirror image that is as uneven; the even one stands alone.
+  const double as_uneven = only_after == only_before ? observed : 2.0 * observed;
+  return mcnemar_exact_p(only_after, only_before) - 0.5 * as_uneven;
 }
 
 PairedDifference newcombe_paired_difference(const PairedCounts& counts, double confidence) {
@@ -313,18 +336,21 @@ MeanInterval cluster_bootstrap_mean(std::span<const ClusterSum> clusters, int ro
   return {all.sum / all.count, middle_95(std::move(means))};
 }
 
-std::string verdict(const PairedCounts& counts) {
+std::string verdict(const PairedCounts& counts, double p, const PairedDifference& difference) {
   constexpr double kSignificant = 0.05, kMargin = 0.1;
   constexpr int kFewPairs = 30;
-  if (mcnemar_exact_p(counts.only_after, counts.only_before) < kSignificant) {
-    return counts.only_after > counts.only_before ? "improved" : "worse";
-  }
-  const Interval interval = newcombe_paired_difference(counts).interval;
+  if (p < kSignificant) return difference.difference > 0.0 ? "improved" : "worse";
+  const Interval& interval = difference.interval;
   if (counts.total() > 0 && interval.low > -kMargin && interval.high < kMargin) return "held";
   if (counts.discordant() < kMinDiscordantPairs && counts.total() < kFewPairs) {
     return "underpowered";
   }
   return "unresolved";
+}
+
+std::string verdict(const PairedCounts& counts) {
+  return verdict(counts, mcnemar_exact_p(counts.only_after, counts.only_before),
+                 newcombe_paired_difference(counts));
 }
 
 }  // namespace segsim::experiments

@@ -44,8 +44,17 @@ struct PairedCounts {
 /// x with I_x(a, b) = probability.
 [[nodiscard]] double inverse_incomplete_beta(double a, double b, double probability);
 
+/// Two-sided p-value of Student's t, degrees_of_freedom > 0.
+[[nodiscard]] double student_two_sided_p(double t, double degrees_of_freedom);
+/// Inverse of Student's distribution function, 0 < probability < 1.
+[[nodiscard]] double student_quantile(double probability, double degrees_of_freedom);
+
 /// Wilson's score interval (1927): for display. [0, 1] for no trials.
 [[nodiscard]] Interval wilson_interval(const Proportion& p, double confidence = 0.95);
+
+/// Wilson's interval of a rate in [0, 1] that is worth `trials` > 0 independent trials, not
+/// necessarily a whole number, at `quantile` standard errors.
+[[nodiscard]] Interval score_interval(double rate, double trials, double quantile);
 
 /// Clopper and Pearson's interval (1934): covers at least `confidence` always.
 [[nodiscard]] Interval clopper_pearson_interval(const Proportion& p, double confidence = 0.95);
@@ -54,7 +63,10 @@ struct PairedCounts {
 /// = 0.
 [[nodiscard]] double mcnemar_exact_p(int only_after, int only_before);
 
-/// The same with half the probability of the observed table (mid-p): less conservative.
+/// The same with half the probability of splits as uneven as the observed one (mid-p;
+/// Fagerland, Lydersen & Laake 2013): P(|X - n/2| > |b - n/2|) + P(|X - n/2| = |b - n/2|) / 2
+/// for X ~ Binomial(n = b + c, 1/2). Less conservative. 1 if b + c = 0, where nothing is
+/// observed.
 [[nodiscard]] double mcnemar_mid_p(int only_after, int only_before);
 
 /// Fewer discordant pairs than this cannot give p < 0.05 in the exact test, whatever their
@@ -107,16 +119,22 @@ struct ClusterSum {
   int count = 0;
 };
 
+/// With fewer scenes nothing can be said about others.
+inline constexpr std::size_t kScenesForClaim = 5;
+
 /// Mean over all values, with an interval from drawing whole clusters with replacement: what
 /// differs between scenes counts, not only what differs between the episodes of a scene. Says
-/// little for fewer than 5 clusters. Empty clusters are left out.
+/// little for fewer than kScenesForClaim clusters. Empty clusters are left out.
 [[nodiscard]] MeanInterval cluster_bootstrap_mean(std::span<const ClusterSum> clusters,
                                                   int rounds = 10000, unsigned seed = 1);
 
 /// In one word: "improved", "worse" (p < 0.05), "underpowered" (fewer than kMinDiscordantPairs
 /// discordant pairs and fewer than 30 pairs), "held" (the interval of the difference lies
-/// within
-/// +-0.1), "unresolved".
+/// within +-0.1), "unresolved".
+/// @param p, difference  Of the test and the interval that suit the design.
+[[nodiscard]] std::string verdict(const PairedCounts& counts, double p,
+                                  const PairedDifference& difference);
+/// The same by McNemar's exact test and Newcombe's interval: of one training.
 [[nodiscard]] std::string verdict(const PairedCounts& counts);
 
 }  // namespace segsim::experiments

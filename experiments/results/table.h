@@ -9,17 +9,23 @@
 #include <vector>
 
 #include "experiments/results/statistics.h"
+#include "experiments/results/training_statistics.h"
 #include "experiments/results/trial_insights.h"
 #include "experiments/store/store.h"
 
 namespace segsim::experiments {
 
-/// One arm over a group of episodes. With several repetitions an episode counts as a success
-/// if more than half of its repetitions succeed, and its other figures are means.
+/// One arm of the spec over a group of episodes, all its trainings and reconstructions
+/// together. With several repetitions an episode counts as a success if more than half of its
+/// repetitions succeed, and its other figures are means.
 struct ArmSummary {
-  std::string arm;
-  Proportion success;                          ///< Episodes.
-  double spl = 0, soft_spl = 0;                ///< Means over episodes.
+  std::string arm;                      ///< Family (ArmRow).
+  int members = 1;                      ///< Trainings and reconstructions of it.
+  Proportion success;                   ///< Episodes, each once for each member.
+  std::vector<Proportion> by_member{};  ///< Episodes of each, in the order of the run's arms.
+  /// Of several members: hierarchical_rate_interval().
+  std::optional<Interval> pooled_interval{};
+  double spl = 0, soft_spl = 0;                ///< Means over those episodes.
   double sim_s = 0, path_m = 0, contacts = 0;  ///< Means over trials.
   double invalid_pixels = 0;  ///< Mean share of pixels where the reconstruction has a hole.
   std::vector<std::pair<std::string, int>>
@@ -27,25 +33,36 @@ struct ArmSummary {
   int trials = 0, failed_trials = 0;
   int excluded_trials = 0;  ///< Infeasible or trivial episodes.
   TrialInsights insights;
+
+  /// Of the success rate, 95 %: Wilson's of one training.
+  [[nodiscard]] Interval interval() const {
+    return pooled_interval ? *pooled_interval : wilson_interval(success);
+  }
 };
 
-/// After - before, mean over the pairs, with a bootstrap interval and a sign-flip test.
+/// After - before, mean over the pairs. One training: with a bootstrap interval and a
+/// sign-flip test; several: hierarchical_interval() and training_test().
 struct PairedMean {
   MeanInterval difference;
   double p = 1;
 };
 
-/// One row: a scene, a goal class, or all.
+/// One row: a scene (with its reconstructions), a goal class, or all.
 struct GroupSummary {
   std::string name, title;
   std::vector<ArmSummary> arms;  ///< In the order of the run's arms.
-  PairedCounts pairs;            ///< Before against after.
-  int dropped_pairs = 0;         ///< Episodes that miss a usable trial in one of the two arms.
-  double p_exact = 1, p_mid = 1;
+  PairedCounts pairs;            ///< Before against after, over all trainings.
+  int dropped_pairs = 0;         ///< Pairs that miss a usable trial in one of the two arms.
+  /// What decides: McNemar's exact p; of several trainings that of training_test().
+  double p = 1;
+  double p_mid = 1;   ///< McNemar's, of one training.
   double p_holm = 1;  ///< Corrected for the number of rows (goal classes).
+  std::optional<TrainingTest> training{};  ///< Of several trainings.
   PairedMean spl, sim_s, path_m;
+  /// Of one training Newcombe's interval, of several hierarchical_interval().
   PairedDifference difference;
-  /// Of all scenes: difference of the success rates, with an interval from drawing scenes.
+  /// Of all scenes, one training: difference of the success rates, with an interval from
+  /// drawing scenes.
   std::optional<MeanInterval> over_scenes{};
   std::string verdict;
   bool leak = false;  ///< "After" was fine-tuned on this scene.
@@ -53,15 +70,24 @@ struct GroupSummary {
   [[nodiscard]] const ArmSummary* find(const std::string& arm) const;
 };
 
-/// With fewer scenes nothing can be said about others.
-inline constexpr std::size_t kScenesForClaim = 5;
+/// One training of the arm under test, over all scenes.
+struct TrainingSummary {
+  std::string arm, before;  ///< Names of the rows: "after.s3" against "before".
+  Proportion success;       ///< Episodes.
+  PairedCounts pairs;
+};
 
 struct ResultTable {
   RunRow run;
   std::vector<SceneRow> scene_rows;
   std::vector<ArmRow> arm_rows;
-  std::string before, after;  ///< Names of the compared arms; empty if there are not two.
-  std::string oracle;         ///< Name of the oracle arm; empty if none.
+  std::string before, after;  ///< The compared arms (families); empty if there are not two.
+  std::string oracle;         ///< The oracle arm; empty if none.
+  /// Rows of the arms that are compared with one another: one pair for each training.
+  std::vector<TrainingSummary> trainings;
+  /// Whether trained weights are what is compared: then `trainings` are draws of chance, and a
+  /// table of one says so.
+  bool compares_trainings = false;
   std::vector<GroupSummary> scenes;
   std::optional<GroupSummary> all;  ///< If there is more than one scene.
   std::vector<GroupSummary> classes;
@@ -69,9 +95,10 @@ struct ResultTable {
   std::vector<std::string> notes;  ///< Printed below the table, in order.
 };
 
-/// @param before, after Arms to compare; empty = the arms of these names, else the first two
-/// that are not the oracle.
-/// @throws core::InputError naming the arms if one does not exist.
+/// @param before, after Arms to compare, with all their trainings, or one row of an arm
+/// ("after.s3"); empty = the arms of these names, else the first two that are not the oracle.
+/// @throws core::InputError naming the arms if one does not exist, or if their trainings do
+/// not pair.
 [[nodiscard]] ResultTable summarise(const RunRow& run, const std::vector<SceneRow>& scenes,
                                     const std::vector<ArmRow>& arms,
                                     const std::vector<TrialRow>& trials,

@@ -19,6 +19,23 @@ std::string quoted(const std::string& text) {
   return result + "\"";
 }
 
+/// A training as a group of its own, over all scenes.
+GroupSummary of_one(const TrainingSummary& training) {
+  GroupSummary group;
+  group.name = training.arm;
+  ArmSummary arm;
+  arm.arm = training.arm;
+  arm.success = training.success;
+  group.arms = {arm};
+  group.pairs = training.pairs;
+  group.difference = newcombe_paired_difference(training.pairs);
+  group.p = group.p_holm =
+      mcnemar_exact_p(training.pairs.only_after, training.pairs.only_before);
+  group.p_mid = mcnemar_mid_p(training.pairs.only_after, training.pairs.only_before);
+  group.verdict = verdict(training.pairs);
+  return group;
+}
+
 /// Long form: one line per group and arm, numbers in columns of their own.
 std::string as_csv(const ResultTable& table) {
   std::string text =
@@ -26,12 +43,16 @@ std::string as_csv(const ResultTable& table) {
       "spl,"
       "soft_spl,sim_s,path_m,contacts,invalid_pixels,failed_trials,only_after,only_before,"
       "pairs,"
-      "difference,difference_low,difference_high,p_exact,p_mid,p_holm,p_spl,verdict\n";
-  const auto add = [&](const char* kind, const GroupSummary& group) {
+      "difference,difference_low,difference_high,p_exact,p_mid,p_holm,p_spl,verdict,trainings,"
+      "p\n";
+  const auto add = [&](const std::string& kind, const GroupSummary& group) {
+    const bool one = kind == "training";
     for (const ArmSummary& arm : group.arms) {
-      const Interval wilson = wilson_interval(arm.success);
-      const Interval exact = clopper_pearson_interval(arm.success);
-      text += std::string(kind) + "," + quoted(group.name) + "," + (group.leak ? "1," : "0,") +
+      // Of several trainings the columns of both intervals hold theirs.
+      const Interval wilson = arm.interval();
+      const Interval exact =
+          arm.pooled_interval.value_or(clopper_pearson_interval(arm.success));
+      text += kind + "," + quoted(group.name) + "," + (group.leak ? "1," : "0,") +
               quoted(arm.arm) + "," + std::to_string(arm.success.successes) + "," +
               std::to_string(arm.success.trials);
       for (const double value :
@@ -41,24 +62,29 @@ std::string as_csv(const ResultTable& table) {
       }
       text += "," + std::to_string(arm.failed_trials);
       // Comparisons stand on the line of the arm "after" only.
-      if (compares(table) && arm.arm == table.after) {
+      if (one || (compares(table) && arm.arm == table.after)) {
         text += "," + std::to_string(group.pairs.only_after) + "," +
                 std::to_string(group.pairs.only_before) + "," +
                 std::to_string(group.pairs.total());
         for (const double value : {group.difference.difference, group.difference.interval.low,
-                                   group.difference.interval.high, group.p_exact, group.p_mid,
-                                   group.p_holm, group.spl.p}) {
+                                   group.difference.interval.high}) {
           text += "," + print("%.6g", value);
         }
-        text += "," + group.verdict + "\n";
+        text += group.training ? ",," : print(",%.6g", group.p) + print(",%.6g", group.p_mid);
+        text += print(",%.6g", group.p_holm) + (one ? "," : print(",%.6g", group.spl.p));
+        text += "," + group.verdict + "," + std::to_string(arm.members) +
+                print(",%.6g", group.p) + "\n";
       } else {
-        text += ",,,,,,,,,,,\n";
+        text += ",,,,,,,,,,,," + std::to_string(arm.members) + ",\n";
       }
     }
   };
   for (const GroupSummary& group : table.scenes) add("scene", group);
   if (table.all) add("all", *table.all);
   for (const GroupSummary& group : table.classes) add("class", group);
+  if (table.trainings.size() > 1) {
+    for (const TrainingSummary& training : table.trainings) add("training", of_one(training));
+  }
   return text;
 }
 

@@ -3,6 +3,8 @@
 
 #include "experiments/results/internal/insight_grids.h"
 #include "experiments/results/internal/table_grids.h"
+#include "experiments/results/internal/table_notes.h"
+#include "experiments/results/internal/training_grids.h"
 #include "experiments/results/table.h"
 
 namespace segsim::experiments::internal {
@@ -43,8 +45,13 @@ nlohmann::ordered_json json_group(const ResultTable& table, const GroupSummary& 
     a["successes"] = arm.success.successes;
     a["episodes"] = arm.success.trials;
     a["sr"] = arm.success.value();
-    a["wilson95"] = json_interval(wilson_interval(arm.success));
-    a["clopper_pearson95"] = json_interval(clopper_pearson_interval(arm.success));
+    a["trainings"] = arm.members;
+    if (arm.pooled_interval) {
+      a["hierarchical95"] = json_interval(*arm.pooled_interval);
+    } else {
+      a["wilson95"] = json_interval(wilson_interval(arm.success));
+      a["clopper_pearson95"] = json_interval(clopper_pearson_interval(arm.success));
+    }
     a["spl"] = arm.spl;
     a["soft_spl"] = arm.soft_spl;
     a["sim_s"] = arm.sim_s;
@@ -63,15 +70,26 @@ nlohmann::ordered_json json_group(const ResultTable& table, const GroupSummary& 
     c["neither"] = group.pairs.neither;
     c["dropped_pairs"] = group.dropped_pairs;
     c["difference"] = group.difference.difference;
-    c["newcombe95"] = json_interval(group.difference.interval);
-    c["p_mcnemar_exact"] = group.p_exact;
-    c["p_mcnemar_mid"] = group.p_mid;
+    c["p"] = group.p;
+    if (group.training) {
+      c["hierarchical95"] = json_interval(group.difference.interval);
+      c["p_trainings"] = group.p;
+      c["degrees_of_freedom"] = group.training->degrees_of_freedom;
+      c["training_sd"] = group.training->training_sd;
+      c["episode_sd"] = group.training->episode_sd;
+    } else {
+      c["newcombe95"] = json_interval(group.difference.interval);
+      c["p_mcnemar_exact"] = group.p;
+      c["p_mcnemar_mid"] = group.p_mid;
+    }
     c["p_holm"] = group.p_holm;
-    c["p_spl_sign_flip"] = group.spl.p;
+    const bool several = group.training.has_value();
+    if (!several) c["p_spl_sign_flip"] = group.spl.p;
     const auto paired = [&](const char* name, const PairedMean& mean) {
       c["paired"][name] = {{"mean", mean.difference.mean},
-                           {"bootstrap95", json_interval(mean.difference.interval)},
-                           {"p_sign_flip", mean.p}};
+                           {several ? "hierarchical95" : "bootstrap95",
+                            json_interval(mean.difference.interval)},
+                           {several ? "p_trainings" : "p_sign_flip", mean.p}};
     };
     paired("spl", group.spl);
     paired("sim_s", group.sim_s);
@@ -87,6 +105,28 @@ nlohmann::ordered_json json_group(const ResultTable& table, const GroupSummary& 
 
 }  // namespace
 
+/// One line for each pair of rows that is compared.
+nlohmann::ordered_json json_trainings(const ResultTable& table) {
+  auto list = nlohmann::ordered_json::array();
+  for (const TrainingSummary& training : table.trainings) {
+    const ArmRow& arm = *find_arm(table.arm_rows, training.arm);
+    nlohmann::ordered_json json{{"arm", training.arm},
+                                {"before", training.before},
+                                {"seed", nullptr},
+                                {"reconstruction", arm.reconstruction},
+                                {"weights_sha256", arm.weights_sha256},
+                                {"successes", training.success.successes},
+                                {"episodes", training.success.trials},
+                                {"sr", training.success.value()},
+                                {"only_after", training.pairs.only_after},
+                                {"only_before", training.pairs.only_before},
+                                {"pairs", training.pairs.total()}};
+    if (arm.finetune_seed) json["seed"] = *arm.finetune_seed;
+    list.push_back(std::move(json));
+  }
+  return list;
+}
+
 std::string as_json(const ResultTable& table) {
   nlohmann::ordered_json json;
   json["schema"] = "segsim.table/1";
@@ -96,6 +136,10 @@ std::string as_json(const ResultTable& table) {
   json["oracle"] = table.oracle;
   json["finished_trials"] = table.finished_trials;
   json["planned_trials"] = table.run.planned_trials;
+  json["one_training"] = table.trainings.size() == 1 && table.compares_trainings;
+  json["trainings"] = json_trainings(table);
+  json["training_rate_sd"] = training_rate_sd(table.trainings);
+  json["success_rule"] = profile_name(table);
   json["scenes"] = nlohmann::ordered_json::array();
   for (const GroupSummary& group : table.scenes)
     json["scenes"].push_back(json_group(table, group));
@@ -119,13 +163,18 @@ std::string as_json(const ResultTable& table) {
   for (const SceneRow& scene : table.scene_rows) {
     provenance["scenes"][scene.name] = {{"scene_sha256", scene.scene_sha256},
                                         {"episodes_sha256", scene.episodes_sha256},
-                                        {"episodes", scene.episodes}};
+                                        {"episodes", scene.episodes},
+                                        {"family", family_of(scene)},
+                                        {"reconstruction", scene.reconstruction}};
   }
   for (const ArmRow& arm : table.arm_rows) {
     nlohmann::ordered_json& a = provenance["arms"][arm.name];
     a = {{"detector", arm.detector},
          {"weights_sha256", arm.weights_sha256},
-         {"tuned_on", arm.tuned_on}};
+         {"tuned_on", arm.tuned_on},
+         {"family", family_of(arm)},
+         {"reconstruction", arm.reconstruction}};
+    if (arm.finetune_seed) a["finetune_seed"] = *arm.finetune_seed;
     if (arm.start_leak) {
       a["tuning_views"] = {{"views", arm.start_leak->views},
                            {"near_starts", arm.start_leak->near_starts},

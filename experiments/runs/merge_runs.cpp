@@ -150,7 +150,9 @@ std::string name_of(const StoredRun& shard) {
 StoredRun target_run(Store& store, const fs::path& out, const StoredRun& first) {
   if (store.runs().empty()) {
     RunRow run = first.run;
-    run.provenance.erase("shard");
+    run.provenance.erase("shard");  // And what else is a part's own.
+    std::erase_if(run.provenance,
+                  [](const auto& row) { return row.first.rfind("time/", 0) == 0; });
     store.begin_run(run, first.scenes, first.arms);
   }
   return load_run(out);

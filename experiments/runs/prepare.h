@@ -6,14 +6,17 @@
 /// on.
 
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
 #include <glm/vec2.hpp>
 
 #include "experiments/detection/arm_weights.h"
 #include "experiments/runs/spec.h"
+#include "experiments/runs/stage_times.h"
 
 namespace segsim::experiments {
 
@@ -25,26 +28,35 @@ namespace segsim::experiments {
 std::filesystem::path prepare_scene(const ExperimentSpec& spec, const SceneSpec& scene,
                                     const std::filesystem::path& work);
 
+/// The same for all scenes of the spec, up to `workers` of them side by side. What comes out
+/// does not depend on how many.
+/// @return  A folder for each of spec.scenes, in that order.
+std::vector<std::filesystem::path> prepare_scenes(const ExperimentSpec& spec,
+                                                  const std::filesystem::path& work,
+                                                  int workers, StageTimes& times);
+
 struct PreparedWeights {
   std::filesystem::path file;                ///< Empty if no arm needs them.
   std::optional<HeldOutPrecision> held_out;  ///< None if nothing was fine-tuned here.
+  std::optional<StartLeak> start_leak;       ///< None if these were not fine-tuned here.
 };
 
 /// Starts of a scene's evaluation episodes [m].
 using Starts = std::vector<glm::dvec2>;
 
-struct PreparedDetectors {
-  PreparedWeights before, after;
-  std::optional<StartLeak> start_leak;  ///< Of 'after'; none if nothing was fine-tuned here.
-};
+/// By the name of the arm: those with detectors 'before' and 'after'.
+using PreparedDetectors = std::map<std::string, PreparedWeights>;
 
 /// Makes the weights that the arms of the spec need: pre-training, then fine-tuning on views
-/// rendered from the bundles of `spec.detectors.finetune->scenes`.
-/// @param bundles  Result of prepare_scene for each of spec.scenes, in that order.
+/// rendered from the bundles of `spec.detectors.finetune->scenes`, once for each
+/// reconstruction and seed. Up to `workers` / `finetune->threads` trainings run side by side;
+/// the result does not depend on how many.
+/// @param bundles  Result of prepare_scenes.
 /// @param starts  Of each of them.
 PreparedDetectors prepare_detectors(const ExperimentSpec& spec,
                                     std::span<const std::filesystem::path> bundles,
                                     std::span<const Starts> starts,
-                                    const std::filesystem::path& work);
+                                    const std::filesystem::path& work, int workers,
+                                    StageTimes& times);
 
 }  // namespace segsim::experiments

@@ -1,5 +1,6 @@
 #include "experiments/runs/run.h"
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cstdio>
@@ -15,6 +16,7 @@
 #include "core/kernel_choice.h"
 #include "core/progress.h"
 #include "core/version.h"
+#include "experiments/internal/side_by_side.h"
 #include "experiments/reproducibility/stage_digests.h"
 #include "experiments/runs/folder_lock.h"
 #include "experiments/runs/prepare.h"
@@ -95,12 +97,13 @@ std::vector<TrialTask> all_tasks(const ExperimentSpec& spec,
   for (const LoadedScene& scene : scenes) {
     bool first = true;
     for (const sim::Episode& episode : scene.episodes.episodes) {
-      for (int repetition = 0; repetition < spec.repetitions; ++repetition) {
+      for (int repetition = 0; repetition < spec.repetitions.trials; ++repetition) {
         const auto chosen = [&](Recorded which) {
           return which == Recorded::kAll ||
                  (which == Recorded::kFirst && first && repetition == 0);
         };
         for (const ArmSpec& arm : spec.arms) {
+          if (arm.reconstruction != scene.spec->reconstruction) continue;
           tasks.push_back({&scene, &episode, &arm, repetition, chosen(spec.videos),
                            chosen(spec.frames.of)});
           tasks.back().replay_log = chosen(spec.replays.of);
@@ -112,12 +115,16 @@ std::vector<TrialTask> all_tasks(const ExperimentSpec& spec,
   return tasks;
 }
 
-/// Those of one part: whole units, of which each has as many tasks as there are arms.
-std::vector<TrialTask> tasks_of(const Shard& shard, const std::vector<TrialTask>& all,
-                                std::size_t arms) {
+/// Those of one part: whole units, which are an episode in one repetition with all arms that
+/// run in its scene.
+std::vector<TrialTask> tasks_of(const Shard& shard, const std::vector<TrialTask>& all) {
   std::vector<TrialTask> tasks;
+  std::size_t unit = 0;
   for (std::size_t k = 0; k < all.size(); ++k) {
-    if (shard.has(k / arms)) tasks.push_back(all[k]);
+    const bool next = k > 0 && (all[k].episode != all[k - 1].episode ||
+                                all[k].repetition != all[k - 1].repetition);
+    unit += next ? 1 : 0;
+    if (shard.has(unit)) tasks.push_back(all[k]);
   }
   return tasks;
 }
@@ -138,34 +145,42 @@ std::vector<TrialTask> unfinished(std::vector<TrialTask> tasks,
   return tasks;
 }
 
-/// Success rates so far, for the progress line: "before 3/10, after 7/10".
+/// Success rates so far, all trainings of an arm together, for the progress line: "before
+/// 3/10, after 7/10".
 class Tally {
  public:
-  explicit Tally(const ExperimentSpec& spec) : spec_(spec) {}
+  explicit Tally(const ExperimentSpec& spec) {
+    for (const ArmSpec& arm : spec.arms) {
+      family_[arm.name] = arm.family;
+      const bool known = std::find(order_.begin(), order_.end(), arm.family) != order_.end();
+      if (!known) order_.push_back(arm.family);
+    }
+  }
   void count(const TrialRow& trial) {
     if (trial.failed()) {
       ++failed_;
       return;
     }
     if (!trial.counts()) return;
-    auto& [successes, trials] = counts_[trial.arm];
+    auto& [successes, trials] = counts_[family_[trial.arm]];
     ++trials;
     successes += trial.success ? 1 : 0;
   }
   [[nodiscard]] std::string text() const {
     std::string line;
-    for (const ArmSpec& arm : spec_.arms) {
-      const auto found = counts_.find(arm.name);
+    for (const std::string& arm : order_) {
+      const auto found = counts_.find(arm);
       if (found == counts_.end()) continue;
-      line += (line.empty() ? "" : ", ") + arm.name + " " +
-              std::to_string(found->second.first) + "/" + std::to_string(found->second.second);
+      line += (line.empty() ? "" : ", ") + arm + " " + std::to_string(found->second.first) +
+              "/" + std::to_string(found->second.second);
     }
     if (failed_ > 0) line += ", failed " + std::to_string(failed_);
     return line;
   }
 
  private:
-  const ExperimentSpec& spec_;
+  std::vector<std::string> order_;             ///< Arms of the spec.
+  std::map<std::string, std::string> family_;  ///< Which of them an arm is a training of.
   std::map<std::string, std::pair<int, int>> counts_;
   int failed_ = 0;
 };
@@ -257,33 +272,61 @@ struct Inputs {
   PreparedDetectors detectors;
 };
 
-/// Makes what is missing, and loads it.
-Inputs load_inputs(const ExperimentSpec& spec, const fs::path& work) {
-  std::vector<fs::path> bundles;
-  for (const SceneSpec& scene : spec.scenes)
-    bundles.push_back(prepare_scene(spec, scene, work));
-  Inputs inputs;
-  std::vector<Starts> starts;
+/// Loads scenes and makes their episodes: of first reconstructions first, as the others share
+/// theirs.
+std::vector<LoadedScene> load_scenes(const ExperimentSpec& spec,
+                                     const std::vector<fs::path>& bundles,
+                                     const fs::path& work, int workers, StageTimes& times) {
+  StageTimes::Timer timer(times, "episodes");
+  std::vector<std::optional<LoadedScene>> loaded(spec.scenes.size());
+  for (int r = 1; r <= spec.repetitions.reconstruct_seeds; ++r) {
+    std::vector<std::size_t> scenes;
+    for (std::size_t i = 0; i < spec.scenes.size(); ++i) {
+      if (spec.scenes[i].reconstruction == r) scenes.push_back(i);
+    }
+    side_by_side(scenes.size(), workers, [&](std::size_t k) {
+      const std::size_t i = scenes[k];
+      std::fprintf(stderr, "segsim: loading %s\n", spec.scenes[i].title.c_str());
+      loaded[i].emplace(load_scene(spec, spec.scenes[i], bundles[i], work));
+      if (loaded[i]->episodes_made) timer.working();
+    });
+  }
+  std::vector<LoadedScene> scenes;
+  for (std::optional<LoadedScene>& scene : loaded) scenes.push_back(std::move(*scene));
+  return scenes;
+}
+
+/// Names of episodes are names of trials; reconstructions share them on purpose.
+void check_episodes(const std::vector<LoadedScene>& scenes, const fs::path& work) {
   std::set<std::string> episode_ids;
-  for (std::size_t i = 0; i < spec.scenes.size(); ++i) {
-    std::fprintf(stderr, "segsim: loading %s\n", spec.scenes[i].title.c_str());
-    inputs.scenes.push_back(load_scene(spec, spec.scenes[i], bundles[i], work));
-    starts.push_back(starts_of(inputs.scenes.back()));
-    const EpisodeSet& set = inputs.scenes.back().episodes;
+  for (const LoadedScene& scene : scenes) {
+    if (scene.spec->reconstruction > 1) continue;
+    const EpisodeSet& set = scene.episodes;
     for (const sim::Episode& episode : set.episodes) {
       if (episode_ids.insert(episode.id).second) continue;
-      throw core::InputError::expected("episodes of scene " + spec.scenes[i].name,
+      throw core::InputError::expected("episodes of scene " + scene.spec->name,
                                        "names that no other episode of the spec has",
                                        "\"" + episode.id + "\" again");
     }
-    if (spec.scenes[i].episode_file.empty() &&
-        static_cast<int>(set.episodes.size()) < spec.scenes[i].episodes) {
+    if (scene.spec->episode_file.empty() &&
+        static_cast<int>(set.episodes.size()) < scene.spec->episodes) {
       std::fprintf(stderr, "segsim: note: %s has room for %zu of %d episodes (see %s)\n",
-                   spec.scenes[i].title.c_str(), set.episodes.size(), spec.scenes[i].episodes,
-                   (work / "episodes" / (spec.scenes[i].name + ".jsonl")).c_str());
+                   scene.spec->title.c_str(), set.episodes.size(), scene.spec->episodes,
+                   (work / "episodes" / (scene.spec->name + ".jsonl")).c_str());
     }
   }
-  inputs.detectors = prepare_detectors(spec, bundles, starts, work);
+}
+
+/// Makes what is missing, and loads it.
+Inputs load_inputs(const ExperimentSpec& spec, const fs::path& work, int workers,
+                   StageTimes& times) {
+  const std::vector<fs::path> bundles = prepare_scenes(spec, work, workers, times);
+  Inputs inputs;
+  inputs.scenes = load_scenes(spec, bundles, work, workers, times);
+  check_episodes(inputs.scenes, work);
+  std::vector<Starts> starts;
+  for (const LoadedScene& scene : inputs.scenes) starts.push_back(starts_of(scene));
+  inputs.detectors = prepare_detectors(spec, bundles, starts, work, workers, times);
   return inputs;
 }
 
@@ -293,8 +336,8 @@ StepRecord preparation_of(const ExperimentSpec& spec, const fs::path& work) {
 
 /// The inputs of one worker among others: whoever is first makes them while the others wait,
 /// then all work side by side. `lock` holds until the worker has ended.
-Inputs load_shared_inputs(const ExperimentSpec& spec, const fs::path& work,
-                          std::optional<FolderLock>& lock) {
+Inputs load_shared_inputs(const ExperimentSpec& spec, const fs::path& work, int workers,
+                          StageTimes& times, std::optional<FolderLock>& lock) {
   const StepRecord preparation = preparation_of(spec, work);
   const auto check_current = [&] {
     if (preparation.is_current()) return;
@@ -306,7 +349,7 @@ Inputs load_shared_inputs(const ExperimentSpec& spec, const fs::path& work,
   if (!fs::exists(work / "prepared.step")) {
     lock.emplace(work, FolderLock::Kind::kExclusive, FolderLock::IfTaken::kWait);
     if (!fs::exists(work / "prepared.step")) {
-      Inputs inputs = load_inputs(spec, work);
+      Inputs inputs = load_inputs(spec, work, workers, times);
       preparation.mark_done();
       lock->share();
       return inputs;
@@ -316,7 +359,23 @@ Inputs load_shared_inputs(const ExperimentSpec& spec, const fs::path& work,
   check_current();
   lock.emplace(work, FolderLock::Kind::kShared, FolderLock::IfTaken::kWait);
   check_current();
-  return load_inputs(spec, work);
+  return load_inputs(spec, work, workers, times);
+}
+
+}  // namespace
+
+namespace {
+
+std::vector<fs::path> bundles_of(const Inputs& inputs) {
+  std::vector<fs::path> folders;
+  for (const LoadedScene& scene : inputs.scenes) folders.push_back(scene.bundle.folder);
+  return folders;
+}
+
+DigestRecord digest_record(const ExperimentSpec& spec,
+                           const std::vector<StageDigest>& stages) {
+  const MachineRecord machine = describe_machine();
+  return {spec.name, spec.sha256, core::version(), machine, {machine.processor}, stages};
 }
 
 }  // namespace
@@ -325,18 +384,20 @@ RunReport run_experiment(const ExperimentSpec& spec, const RunOptions& options) 
   using IfTaken = FolderLock::IfTaken;
   using Kind = FolderLock::Kind;
   const fs::path& work = options.folders.work;
+  const StageTimes::Clock::time_point start = StageTimes::Clock::now();
+  StageTimes times;
   std::optional<FolderLock> lock, shard_lock;
   fs::path results = options.results.empty() ? work : options.results;
   Inputs inputs;
   if (options.shard) {
     SEGSIM_CHECK(!options.new_run && !options.prepare_only, "those are for whole runs");
-    inputs = load_shared_inputs(spec, work, lock);
+    inputs = load_shared_inputs(spec, work, options.workers, times, lock);
     results /= fs::path("shards") / options.shard->folder_name();
     // Another process on the same part is one that its engine gave up too early.
     shard_lock.emplace(results, Kind::kExclusive, IfTaken::kWait);
   } else {
     lock.emplace(work, Kind::kExclusive, IfTaken::kRefuse);
-    inputs = load_inputs(spec, work);
+    inputs = load_inputs(spec, work, options.workers, times);
     preparation_of(spec, work).mark_done();
   }
 
@@ -347,14 +408,16 @@ RunReport run_experiment(const ExperimentSpec& spec, const RunOptions& options) 
   report.run_id = open_run(store, spec, options, scene_rows(inputs.scenes),
                            arm_rows(spec, inputs.detectors), static_cast<int>(all.size()));
   std::vector<TrialRow> trials = store.trials(report.run_id);
-  std::vector<TrialTask> tasks = unfinished(
-      options.shard ? tasks_of(*options.shard, all, spec.arms.size()) : all, trials);
+  std::vector<TrialTask> tasks =
+      unfinished(options.shard ? tasks_of(*options.shard, all) : all, trials);
   const std::size_t missing = tasks.size();
   if (options.max_trials > 0 && tasks.size() > static_cast<std::size_t>(options.max_trials)) {
     tasks.resize(static_cast<std::size_t>(options.max_trials));
   }
 
   if (!options.prepare_only && !tasks.empty()) {
+    StageTimes::Timer timer(times, "trials");
+    timer.working();
     const StopOnSignal signals;
     Tally tally(spec);
     for (const TrialRow& trial : trials) {
@@ -372,18 +435,22 @@ RunReport run_experiment(const ExperimentSpec& spec, const RunOptions& options) 
   if (report.trials_left == 0 && run.ended.empty()) store.end_run(report.run_id);
   report.results = results;
   report.results_sha256 = results_sha256(trials);
-  if (options.shard) return report;  // A part has no table of its own.
-  report.table = summarise(store.runs().back(), store.scenes(report.run_id),
-                           store.arms(report.run_id), trials);
-  write_tables(results, report.table, trials);
-  std::vector<fs::path> bundles;
-  for (const LoadedScene& scene : inputs.scenes) bundles.push_back(scene.bundle.folder);
-  const bool complete = report.trials_left == 0 && report.trials_failed == 0;
-  report.digests = digest_stages(work, bundles, complete ? report.results_sha256 : "");
-  DigestRecord record{spec.name, spec.sha256, core::version(), describe_machine(), {}, {}};
-  record.confirmed_on = {record.machine.processor};
-  record.stages = report.digests;
-  write_digests(results / "digests.json", record);
+  if (!options.shard) {  // A part has no table of its own.
+    StageTimes::Timer timer(times, "tables");
+    timer.working();
+    report.table = summarise(store.runs().back(), store.scenes(report.run_id),
+                             store.arms(report.run_id), trials);
+    write_tables(results, report.table, trials);
+    const bool complete = report.trials_left == 0 && report.trials_failed == 0;
+    report.digests =
+        digest_stages(work, bundles_of(inputs), complete ? report.results_sha256 : "");
+    write_digests(results / "digests.json", digest_record(spec, report.digests));
+  }
+  report.times = times.all();
+  report.wall_s = std::chrono::duration<double>(StageTimes::Clock::now() - start).count();
+  for (const auto& [name, value] : stage_time_rows(report.times, run.provenance)) {
+    store.set_provenance(report.run_id, name, value);
+  }
   return report;
 }
 

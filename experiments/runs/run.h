@@ -14,6 +14,7 @@
 #include "experiments/results/table.h"
 #include "experiments/runs/shard.h"
 #include "experiments/runs/spec.h"
+#include "experiments/runs/stage_times.h"
 
 namespace segsim::experiments {
 
@@ -35,6 +36,8 @@ struct RunReport {
   int trials_failed = 0;                ///< In the harness; they run again on resume.
   bool interrupted = false;             ///< By SIGINT or SIGTERM.
   double store_s = 0;                   ///< Spent on adding trials to the database.
+  std::vector<StageTime> times;         ///< Of this call.
+  double wall_s = 0;                    ///< Of all of it.
   std::filesystem::path results;
   std::string results_sha256;        ///< results_digest.h
   ResultTable table;                 ///< Empty of a shard.

@@ -82,6 +82,8 @@ std::vector<SceneRow> scene_rows(const std::vector<LoadedScene>& scenes) {
     rows.push_back({scene.spec->name, scene.spec->title, scene.bundle.scene_sha256,
                     scene.episodes_sha256,
                     static_cast<std::int64_t>(scene.episodes.episodes.size())});
+    rows.back().family = scene.spec->family;
+    rows.back().reconstruction = scene.spec->reconstruction;
     if (scene.episodes.oracle) {
       rows.back().oracle_successes = scene.episodes.oracle->successes;
       rows.back().oracle_episodes = scene.episodes.oracle->episodes;
@@ -95,11 +97,14 @@ std::vector<ArmRow> arm_rows(const ExperimentSpec& spec, const PreparedDetectors
   for (const ArmSpec& arm : spec.arms) {
     ArmRow row;
     row.name = arm.name;
+    row.family = arm.family;
+    row.reconstruction = arm.reconstruction;
+    row.finetune_seed = arm.finetune_seed;
     const PreparedWeights weights = weights_of(arm, detectors);
     row.detector = weights.file.empty() ? "oracle" : weights.file.filename().string();
     if (!weights.file.empty()) row.weights_sha256 = core::sha256_of_file(weights.file);
     row.held_out = weights.held_out;
-    if (arm.detector == ArmDetector::kAfter) row.start_leak = detectors.start_leak;
+    row.start_leak = weights.start_leak;
     for (const SceneSpec& scene : spec.scenes) {
       if (spec.leaks(arm, scene))
         row.tuned_on += (row.tuned_on.empty() ? "" : ", ") + scene.name;

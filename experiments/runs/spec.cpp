@@ -161,7 +161,8 @@ const ArmSpec* ExperimentSpec::find_arm(const std::string& arm_name) const {
 bool ExperimentSpec::leaks(const ArmSpec& arm, const SceneSpec& scene) const {
   if (arm.detector != ArmDetector::kAfter || !detectors.finetune) return false;
   const std::vector<std::string>& tuned = detectors.finetune->scenes;
-  return std::find(tuned.begin(), tuned.end(), scene.name) != tuned.end();
+  return arm.reconstruction == scene.reconstruction &&
+         std::find(tuned.begin(), tuned.end(), scene.family) != tuned.end();
 }
 
 sim::SuccessProfile SuccessSpec::rule() const {
@@ -231,7 +232,7 @@ ExperimentSpec parse_spec(const std::string& text, const fs::path& origin,
         .fail("a multiple of the simulation step, 0.005 s", root.text("control_period_s"));
   }
   spec.time_limit_s = number_within(root, "time_limit_s", spec.time_limit_s, 1.0, 100000.0);
-  spec.repetitions = count_within(root, "repetitions", spec.repetitions, 1, 10000);
+  internal::read_repetitions(root, spec);
   spec.camera = read_camera(root);
   spec.success = read_success(root);
   spec.planned_n = count_within(root, "planned_n", 0, 0, 1000000);

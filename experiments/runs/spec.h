@@ -64,8 +64,10 @@ struct SourceSpec {
 };
 
 struct SceneSpec {
-  std::string name;                  ///< Unique; letters, digits, '-', '_': it names folders.
-  std::string title;                 ///< For tables.
+  std::string name;        ///< Unique; letters, digits, '-', '_', '.': it names folders.
+  std::string family;      ///< The name in the spec: of all reconstructions of the scene.
+  int reconstruction = 1;  ///< Which of them this is; from 2 on `name` is "<family>.r2", ...
+  std::string title;       ///< For tables.
   std::filesystem::path bundle;      ///< Default: ${work}/scenes/<name>.
   std::optional<SourceSpec> source;  ///< None: the bundle must exist.
   std::vector<std::string> goals;    ///< Class names to search for.
@@ -87,7 +89,7 @@ struct PretrainSpec {
 
 /// Fine-tuning of the detector on views rendered from reconstructed scenes.
 struct FinetuneSpec {
-  std::uint64_t seed = 2;
+  std::uint64_t seed = 2;  ///< Of the first training, and of the held-out views of all.
   std::vector<std::string>
       scenes;  ///< Names; default all. A scene listed here *leaks* into its own trials.
   int views_per_scene = 200;
@@ -109,6 +111,7 @@ struct FinetuneSpec {
   double precision_target = 0.0;
   /// No view is taken nearer than this to where an evaluation episode starts; 0 = anywhere.
   double start_clearance_m = 0.0;
+  int threads = 1;  ///< Of each training; `workers` / `threads` trainings run side by side.
 };
 
 struct DetectorSpec {
@@ -123,12 +126,16 @@ struct DetectorSpec {
 /// Which detector an arm runs.
 enum class ArmDetector : std::uint8_t { kBefore, kAfter, kOracle, kFile };
 
+/// One arm of the spec is an arm here for each of its trainings and reconstructions.
 struct ArmSpec {
-  std::string name;  ///< Unique, for example "before".
+  std::string name;        ///< Unique, for example "before", "after.s3", "before.r2".
+  std::string family;      ///< The name in the spec.
+  int reconstruction = 1;  ///< It runs in these scenes only.
   ArmDetector detector = ArmDetector::kOracle;
-  std::filesystem::path weights;              ///< kFile.
-  std::optional<double> score_threshold;      ///< None: the one stored with the weights.
-  std::optional<nav::PolicySettings> policy;  ///< None: the spec's.
+  std::optional<std::uint64_t> finetune_seed;  ///< kAfter that is fine-tuned by this run.
+  std::filesystem::path weights;               ///< kFile.
+  std::optional<double> score_threshold;       ///< None: the one stored with the weights.
+  std::optional<nav::PolicySettings> policy;   ///< None: the spec's.
   ArmClockSpec clock;
 };
 
@@ -167,6 +174,15 @@ struct ReplaysSpec {
   bool images = false;  ///< Also depth and labels of every image: replays need no renderer.
 };
 
+/// How often what is random is drawn again (docs/simulation.md, "Repetitions").
+struct RepetitionsSpec {
+  int trials = 1;             ///< Of each episode by each arm.
+  int finetune_seeds = 1;     ///< Trainings of 'after' in each reconstruction.
+  int reconstruct_seeds = 1;  ///< Reconstructions of each scene.
+};
+
+/// Scenes and arms are those of the file once for each reconstruction and each training: what
+/// comes first keeps its name, so that a spec without repetitions is taken as it stands.
 struct ExperimentSpec {
   static constexpr const char* kSchema = "segsim.experiment/1";
 
@@ -185,7 +201,7 @@ struct ExperimentSpec {
   double control_period_s = 0.1;
   double time_limit_s = 180.0;
   ClockSpec clock;
-  int repetitions = 1;
+  RepetitionsSpec repetitions;
   CameraSpec camera;
   SuccessSpec success;
   int planned_n = 0;  ///< Episodes per arm that the conclusion was planned for; 0 = all.
@@ -201,9 +217,15 @@ struct ExperimentSpec {
   /// nullptr if there is none.
   [[nodiscard]] const SceneSpec* find_scene(const std::string& scene_name) const;
   [[nodiscard]] const ArmSpec* find_arm(const std::string& arm_name) const;
-  /// Arms whose detector was fine-tuned on the scene.
+  /// Whether the arm's detector was fine-tuned on the scene, in this reconstruction.
   [[nodiscard]] bool leaks(const ArmSpec& arm, const SceneSpec& scene) const;
 };
+
+/// What tells names of files of a reconstruction and a training from those of the first:
+/// empty,
+/// ".r2", ".s3" or ".r2.s3". @param finetune_seed  None: of the reconstruction as a whole.
+[[nodiscard]] std::string repetition_suffix(const ExperimentSpec& spec, int reconstruction,
+                                            std::optional<std::uint64_t> finetune_seed);
 
 /// Values of the variables in paths.
 struct SpecFolders {

@@ -66,13 +66,11 @@ struct TrialReplay::Impl {
         });
     PreparedDetectors detectors;
     if (needs_weights) {
-      std::vector<fs::path> bundles;
+      StageTimes times;
+      const std::vector<fs::path> bundles = prepare_scenes(spec, folders.work, 1, times);
       std::vector<Starts> starts;
-      for (const SceneSpec& scene : spec.scenes) {
-        bundles.push_back(prepare_scene(spec, scene, folders.work));
-        starts.push_back(starts_of(load(scene)));
-      }
-      detectors = prepare_detectors(spec, bundles, starts, folders.work);
+      for (const SceneSpec& scene : spec.scenes) starts.push_back(starts_of(load(scene)));
+      detectors = prepare_detectors(spec, bundles, starts, folders.work, 1, times);
     }
     runner = std::make_unique<TrialRunner>(spec, detectors, scratch.path());
   }

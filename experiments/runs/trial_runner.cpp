@@ -178,17 +178,9 @@ Starts starts_of(const LoadedScene& scene) {
 }
 
 PreparedWeights weights_of(const ArmSpec& arm, const PreparedDetectors& detectors) {
-  switch (arm.detector) {
-    case ArmDetector::kBefore:
-      return detectors.before;
-    case ArmDetector::kAfter:
-      return detectors.after;
-    case ArmDetector::kFile:
-      return {arm.weights, std::nullopt};
-    case ArmDetector::kOracle:
-      break;
-  }
-  return {};
+  if (arm.detector == ArmDetector::kFile) return {arm.weights, std::nullopt, std::nullopt};
+  const auto found = detectors.find(arm.name);
+  return found == detectors.end() ? PreparedWeights{} : found->second;
 }
 
 TrialRunner::TrialRunner(const ExperimentSpec& spec, PreparedDetectors detectors,

@@ -39,6 +39,7 @@ struct LoadedScene {
   FloorPlan plan;
   EpisodeSet episodes;
   std::string episodes_sha256;
+  bool episodes_made = false;  ///< Now, and not found in a file.
   /// What the spec says, bound to this scene; nullptr: an exact camera alone.
   std::shared_ptr<const sim::SensorSettings> sensors;
 };
@@ -50,6 +51,10 @@ struct LoadedScene {
 /// ${work}/episodes/<scene>.jsonl if that file was made by the same rules for the same bundle;
 /// else they are generated and written there. Of a given file, lengths are those of the spec's
 /// robot; what cannot be done gets l = infinity.
+///
+/// A second reconstruction of a scene has the episodes of the first, which must be there: the
+/// same names, starts, goals and view points, so that trials pair over reconstructions, with
+/// lengths in this one; what cannot be done here gets l = infinity.
 /// @throws core::InputError if the episode file belongs to another bundle or names a class
 /// that the bundle lacks.
 [[nodiscard]] LoadedScene load_scene(const ExperimentSpec& spec, const SceneSpec& scene,

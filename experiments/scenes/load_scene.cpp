@@ -32,8 +32,15 @@ EpisodeRules episode_rules(const ExperimentSpec& spec, const SceneSpec& scene) {
 
 namespace {
 
+/// Where a scene has its episodes from.
+struct SceneEpisodes {
+  EpisodeSet set;
+  fs::path file;
+  bool made = false;  ///< Now.
+};
+
 /// Those of the file if it was made by the same rules for the same bundle; else new ones.
-EpisodeSet generated_episodes(
+SceneEpisodes generated_episodes(
     const fs::path& file, const std::string& scene_name, const core::SceneBundle& bundle,
     const sim::World& world, const EpisodeRules& rules,
     const std::function<std::unique_ptr<core::Renderer>()>& make_eye) {
@@ -41,18 +48,17 @@ EpisodeSet generated_episodes(
     EpisodeSet kept = read_episodes(file);
     if (kept.scene == scene_name && kept.scene_sha256 == bundle.scene_sha256 &&
         kept.rules_sha256 == rules_hash(rules, world.robot().name)) {
-      return kept;
+      return {std::move(kept), file};
     }
   }
   const auto eye = make_eye();
   write_episodes(file, generate_episodes(scene_name, bundle, world, *eye, rules));
-  return read_episodes(file);
+  return {read_episodes(file), file, true};
 }
 
 /// A given set, made ready for this world; what cannot be done is said once.
-EpisodeSet bound_episodes(const fs::path& file, const core::SceneBundle& bundle,
-                          const sim::World& world) {
-  EpisodeSet set = read_episodes(file);
+EpisodeSet bound_episodes(EpisodeSet set, const fs::path& file,
+                          const core::SceneBundle& bundle, const sim::World& world) {
   const std::vector<EpisodeFinding> findings =
       bind_episodes(set, file.string(), bundle, world);
   int infeasible = 0, changed = 0;
@@ -70,6 +76,39 @@ EpisodeSet bound_episodes(const fs::path& file, const core::SceneBundle& bundle,
   return set;
 }
 
+/// Those of the first reconstruction in another one.
+SceneEpisodes shared_episodes(const fs::path& first, const fs::path& file,
+                              const core::SceneBundle& bundle, const sim::World& world) {
+  EpisodeSet set = read_episodes(first);
+  set.scene_sha256 = bundle.scene_sha256;
+  set.oracle.reset();
+  for (sim::Episode& episode : set.episodes) {  // Ids of instances are the first one's.
+    episode.view_point_instance.clear();
+    episode.view_point_iou.clear();
+  }
+  write_episodes(file, bound_episodes(std::move(set), file, bundle, world));
+  return {read_episodes(file), file};
+}
+
+SceneEpisodes episodes_of(const ExperimentSpec& spec, const SceneSpec& scene,
+                          const core::SceneBundle& bundle, const sim::World& world,
+                          const fs::path& work,
+                          const std::function<std::unique_ptr<core::Renderer>()>& make_eye) {
+  const fs::path own = work / "episodes" / (scene.name + ".jsonl");
+  const bool given = !scene.episode_file.empty();
+  if (scene.reconstruction > 1) {
+    const fs::path first =
+        given ? scene.episode_file : work / "episodes" / (scene.family + ".jsonl");
+    return shared_episodes(first, own, bundle, world);
+  }
+  if (given) {
+    const fs::path& file = scene.episode_file;
+    return {bound_episodes(read_episodes(file), file, bundle, world), file};
+  }
+  return generated_episodes(own, scene.name, bundle, world, episode_rules(spec, scene),
+                            make_eye);
+}
+
 }  // namespace
 
 LoadedScene load_scene(const ExperimentSpec& spec, const SceneSpec& scene,
@@ -83,15 +122,9 @@ LoadedScene load_scene(const ExperimentSpec& spec, const SceneSpec& scene,
                                      "none");
   }
 
-  const fs::path file = scene.episode_file.empty()
-                            ? work / "episodes" / (scene.name + ".jsonl")
-                            : scene.episode_file;
-  EpisodeSet episodes =
-      scene.episode_file.empty()
-          ? generated_episodes(
-                file, scene.name, bundle, world, episode_rules(spec, scene),
-                [&] { return renderer::make_cpu_renderer(surfels, {}, labels); })
-          : bound_episodes(file, bundle, world);
+  SceneEpisodes episodes = episodes_of(spec, scene, bundle, world, work, [&] {
+    return renderer::make_cpu_renderer(surfels, {}, labels);
+  });
   FloorPlan plan = make_floor_plan(*surfels);
   std::shared_ptr<const sim::SensorSettings> sensors;
   if (spec.sensors) sensors = bind_sensors(*spec.sensors, bundle, world);
@@ -101,8 +134,9 @@ LoadedScene load_scene(const ExperimentSpec& spec, const SceneSpec& scene,
           std::move(surfels),
           std::move(labels),
           std::move(plan),
-          std::move(episodes),
-          core::sha256_of_file(file),
+          std::move(episodes.set),
+          core::sha256_of_file(episodes.file),
+          episodes.made,
           std::move(sensors)};
 }
 

@@ -15,6 +15,8 @@ namespace {
 
 /// Of an AP50 in the database.
 constexpr double kNotMeasured = -1.0;
+/// Of the seed of an arm that was not fine-tuned.
+constexpr std::int64_t kNoSeed = -1;
 
 }  // namespace
 
@@ -30,6 +32,7 @@ void Store::Impl::create_or_check_schema() const {
     execute(kAttributionSchema);
     execute(kImagesColumn);
     execute(kProvenanceTable);
+    execute(kFamilyColumns);
     Statement insert(db, file, "INSERT INTO meta VALUES (?, ?)");
     const std::string now = utc_now();
     insert.bind(kSchemaVersion).bind(now).step();
@@ -48,6 +51,10 @@ void Store::Impl::create_or_check_schema() const {
     if (version() == kBeforeProvenance) {
       execute(kProvenanceTable);
       execute("UPDATE meta SET schema_version = 6;");
+    }
+    if (version() == kBeforeFamilies) {
+      execute(kFamilyColumns);
+      execute("UPDATE meta SET schema_version = 7;");
     }
     const std::int64_t found = version();
     if (found != kSchemaVersion) {
@@ -126,16 +133,17 @@ std::int64_t Store::begin_run(const RunRow& run, const std::vector<SceneRow>& sc
   int position = 0;
   for (const SceneRow& scene : scene_rows) {
     Statement row(impl_->db, impl_->file,
-                  "INSERT INTO scene VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)");
+                  "INSERT INTO scene VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
     row.bind(run_id).bind(position++).bind(scene.name).bind(scene.title);
     row.bind(scene.scene_sha256).bind(scene.episodes_sha256).bind(scene.episodes);
-    row.bind(scene.oracle_successes).bind(scene.oracle_episodes).step();
+    row.bind(scene.oracle_successes).bind(scene.oracle_episodes);
+    row.bind(family_of(scene)).bind(scene.reconstruction).step();
   }
   position = 0;
   for (const ArmRow& arm : arm_rows) {
     Statement row(impl_->db, impl_->file,
                   "INSERT INTO arm VALUES ("
-                  "?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+                  "?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
     row.bind(run_id).bind(position++).bind(arm.name).bind(arm.detector);
     row.bind(arm.weights_sha256).bind(arm.tuned_on).bind(arm.score_threshold);
     const HeldOutPrecision held_out = arm.held_out.value_or(HeldOutPrecision{});
@@ -144,7 +152,10 @@ std::int64_t Store::begin_run(const RunRow& run, const std::vector<SceneRow>& sc
     row.bind(held_out.source_ap50.value_or(kNotMeasured));
     row.bind(held_out.unseen_ap50.value_or(kNotMeasured));
     const StartLeak leak = arm.start_leak.value_or(StartLeak{});
-    row.bind(leak.views).bind(leak.near_starts).bind(leak.radius_m).step();
+    row.bind(leak.views).bind(leak.near_starts).bind(leak.radius_m);
+    row.bind(family_of(arm)).bind(arm.reconstruction);
+    row.bind(arm.finetune_seed ? static_cast<std::int64_t>(*arm.finetune_seed) : kNoSeed);
+    row.step();
   }
   for (const auto& [name, value] : run.provenance) impl_->put_provenance(run_id, name, value);
   transaction.commit();
@@ -205,7 +216,7 @@ std::vector<RunRow> Store::runs() const {
 std::vector<SceneRow> Store::scenes(std::int64_t run_id) const {
   Statement select(impl_->db, impl_->file,
                    "SELECT name, title, scene_sha256, episodes_sha256, episodes, "
-                   "oracle_successes, oracle_episodes FROM scene "
+                   "oracle_successes, oracle_episodes, family, reconstruction FROM scene "
                    "WHERE run_id = ? ORDER BY position");
   select.bind(run_id);
   std::vector<SceneRow> rows;
@@ -218,6 +229,8 @@ std::vector<SceneRow> Store::scenes(std::int64_t run_id) const {
     scene.episodes = select.integer();
     scene.oracle_successes = select.small_integer();
     scene.oracle_episodes = select.small_integer();
+    scene.family = select.text();
+    scene.reconstruction = select.small_integer();
     rows.push_back(std::move(scene));
   }
   return rows;
@@ -228,7 +241,8 @@ std::vector<ArmRow> Store::arms(std::int64_t run_id) const {
       impl_->db, impl_->file,
       "SELECT name, detector, weights_sha256, tuned_on, score_threshold, "
       "held_out_views, ap50, ap, held_out_threshold, precision, recall, source_ap50, "
-      "unseen_ap50, tuning_views, tuning_views_near_starts, start_radius_m FROM arm "
+      "unseen_ap50, tuning_views, tuning_views_near_starts, start_radius_m, family, "
+      "reconstruction, finetune_seed FROM arm "
       "WHERE run_id = ? ORDER BY position");
   select.bind(run_id);
   std::vector<ArmRow> rows;
@@ -255,6 +269,10 @@ std::vector<ArmRow> Store::arms(std::int64_t run_id) const {
     leak.near_starts = select.small_integer();
     leak.radius_m = select.number();
     if (leak.views > 0) arm.start_leak = leak;
+    arm.family = select.text();
+    arm.reconstruction = select.small_integer();
+    const std::int64_t seed = select.integer();
+    if (seed != kNoSeed) arm.finetune_seed = static_cast<std::uint64_t>(seed);
     rows.push_back(std::move(arm));
   }
   return rows;

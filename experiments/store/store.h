@@ -33,7 +33,7 @@ struct RunRow {
   int planned_trials = 0;      ///< Over all arms.
   std::string started, ended;  ///< UTC, ISO 8601; `ended` is empty while trials are missing.
   /// What else a result may depend on, by name: "clock", "library/<name>",
-  /// "training_scenes/<arm>", "shard"; of merged runs "merged/<shard>".
+  /// "training_scenes/<arm>", "time/<stage>", "shard"; of merged runs "merged/<shard>".
   std::map<std::string, std::string> provenance{};
 };
 
@@ -44,6 +44,8 @@ struct SceneRow {
   std::int64_t episodes = 0;
   /// Of the set's validation by the oracle-path arm; -1: not validated.
   int oracle_successes = -1, oracle_episodes = -1;
+  std::string family{};    ///< Of all reconstructions of one scene; empty means `name`.
+  int reconstruction = 1;  ///< Which of them this is.
 };
 
 struct ArmRow {
@@ -55,7 +57,16 @@ struct ArmRow {
   double score_threshold = -1;               ///< -1: the one stored with the weights.
   std::optional<HeldOutPrecision> held_out;  ///< None for the oracle and foreign weights.
   std::optional<StartLeak> start_leak{};     ///< None if it was not fine-tuned here.
+  std::string family{};    ///< Of all trainings of one arm of the spec; empty means `name`.
+  int reconstruction = 1;  ///< It ran in these scenes only.
+  std::optional<std::uint64_t> finetune_seed{};  ///< None if it was not fine-tuned here.
 };
+
+/// Of a SceneRow or ArmRow.
+template <class Row>
+[[nodiscard]] const std::string& family_of(const Row& row) {
+  return row.family.empty() ? row.name : row.family;
+}
 
 /// One finished trial. Columns as in sim::TrialResult; -1 ticks and unset values are "never".
 struct TrialRow {
@@ -93,7 +104,7 @@ struct TrialRow {
 /// One writer at a time. Not thread-safe: the caller serialises.
 class Store {
  public:
-  static constexpr int kSchemaVersion = 6;  ///< Files of versions 1 to 5 are brought up to it.
+  static constexpr int kSchemaVersion = 7;  ///< Files of versions 1 to 6 are brought up to it.
   /// A trial is on the disk, not only in the system's memory, after so long.
   static constexpr double kSyncPeriod_s = 5.0;
 

@@ -19,7 +19,10 @@ Json json_arm(const ArmRow& arm) {
       {"tuned_on", arm.tuned_on},
       {"score_threshold", arm.score_threshold < 0.0 ? Json() : Json(arm.score_threshold)},
       {"held_out", nullptr},
-      {"tuning_views", nullptr}};
+      {"tuning_views", nullptr},
+      {"family", family_of(arm)},
+      {"reconstruction", arm.reconstruction},
+      {"finetune_seed", arm.finetune_seed ? Json(*arm.finetune_seed) : Json()}};
   if (arm.held_out) {
     const HeldOutPrecision& p = *arm.held_out;
     json["held_out"] = {{"views", p.views},
@@ -65,7 +68,9 @@ Json json_run(const StoredRun& stored) {
                               {"episodes_sha256", scene.episodes_sha256},
                               {"episodes", scene.episodes},
                               {"oracle_successes", scene.oracle_successes},
-                              {"oracle_episodes", scene.oracle_episodes}});
+                              {"oracle_episodes", scene.oracle_episodes},
+                              {"family", family_of(scene)},
+                              {"reconstruction", scene.reconstruction}});
   }
   json["arms"] = Json::array();
   for (const ArmRow& arm : stored.arms) json["arms"].push_back(json_arm(arm));

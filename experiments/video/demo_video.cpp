@@ -71,6 +71,7 @@ double speed_for(const DemoPair& pair, double least) {
 std::string names_of(const std::vector<SceneRow>& scenes) {
   std::string names;
   for (const SceneRow& scene : scenes) {
+    if (scene.reconstruction > 1) continue;
     names += (names.empty() ? "" : ", ") + (scene.title.empty() ? scene.name : scene.title);
   }
   return names;
@@ -124,8 +125,10 @@ VideoSummary write_demo_video(const StoredRun& stored, const DemoOptions& option
     throw core::InputError::expected(stored.folder.string(), "a run with two arms to compare",
                                      std::to_string(stored.arms.size()) + " arms");
   }
+  // Of several trainings the first is shown.
+  const TrainingSummary& training = table.trainings.front();
   const std::vector<DemoPair> pairs =
-      choose_demo_pairs(stored.trials, table.before, table.after);
+      choose_demo_pairs(stored.trials, training.before, training.arm);
   if (pairs.empty()) {
     throw core::InputError::expected(stored.folder.string(),
                                      "an episode that both arms have finished", "none");

@@ -16,6 +16,7 @@ struct TrainableNetwork {
   std::shared_ptr<torch::nn::Module> module;
   std::function<RawOutput(const torch::Tensor&)> forward;
   AssignerRule rule;
+  bool has_dropout = false;  ///< forward() draws from the process's one generator.
 };
 
 /// At the start of training. @param architecture  As in a weights file; one that exists.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <mutex>
 #include <string>
 #include <utility>
 
@@ -94,17 +95,24 @@ torch::Tensor TrainingStep::batch_on_device() {
   return staging_.to(device_, /*non_blocking=*/true);
 }
 
+/// Dropout is keyed by seed and step, so that a resumed run draws the same. It draws from the
+/// process's one generator, which another training in it must not seed meanwhile.
+RawOutput TrainingStep::forward(std::int64_t number, const torch::Tensor& input) {
+  static std::mutex generator;
+  std::unique_lock<std::mutex> drawing(generator, std::defer_lock);
+  if (network.has_dropout) {
+    drawing.lock();
+    torch::manual_seed(core::hash64("dropout/" + std::to_string(number), options_.seed));
+  }
+  const AutocastScope autocast(options_.mixed_precision);
+  return network.forward(input);
+}
+
 /// Of the sum over a batch, before scaling.
 torch::Tensor TrainingStep::batch_loss(std::int64_t number, const MakeBatch& make) {
   make(number, batch_);
   const auto input = batch_on_device();
-  // Dropout: keyed by seed and step, so that a resumed run draws the same.
-  torch::manual_seed(core::hash64("dropout/" + std::to_string(number), options_.seed));
-  RawOutput raw;
-  {
-    const AutocastScope autocast(options_.mixed_precision);
-    raw = network.forward(input);
-  }
+  RawOutput raw = forward(number, input);
   raw.box = raw.box.to(torch::kFloat32);
   raw.classes = raw.classes.to(torch::kFloat32);
   const LossParts parts = detection_loss(raw, anchors_, batch_.truth, network.rule);

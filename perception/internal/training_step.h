@@ -46,6 +46,7 @@ class TrainingStep {
  private:
   [[nodiscard]] torch::Tensor batch_loss(std::int64_t number, const MakeBatch& make);
   [[nodiscard]] torch::Tensor batch_on_device();
+  [[nodiscard]] RawOutput forward(std::int64_t number, const torch::Tensor& input);
   bool finish_gradients();
   void adapt_loss_scale(bool finite);
   [[nodiscard]] double norm_momentum(std::int64_t batches_done) const;

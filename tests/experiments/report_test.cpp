@@ -136,6 +136,59 @@ TEST(Report, TheFirstPageHasTheAnswer) {
               HasSubstr("data-change=\"gained\""));
 }
 
+/// The same run with a second training of "after" that does worse: 9 and 5 of 10.
+StoredRun two_trainings() {
+  StoredRun stored = a_hostile_run();
+  stored.run.success_profile = "segsim-object: STOP within 1 m";
+  stored.arms[1].finetune_seed = 2;
+  stored.arms.push_back({"after.s3", "b3.bin", "e", "", -1, {}});
+  stored.arms[2].family = "after";
+  stored.arms[2].finetune_seed = 3;
+  for (int k = 0; k < 10; ++k) {
+    stored.trials.push_back(a_trial(100 + k, "after.s3", k, k >= 1 && k < 6));
+  }
+  return stored;
+}
+
+TEST(Report, TheFirstPageTellsOfTrainings) {
+  const TemporaryFolder folder("report");
+  (void)write_report(a_hostile_run(), into(folder.path() / "one"));
+  const std::string one = core::read_file(folder.path() / "one" / "index.html");
+  EXPECT_THAT(one, HasSubstr("<strong>one training</strong>"));
+  EXPECT_THAT(one, HasSubstr("<li>ONE TRAINING: "));
+  EXPECT_THAT(one, Not(HasSubstr("\"dots\"")));
+  EXPECT_THAT(core::read_file(folder.path() / "one" / "trials.html"),
+              Not(HasSubstr("name=\"training\"")));
+
+  (void)write_report(two_trainings(), into(folder.path() / "two"));
+  const std::string two = core::read_file(folder.path() / "two" / "index.html");
+  EXPECT_THAT(two, HasSubstr("20 % &rarr; 70 %"));
+  EXPECT_THAT(two, HasSubstr("14/20</a> episodes x trainings"));
+  EXPECT_THAT(two, HasSubstr("test over 2 trainings"));
+  EXPECT_THAT(two, HasSubstr("standard deviation between trainings: 28 points"));
+  EXPECT_THAT(two, HasSubstr("Success rule: segsim-object."));
+  EXPECT_THAT(two, HasSubstr("\"dots\":[0.9,0.5]"));
+  EXPECT_THAT(two, HasSubstr("trials.html#training=after.s3&amp;counts=1"));
+  EXPECT_THAT(two, Not(HasSubstr("one training")));
+  // 7 gained by the first; by the second 4, and 1 lost.
+  EXPECT_THAT(two, HasSubstr("change=gained\">11 gained</a>"));
+  EXPECT_THAT(two, HasSubstr("change=lost\">1 lost</a>"));
+  const std::string trials = core::read_file(folder.path() / "two" / "trials.html");
+  EXPECT_THAT(trials, HasSubstr("name=\"training\""));
+  EXPECT_THAT(trials, HasSubstr("data-arm=\"after\" data-training=\"after.s3\""));
+  const auto count = [&](const std::string& part) {
+    int found = 0;
+    for (std::size_t at = trials.find(part); at != std::string::npos;
+         at = trials.find(part, at + 1)) {
+      ++found;
+    }
+    return found;
+  };
+  EXPECT_EQ(count("data-change=\"gained\""), 11);  // As many as the page says.
+  EXPECT_EQ(count("data-change=\"lost\""), 1);
+  expect_links_resolve(folder.path() / "two");
+}
+
 TEST(Report, ArmsAreChosenAndAnEarlierReportIsReplaced) {
   const TemporaryFolder folder("report");
   ReportOptions options = into(folder.path() / "r");

@@ -201,6 +201,93 @@ TEST(Spec, LeakageFollowsTheFineTuningScenes) {
   EXPECT_TRUE(all.leaks(*all.find_arm("after"), *all.find_scene("office")));
 }
 
+std::vector<std::string> names_of(const ExperimentSpec& spec) {
+  std::vector<std::string> names;
+  for (const ArmSpec& arm : spec.arms) names.push_back(arm.name);
+  return names;
+}
+
+TEST(Spec, RepetitionsMayBeANumber) {
+  for (const char* text : {"repetitions: 3\n", "repetitions: {trials: 3}\n"}) {
+    const ExperimentSpec spec = parse(std::string(kSpec) + text);
+    EXPECT_EQ(spec.repetitions.trials, 3);
+    EXPECT_EQ(spec.repetitions.finetune_seeds, 1);
+    EXPECT_THAT(names_of(spec), ElementsAre("before", "after", "oracle", "other"));
+    EXPECT_EQ(spec.scenes.size(), 2U);
+  }
+  EXPECT_EQ(parse(kSpec).repetitions.trials, 1);
+  EXPECT_EQ(parse(std::string(kSpec) + "repetitions: {}\n").repetitions.trials, 1);
+}
+
+/// The first training keeps its name; every arm is of the family that the file names.
+TEST(Spec, EveryTrainingIsAnArm) {
+  const ExperimentSpec spec = parse(std::string(kSpec) + "repetitions: {finetune_seeds: 3}\n");
+  EXPECT_THAT(names_of(spec),
+              ElementsAre("before", "after", "after.s3", "after.s4", "oracle", "other"));
+  EXPECT_EQ(spec.scenes.size(), 2U);
+  const ArmSpec& third = *spec.find_arm("after.s4");
+  EXPECT_EQ(third.family, "after");
+  EXPECT_EQ(third.finetune_seed, std::optional<std::uint64_t>(4));
+  EXPECT_EQ(third.score_threshold, std::optional<double>(0.4));
+  EXPECT_TRUE(spec.leaks(third, *spec.find_scene("flat-1")));
+  EXPECT_EQ(spec.find_arm("after")->finetune_seed, std::optional<std::uint64_t>(2));
+  EXPECT_FALSE(spec.find_arm("before")->finetune_seed.has_value());
+  // The first seed need not be 2.
+  const ExperimentSpec other =
+      parse(with(std::string(kSpec), "views_per_scene: 30", "seed: 7, views_per_scene: 30") +
+            "repetitions: {finetune_seeds: 2}\n");
+  EXPECT_NE(other.find_arm("after.s8"), nullptr);
+}
+
+TEST(Spec, EveryReconstructionHasItsScenesAndArms) {
+  std::string text = with(kSpec, "voxel_m: 0.03,", "voxel_m: 0.03, reconstruct: {seed: 5},");
+  text = with(text, "frame_step: 2", "frame_step: 2, reconstruct: {}");
+  const ExperimentSpec spec =
+      parse(text + "repetitions: {finetune_seeds: 2, reconstruct_seeds: 2}\n");
+  EXPECT_THAT(names_of(spec),
+              ElementsAre("before", "after", "after.s3", "oracle", "other", "before.r2",
+                          "after.r2", "after.r2.s3", "oracle.r2", "other.r2"));
+  ASSERT_EQ(spec.scenes.size(), 4U);
+  EXPECT_EQ(spec.scenes[1].name, "office");
+  const SceneSpec& again = spec.scenes[2];
+  EXPECT_EQ(again.name, "flat-1.r2");
+  EXPECT_EQ(again.family, "flat-1");
+  EXPECT_EQ(again.reconstruction, 2);
+  EXPECT_EQ(again.title, "Flat 1, reconstruction 2");
+  EXPECT_EQ(again.bundle, "out/two-flats/scenes/flat-1.r2");
+  EXPECT_EQ(again.source->seed, 11U);              // The same recording, ...
+  EXPECT_EQ(again.source->reconstruct->seed, 6U);  // ... another training.
+  EXPECT_EQ(spec.scenes[0].source->reconstruct->seed, 5U);
+  const ArmSpec& arm = *spec.find_arm("after.r2.s3");
+  EXPECT_EQ(arm.reconstruction, 2);
+  EXPECT_EQ(arm.family, "after");
+  EXPECT_TRUE(spec.leaks(arm, again));
+  EXPECT_FALSE(spec.leaks(arm, *spec.find_scene("flat-1")));  // It never ran there.
+}
+
+TEST(Spec, RepetitionsThatCannotBeAreNamed) {
+  const auto error = [](const std::string& fields) {
+    return error_of(std::string(kSpec) + "repetitions: {" + fields + "}\n");
+  };
+  EXPECT_THAT(error("trials: 0"), AllOf(HasSubstr(":30"), HasSubstr("[1, 10000]")));
+  EXPECT_THAT(error("finetune_seeds: 0"),
+              AllOf(HasSubstr(":30"), HasSubstr("finetune_seeds"), HasSubstr("[1, 1000]")));
+  EXPECT_THAT(error("finetune_seed: 2"), HasSubstr("finetune_seeds"));  // The nearest key.
+  EXPECT_THAT(error("reconstruct_seeds: 2"),
+              AllOf(HasSubstr(":30"), HasSubstr("reconstruct_seeds"),
+                    HasSubstr("lifting draws nothing"), HasSubstr("flat-1")));
+  EXPECT_THAT(error_of(std::string(kSpec) + "repetitions: 0\n"), HasSubstr("[1, 10000]"));
+  EXPECT_THAT(error_of(std::string(kSpec) + "repetitions: [2]\n"), HasSubstr("repetitions"));
+  const std::string tuned =
+      "  finetune: {scenes: [flat-1], views_per_scene: 30, steps: 50, mix_share: 0.25, "
+      "start_clearance_m: 0.5}\n";
+  EXPECT_THAT(error_of(with(kSpec, tuned, "") + "repetitions: {finetune_seeds: 2}\n"),
+              HasSubstr("detectors.finetune"));
+  EXPECT_THAT(error_of(with(kSpec, "steps: 50,", "steps: 50, threads: 0,")),
+              AllOf(HasSubstr(":18"), HasSubstr("threads")));
+  EXPECT_EQ(parse(kSpec).detectors.finetune->threads, 1);
+}
+
 TEST(Spec, TheHashIsThatOfTheText) {
   EXPECT_EQ(parse(kSpec).sha256, parse(kSpec).sha256);
   EXPECT_NE(parse(kSpec).sha256, parse(with(kSpec, "seed: 7", "seed: 8")).sha256);

@@ -1,6 +1,7 @@
 #include "experiments/results/statistics.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <vector>
 
@@ -96,6 +97,34 @@ TEST(Statistics, NormalQuantileInvertsTheDistribution) {
   }
 }
 
+TEST(Statistics, StudentHasTheTabledQuantiles) {
+  EXPECT_NEAR(student_quantile(.975, 1), 12.7062, 5e-5);
+  EXPECT_NEAR(student_quantile(.975, 2), 4.30265, 5e-6);
+  EXPECT_NEAR(student_quantile(.95, 5), 2.01505, 5e-6);
+  EXPECT_NEAR(student_quantile(.025, 39), -2.02269, 5e-6);
+  EXPECT_NEAR(student_quantile(.975, 1e6), normal_quantile(.975), 1e-5);
+  EXPECT_NEAR(student_quantile(.5, 7), 0.0, 1e-9);
+  // One degree: Cauchy, P(|T| > 1) = 1/2. Two degrees: P(|T| > t) = 1 - t / sqrt(2 + t^2).
+  EXPECT_NEAR(student_two_sided_p(1.0, 1), 0.5, 1e-12);
+  EXPECT_NEAR(student_two_sided_p(-3.0, 2), 1.0 - 3.0 / std::sqrt(11.0), 1e-12);
+  EXPECT_EQ(student_two_sided_p(0.0, 4.5), 1.0);
+  for (const double df : {0.7, 1.0, 2.6, 11.0, 200.0}) {
+    EXPECT_NEAR(student_two_sided_p(student_quantile(.99, df), df), .02, 1e-10) << df;
+  }
+}
+
+TEST(Statistics, ScoreIntervalSolvesItsEquation) {
+  // Its ends are the rates from which `rate` lies `quantile` standard errors away.
+  const double rate = 0.3, trials = 27.5, quantile = 2.4;
+  const Interval found = score_interval(rate, trials, quantile);
+  for (const double end : {found.low, found.high}) {
+    EXPECT_NEAR(std::abs(rate - end), quantile * std::sqrt(end * (1 - end) / trials), 1e-12);
+  }
+  EXPECT_EQ(score_interval(0.0, 3.5, 2.0).low, 0.0);
+  EXPECT_EQ(score_interval(1.0, 3.5, 2.0).high, 1.0);
+  EXPECT_THROW((void)score_interval(0.5, 0.0, 2.0), core::ContractViolation);
+}
+
 struct McNemarCase {
   int b, c;
   double exact, mid, tolerance;
@@ -112,13 +141,33 @@ TEST(Statistics, McNemarHasTheReferenceValues) {
       {15, 5, .04139, .02660, 6e-6},
       {12, 5, .14346, .09625, 6e-6},
       {30, 10, .002221, .001450, 6e-7},
-      {3, 3, 1, .6875, 1e-12},
+      // The even split: C(6, 3) / 64 = .3125 of which one half is left out.
+      {1, 1, 1, .75, 1e-12},
+      {3, 3, 1, .84375, 1e-12},
       {0, 0, 1, 1, 1e-12},
   };
   for (const McNemarCase& c : cases) {
     EXPECT_NEAR(mcnemar_exact_p(c.b, c.c), c.exact, c.tolerance) << c.b << ", " << c.c;
     EXPECT_NEAR(mcnemar_mid_p(c.b, c.c), c.mid, c.tolerance) << c.b << ", " << c.c;
     EXPECT_EQ(mcnemar_exact_p(c.b, c.c), mcnemar_exact_p(c.c, c.b));
+  }
+}
+
+TEST(Statistics, McNemarAgreesWithCountingAllOutcomes) {
+  // Each of 2^n ways in which n discordant pairs can fall is as likely as any other.
+  for (int n = 1; n <= 12; ++n) {
+    for (int b = 0; b <= n; ++b) {
+      const int unevenness = std::abs(2 * b - n);
+      int more_uneven = 0, as_uneven = 0;
+      for (unsigned outcome = 0; outcome < (1U << n); ++outcome) {
+        const int other = std::abs(2 * std::popcount(outcome) - n);
+        more_uneven += other > unevenness ? 1 : 0;
+        as_uneven += other == unevenness ? 1 : 0;
+      }
+      const double all = std::exp2(n);
+      EXPECT_NEAR(mcnemar_exact_p(b, n - b), (more_uneven + as_uneven) / all, 1e-12);
+      EXPECT_NEAR(mcnemar_mid_p(b, n - b), (more_uneven + 0.5 * as_uneven) / all, 1e-12);
+    }
   }
 }
 

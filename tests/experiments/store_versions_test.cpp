@@ -8,6 +8,17 @@ namespace {
 
 using testing::HasSubstr;
 
+/// Takes away what version 7 added.
+void drop_families(const std::filesystem::path& file) {
+  execute_sql(file,
+              "ALTER TABLE scene DROP COLUMN family;"
+              "ALTER TABLE scene DROP COLUMN reconstruction;"
+              "ALTER TABLE arm DROP COLUMN family;"
+              "ALTER TABLE arm DROP COLUMN reconstruction;"
+              "ALTER TABLE arm DROP COLUMN finetune_seed;"
+              "UPDATE meta SET schema_version = 6");
+}
+
 TEST_F(StoreTest, AnotherSchemaVersionIsRefused) {
   { const Store store(file_); }
   execute_sql(file_, "UPDATE meta SET schema_version = 99");
@@ -22,6 +33,7 @@ TEST_F(StoreTest, AFileOfVersion2IsBroughtUpToDate) {
     id = begin(store);
     store.add_trial(id, a_trial("before", "b/chair/00", true));
   }
+  drop_families(file_);
   // What versions 3 to 6 added is taken away again.
   execute_sql(file_,
               "DROP TABLE attribution; DROP TABLE provenance;"
@@ -122,6 +134,7 @@ TEST_F(StoreTest, AFileOfVersion3IsBroughtUpToDate) {
     trial.why.cause = "stuck";
     store.add_trial(id, trial);
   }
+  drop_families(file_);
   execute_sql(file_,
               "DROP TABLE provenance;"
               "ALTER TABLE attribution DROP COLUMN images;"
@@ -145,12 +158,52 @@ TEST_F(StoreTest, AFileOfVersion5IsBroughtUpToDate) {
     id = begin(store);
     store.add_trial(id, a_trial("before", "b/chair/00", true));
   }
+  drop_families(file_);
   execute_sql(file_, "DROP TABLE provenance; UPDATE meta SET schema_version = 5");
   Store store(file_);
   EXPECT_EQ(store.trials(id).size(), 1U);
   EXPECT_TRUE(store.runs()[0].provenance.empty());
   store.set_provenance(id, "clock", "lockstep");
   EXPECT_EQ(store.runs()[0].provenance.at("clock"), "lockstep");
+}
+
+/// Every scene and every arm of an older file is the only one of its family.
+TEST_F(StoreTest, AFileOfVersion6IsBroughtUpToDate) {
+  std::int64_t id = 0;
+  {
+    Store store(file_);
+    id = begin(store);
+    store.add_trial(id, a_trial("before", "b/chair/00", true));
+  }
+  drop_families(file_);
+  EXPECT_THROW((void)Store::for_reading(file_), core::InputError);
+  for (int opening = 0; opening < 2; ++opening) {  // The second finds nothing to do.
+    Store store(file_);
+    EXPECT_EQ(store.trials(id).size(), 1U);
+    EXPECT_EQ(family_of(store.scenes(id)[0]), "b");
+    EXPECT_EQ(store.scenes(id)[0].reconstruction, 1);
+    EXPECT_EQ(family_of(store.arms(id)[1]), "after");
+    EXPECT_EQ(store.arms(id)[1].reconstruction, 1);
+    EXPECT_FALSE(store.arms(id)[1].finetune_seed.has_value());
+    EXPECT_EQ(store.arms(id)[1].start_leak->near_starts, 3);
+  }
+}
+
+TEST_F(StoreTest, FamiliesAndSeedsAreKept) {
+  Store store(file_);
+  SceneRow scene{"flat.r2", "Flat", "s", "e", 2};
+  scene.family = "flat";
+  scene.reconstruction = 2;
+  ArmRow arm{"after.r2.s0", "v.bin", "fe", "flat.r2", -1, {}};
+  arm.family = "after";
+  arm.reconstruction = 2;
+  arm.finetune_seed = 0;
+  const std::int64_t id = store.begin_run(a_run(), {scene}, {arm});
+  EXPECT_EQ(store.scenes(id)[0].family, "flat");
+  EXPECT_EQ(store.scenes(id)[0].reconstruction, 2);
+  EXPECT_EQ(store.arms(id)[0].family, "after");
+  EXPECT_EQ(store.arms(id)[0].reconstruction, 2);
+  EXPECT_EQ(store.arms(id)[0].finetune_seed, std::optional<std::uint64_t>(0));
 }
 
 }  // namespace

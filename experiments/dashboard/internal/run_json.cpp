@@ -32,10 +32,11 @@ std::vector<double> all_seconds(const std::vector<std::string>& times) {
 Json json_interval(const Interval& interval) { return {interval.low, interval.high}; }
 
 Json json_arm(const ArmSummary& arm) {
-  const Interval interval = wilson_interval(arm.success);
+  const Interval interval = arm.interval();
   return {{"name", arm.arm},
           {"successes", arm.success.successes},
           {"episodes", arm.success.trials},
+          {"trainings", arm.members},
           {"rate", arm.success.trials > 0 ? Json(arm.success.value()) : Json()},
           {"interval", json_interval(interval)},
           {"trials", arm.trials},
@@ -53,7 +54,7 @@ Json json_pair(const ResultTable& table, const GroupSummary& group) {
           {"lost", group.pairs.only_before},
           {"difference", group.difference.difference},
           {"interval", json_interval(group.difference.interval)},
-          {"p", group.p_exact}};
+          {"p", group.p}};
 }
 
 std::string state_of(const RunSnapshot& run, int left, std::size_t alive, const Pace& pace) {

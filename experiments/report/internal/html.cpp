@@ -94,7 +94,11 @@ std::string html_table(const Grid& grid,
     }
     html += "</tr>\n";
   }
-  return html + "</tbody></table></div>\n";
+  html += "</tbody></table></div>\n";
+  for (const std::string& line : grid.lines) {
+    html += "<p class=\"faint\">" + html_escaped(line) + "</p>\n";
+  }
+  return html;
 }
 
 std::string html_page(const std::string& title, const std::string& body,

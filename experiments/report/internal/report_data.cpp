@@ -49,6 +49,14 @@ std::vector<GroupSummary> groups_of(const ReportModel& model) {
   return groups;
 }
 
+std::vector<double> rates_of(const std::vector<Proportion>& proportions) {
+  std::vector<double> rates;
+  for (const Proportion& p : proportions) {
+    if (p.trials > 0) rates.push_back(p.value());
+  }
+  return rates;
+}
+
 /// Percentage of a share.
 std::string percent(double share) { return experiments::print("%.1f %%", 100.0 * share); }
 
@@ -200,26 +208,32 @@ std::string delay_figure(const ReportModel& model, const StoredRun& stored,
 }  // namespace
 
 std::string success_figure(const ReportModel& model) {
-  Json plot{{"kind", "intervals"}, {"x", "success rate, Wilson 95 %"}};
+  const bool several = model.table.trainings.size() > 1;
+  Json plot{{"kind", "intervals"},
+            {"x", several ? "success rate, 95 %; a small dot per training"
+                          : "success rate, Wilson 95 %"}};
   Grid grid{"Success rate with its interval",
-            {"Scene", "Arm", "Successes", "SR", "Wilson 95 %", "Clopper-Pearson 95 %"},
+            {"Scene", "Arm", "Successes", "SR", several ? "95 %" : "Wilson 95 %",
+             "Clopper-Pearson 95 %"},
             {}};
   std::set<std::string> arms;
   for (const GroupSummary& group : groups_of(model)) {
     for (const ArmSummary& arm : group.arms) {
       if (arm.success.trials == 0) continue;
-      const Interval wilson = wilson_interval(arm.success);
+      const Interval interval = arm.interval();
       const Interval exact = clopper_pearson_interval(arm.success);
       plot["rows"].push_back({{"label", group.title + ", " + arm.arm},
                               {"series", arm.arm},
-                              {"low", wilson.low},
+                              {"low", interval.low},
                               {"value", arm.success.value()},
-                              {"high", wilson.high}});
+                              {"high", interval.high}});
+      if (arm.members > 1) plot["rows"].back()["dots"] = rates_of(arm.by_member);
       grid.rows.push_back(
           {group.title, arm.arm,
            std::to_string(arm.success.successes) + "/" + std::to_string(arm.success.trials),
-           percent(arm.success.value()), percent(wilson.low) + " to " + percent(wilson.high),
-           percent(exact.low) + " to " + percent(exact.high)});
+           percent(arm.success.value()),
+           percent(interval.low) + " to " + percent(interval.high),
+           arm.members > 1 ? "-" : percent(exact.low) + " to " + percent(exact.high)});
       if (arms.insert(arm.arm).second) plot["series"].push_back(series(model, arm.arm));
     }
   }
@@ -229,7 +243,7 @@ std::string success_figure(const ReportModel& model) {
 std::string causes_figure(const ReportModel& model) {
   std::map<std::string, std::map<std::string, int>> counts;  // By fate, then arm.
   for (const TrialView& view : model.trials) {
-    if (view.row->counts() && !view.row->success) ++counts[fate_of(*view.row)][view.row->arm];
+    if (view.row->counts() && !view.row->success) ++counts[fate_of(*view.row)][view.arm];
   }
   if (counts.empty()) return {};
   Json plot{{"kind", "bars"}, {"horizontal", true}, {"x", "failed trials"}, {"y", ""}};
@@ -245,13 +259,13 @@ std::string causes_figure(const ReportModel& model) {
     plot["labels"].push_back(fate);
     grid.rows.push_back({fate, fate_in_words(fate)});
   }
-  for (const ArmRow& arm : model.table.arm_rows) {
-    Json line = series(model, arm.name);
-    grid.header.push_back(arm.name);
+  for (const std::string& arm : arms_of(model)) {
+    Json line = series(model, arm);
+    grid.header.push_back(arm);
     std::size_t row = 0;
     for (const auto& [total, fate] : order) {
       const std::map<std::string, int>& by_arm = counts.at(fate);
-      const auto found = by_arm.find(arm.name);
+      const auto found = by_arm.find(arm);
       const int count = found == by_arm.end() ? 0 : found->second;
       line["values"].push_back(count);
       grid.rows[row++].push_back(std::to_string(count));
@@ -272,17 +286,17 @@ std::string steps_figure(const ReportModel& model) {
   int longest = 0;
   for (const TrialView& view : model.trials) longest = std::max(longest, view.row->ticks);
   if (longest == 0) return {};
-  for (const ArmRow& arm : model.table.arm_rows) {
+  for (const std::string& arm : arms_of(model)) {
     std::vector<int> ticks;
     int trials = 0;
     for (const TrialView& view : model.trials) {
-      if (view.row->arm != arm.name || !view.row->counts()) continue;
+      if (view.arm != arm || !view.row->counts()) continue;
       ++trials;
       if (view.row->success) ticks.push_back(view.row->ticks);
     }
     if (trials == 0) continue;
     std::sort(ticks.begin(), ticks.end());
-    Json line = series(model, arm.name);
+    Json line = series(model, arm);
     line["points"].push_back({0, 0.0});
     for (std::size_t k = 0; k < ticks.size(); ++k) {
       if (k + 1 < ticks.size() && ticks[k + 1] == ticks[k]) continue;
@@ -290,7 +304,7 @@ std::string steps_figure(const ReportModel& model) {
     }
     line["points"].push_back({longest, static_cast<double>(ticks.size()) / trials});
     plot["series"].push_back(std::move(line));
-    grid.rows.push_back({arm.name, std::to_string(trials), std::to_string(ticks.size()),
+    grid.rows.push_back({arm, std::to_string(trials), std::to_string(ticks.size()),
                          ticks.empty() ? "-" : std::to_string(ticks[ticks.size() / 2]),
                          ticks.empty() ? "-" : std::to_string(ticks.back())});
   }
@@ -331,10 +345,10 @@ std::string latency_figures(const ReportModel& model) {
   for (const auto& [stage, column] : stages) {
     std::vector<std::pair<std::string, std::vector<double>>> ordered;
     bool any = false;
-    for (const ArmRow& arm : model.table.arm_rows) {
-      ordered.emplace_back(arm.name, std::vector<double>{});
+    for (const std::string& arm : arms_of(model)) {
+      ordered.emplace_back(arm, std::vector<double>{});
       for (const TrialView& view : model.trials) {
-        if (view.row->arm != arm.name || !view.row->counts() || view.row->ticks == 0) continue;
+        if (view.arm != arm || !view.row->counts() || view.row->ticks == 0) continue;
         ordered.back().second.push_back(view.row->*column);
         any = any || view.row->*column > 0.0;
       }

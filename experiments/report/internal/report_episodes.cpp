@@ -13,8 +13,9 @@ std::string trial_row(const TrialView& view) {
   const auto data = [&](const char* key, const std::string& value) {
     html += std::string(" data-") + key + "=\"" + html_escaped(value) + "\"";
   };
-  data("scene", row.scene);
-  data("arm", row.arm);
+  data("scene", view.scene);
+  data("arm", view.arm);
+  data("training", row.arm);
   data("goal", row.goal_class);
   data("outcome", row.outcome);
   data("fate", fate);
@@ -121,8 +122,9 @@ std::string trials_body(const ReportModel& model) {
       "</p></header>\n<nav><a href=\"index.html\">Report</a></nav>\n<div class=\"filters\">";
   for (const auto& [key, title] :
        {std::pair{"scene", "Scene"}, std::pair{"goal", "Goal"}, std::pair{"arm", "Arm"},
-        std::pair{"outcome", "Outcome"}, std::pair{"fate", "Cause"},
-        std::pair{"change", "Change"}}) {
+        std::pair{"training", "Training"}, std::pair{"outcome", "Outcome"},
+        std::pair{"fate", "Cause"}, std::pair{"change", "Change"}}) {
+    if (std::string(key) == "training" && model.table.trainings.size() < 2) continue;
     html += std::string("<label>") + title + "<select name=\"" + key +
             "\"><option value=\"\">all</option></select></label>";
   }
@@ -150,7 +152,7 @@ std::string episode_body(const ReportModel& model,
                      " <span class=\"faint\">" + html_escaped(first.episode) +
                      "</span></h1></header>\n<nav><a href=\"../index.html\">"
                      "Report</a><a href=\"" +
-                     html_escaped(trials_href({{"scene", first.scene}}, "../")) +
+                     html_escaped(trials_href({{"scene", trials.front()->scene}}, "../")) +
                      "\">Trials of this scene</a>";
   if (!change.empty()) {
     html += "<a href=\"" + html_escaped(trials_href({{"change", change}}, "../")) +

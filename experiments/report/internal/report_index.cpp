@@ -10,6 +10,7 @@
 #include "experiments/report/internal/report_model.h"
 #include "experiments/results/internal/insight_grids.h"
 #include "experiments/results/internal/table_grids.h"
+#include "experiments/results/internal/training_grids.h"
 
 namespace segsim::experiments::internal {
 namespace {
@@ -75,7 +76,11 @@ std::string better_card(const ReportModel& model) {
                            100.0 * before->success.value(), 100.0 * after->success.value());
     html += "<p>" + html_escaped(table.before) + " " + rate_link(filter, *before) +
             " episodes succeed, " + html_escaped(table.after) + " " +
-            rate_link(filter, *after) + ".</p>\n";
+            rate_link(filter, *after) +
+            (after->members > 1 ? " episodes x trainings.</p>\n" : ".</p>\n");
+  }
+  for (const std::string& line : headline_lines(table)) {
+    html += "<p class=\"faint\">" + html_escaped(line) + "</p>\n";
   }
   if (table.scenes.size() > 1) {
     html += "<ul>";
@@ -97,7 +102,8 @@ std::string better_card(const ReportModel& model) {
 
 /// Notes that a reader must not miss.
 bool is_flag(const std::string& note) {
-  for (const char* word : {"INTERIM", "LEAKAGE", "FLAGGED", "Fewer than", "No oracle"}) {
+  for (const char* word :
+       {"INTERIM", "ONE TRAINING", "LEAKAGE", "FLAGGED", "Fewer than", "No oracle"}) {
     if (note.starts_with(word)) return true;
   }
   return note.find("is below 0.95") != std::string::npos ||
@@ -110,16 +116,27 @@ std::string sure_card(const ReportModel& model) {
   std::string html = "<section class=\"card\"><h2>How sure are we?</h2>\n";
   if (group != nullptr && compares(table) && group->pairs.total() > 0) {
     const TrialFilter filter = of_group(model, *group);
-    html += "<p class=\"answer\">p = " + p_text(group->p_exact) + "</p>\n<ul><li>" +
+    const bool several = table.trainings.size() > 1;
+    html += "<p class=\"answer\">p = " + p_text(group->p) + "</p>\n<ul><li>" +
             html_escaped(difference_text(*group)) +
-            " points (95 % interval, Newcombe, paired)</li><li>" +
-            std::to_string(group->pairs.total()) + " episodes in both arms: " +
+            (several ? " points (95 % interval over trainings and episodes)</li><li>"
+                     : " points (95 % interval, Newcombe, paired)</li><li>") +
+            std::to_string(group->pairs.total()) +
+            (several ? " episodes x trainings in both arms: " : " episodes in both arms: ") +
             html_link(trials_href(with(filter, "change", "gained")),
                       std::to_string(group->pairs.only_after) + " gained") +
             ", " +
             html_link(trials_href(with(filter, "change", "lost")),
                       std::to_string(group->pairs.only_before) + " lost") +
-            "; exact McNemar test</li>";
+            (several ? "; test over " + trainings_in_words(table) : "; exact McNemar test") +
+            "</li>";
+    if (several) {
+      html += "<li>standard deviation between trainings: " +
+              experiments::print("%.0f points", 100.0 * training_rate_sd(table.trainings)) +
+              "</li>";
+    } else if (table.compares_trainings) {
+      html += "<li><strong>one training</strong>: another may give another result</li>";
+    }
     const ArmSummary* oracle = group->find(table.oracle);
     if (oracle != nullptr && oracle->success.trials > 0) {
       html += "<li>a perfect detector reaches " + rate_link(filter, *oracle) + "</li>";
@@ -144,13 +161,13 @@ std::string why_card(const ReportModel& model) {
     if (!arm.empty()) arms.push_back(arm);
   }
   if (arms.empty()) {
-    for (const ArmRow& arm : model.table.arm_rows) arms.push_back(arm.name);
+    arms = arms_of(model);
   }
   for (const std::string& arm : arms) {
     std::map<std::string, int> fates;
     int failed = 0, trials = 0;
     for (const TrialView& view : model.trials) {
-      if (view.row->arm != arm || !view.row->counts()) continue;
+      if (view.arm != arm || !view.row->counts()) continue;
       ++trials;
       if (view.row->success) continue;
       ++failed;
@@ -211,8 +228,7 @@ std::string linked_comparison(const ReportModel& model, const Grid& grid,
     if (key == "goal" || !of_group(model, group).empty()) filter = {{key, group.name}};
     if (column == 0) return {};
     if (!compares(table)) {
-      return trials_href(
-          with(with(filter, "arm", table.arm_rows[column - 1].name), "counts", "1"));
+      return trials_href(with(with(filter, "arm", group.arms[column - 1].arm), "counts", "1"));
     }
     if (column == 1)
       return trials_href(with(with(filter, "arm", table.before), "counts", "1"));
@@ -234,6 +250,13 @@ std::string tables_section(const ReportModel& model) {
     Grid scenes = comparison_grid(table, groups, "Scene", false);
     scenes.title = "Success rate by scene";
     html += linked_comparison(model, scenes, groups, "scene");
+    const Grid trainings = trainings_grid(table);
+    if (!trainings.rows.empty()) {
+      html += html_table(trainings, [&](std::size_t row, std::size_t column) {
+        if (column != 0) return std::string();
+        return trials_href({{"training", table.trainings[row].arm}, {"counts", "1"}});
+      });
+    }
     html += linked_comparison(model, comparison_grid(table, table.classes, "Goal", true),
                               table.classes, "goal");
     html += html_table(paired_grid(table, groups));

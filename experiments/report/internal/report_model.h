@@ -16,8 +16,9 @@ namespace segsim::experiments::internal {
 /// One trial. Files are relative to the report's folder, empty if there is none.
 struct TrialView {
   const TrialRow* row = nullptr;
-  std::string page;    ///< "episodes/flat-3-chair-00.html"
-  std::string anchor;  ///< Of the trial on its page.
+  std::string arm, scene;  ///< As the table names them: of all trainings and reconstructions.
+  std::string page;        ///< "episodes/flat-3-chair-00.html"
+  std::string anchor;      ///< Of the trial on its page.
   /// "gained", "lost", "both", "neither": its episode, before against after; empty: no pair.
   std::string change;
   std::vector<std::string> story;
@@ -40,7 +41,10 @@ struct ReportModel {
   std::vector<std::string> notes;  ///< What is missing and why.
 };
 
-/// Success-blind colour of an arm, by its place in the run ("#rrggbb").
+/// Arms as the table names them, in its order.
+[[nodiscard]] std::vector<std::string> arms_of(const ReportModel& model);
+/// Success-blind colour of an arm, or of a training of it, by its place in the run
+/// ("#rrggbb").
 [[nodiscard]] std::string arm_color(const ReportModel& model, const std::string& arm);
 /// What decided the trial: "success", its cause, or its outcome if the cause is not known.
 [[nodiscard]] std::string fate_of(const TrialRow& trial);

@@ -30,7 +30,10 @@ std::string wrap(const std::string& text, std::size_t width, const std::string& 
 std::string as_text(const GridDocument& document) {
   std::string text = document.title.empty() ? "" : document.title + "\n\n";
   for (const Grid& grid : document.grids) {
-    text += grid.title + "\n\n" + text_of(cells_of(grid)) + "\n";
+    text += grid.title + "\n\n" + text_of(cells_of(grid));
+    if (!grid.lines.empty()) text += "\n";
+    for (const std::string& line : grid.lines) text += wrap(line, 100, "") + "\n";
+    text += "\n";
   }
   for (const std::string& note : document.notes) text += "- " + wrap(note, 98, "  ") + "\n";
   return text;
@@ -47,6 +50,7 @@ std::string as_markdown(const GridDocument& document) {
       }
     }
     text += (text.empty() ? "# " : "## ") + grid.title + "\n\n" + markdown_of(cells) + "\n";
+    for (const std::string& line : grid.lines) text += line + "\n\n";
   }
   for (const std::string& note : document.notes) text += "- " + note + "\n";
   return text;
@@ -57,7 +61,9 @@ std::string as_latex(const GridDocument& document) {
   if (!document.title.empty()) text += "% " + document.title + "\n";
   for (const Grid& grid : document.grids) {
     text += "\n\\begin{table}\n\\caption{" + latex_escaped(grid.title) + "}\n" +
-            latex_of(cells_of(grid)) + "\\end{table}\n";
+            latex_of(cells_of(grid));
+    for (const std::string& line : grid.lines) text += "\n" + latex_escaped(line) + "\n";
+    text += "\\end{table}\n";
   }
   if (document.notes.empty()) return text;
   text += "\n\\begin{itemize}\n";

@@ -15,6 +15,7 @@ struct Grid {
   std::string title;
   std::vector<std::string> header;
   std::vector<std::vector<std::string>> rows;
+  std::vector<std::string> lines{};  ///< Sentences right below the cells.
 };
 
 struct GridDocument {

@@ -3,14 +3,10 @@
 
 #include "experiments/internal/text_grid.h"
 #include "experiments/results/internal/insight_grids.h"
+#include "experiments/results/internal/training_grids.h"
 
 namespace segsim::experiments::internal {
 namespace {
-
-/// Name of the run's success rule, without its explanation.
-std::string profile_name(const ResultTable& table) {
-  return table.run.success_profile.substr(0, table.run.success_profile.find(':'));
-}
 
 /// "+0.345 [+0.241, +0.452]"
 std::string mean_text(const MeanInterval& mean, const char* format) {
@@ -20,12 +16,16 @@ std::string mean_text(const MeanInterval& mean, const char* format) {
 
 }  // namespace
 
+std::string profile_name(const ResultTable& table) {
+  return table.run.success_profile.substr(0, table.run.success_profile.find(':'));
+}
+
 std::string p_text(double p) { return p < 0.001 ? print("%.1e", p) : print("%.3f", p); }
 
 /// "12/20  60 % [39, 78]"
 std::string rate_text(const ArmSummary* arm) {
   if (arm == nullptr || arm->success.trials == 0) return "-";
-  const Interval interval = wilson_interval(arm->success);
+  const Interval interval = arm->interval();
   return std::to_string(arm->success.successes) + "/" + std::to_string(arm->success.trials) +
          "  " + print("%.0f", 100.0 * arm->success.value()) + " % [" +
          print("%.0f", 100.0 * interval.low) + ", " + print("%.0f", 100.0 * interval.high) +
@@ -50,7 +50,8 @@ Grid comparison_grid(const ResultTable& table, const std::vector<GroupSummary>& 
   Grid grid;
   grid.title = corrected
                    ? "By goal class (exploratory; p corrected by Holm for the number of rows)"
-                   : table.run.title;
+                   : headline_title(table);
+  if (!corrected) grid.lines = headline_lines(table);
   grid.header = {first,      "SR-Before",
                  "SR-After", "Difference [points]",
                  "Pairs",    corrected ? "p (Holm)" : "p"};
@@ -64,7 +65,7 @@ Grid comparison_grid(const ResultTable& table, const std::vector<GroupSummary>& 
                                  rate_text(group.find(table.after)),
                                  difference_text(group),
                                  pairs_text(group),
-                                 p_text(corrected ? group.p_holm : group.p_exact)};
+                                 p_text(corrected ? group.p_holm : group.p)};
     if (!corrected) row.push_back(group.verdict);
     if (!table.oracle.empty()) row.push_back(rate_text(group.find(table.oracle)));
     grid.rows.push_back(std::move(row));
@@ -76,7 +77,9 @@ Grid comparison_grid(const ResultTable& table, const std::vector<GroupSummary>& 
 Grid rates_grid(const ResultTable& table, const std::vector<GroupSummary>& groups,
                 const std::string& first) {
   Grid grid{table.run.title, {first}, {}};
-  for (const ArmRow& arm : table.arm_rows) grid.header.push_back("SR " + arm.name);
+  if (!groups.empty()) {
+    for (const ArmSummary& arm : groups.front().arms) grid.header.push_back("SR " + arm.arm);
+  }
   for (const GroupSummary& group : groups) {
     std::vector<std::string> row{group.title};
     for (const ArmSummary& arm : group.arms) row.push_back(rate_text(&arm));
@@ -86,7 +89,10 @@ Grid rates_grid(const ResultTable& table, const std::vector<GroupSummary>& group
 }
 
 Grid paired_grid(const ResultTable& table, const std::vector<GroupSummary>& groups) {
-  Grid grid{"After - before on the same episodes (bootstrap 95 % interval, sign-flip test)",
+  const bool several = table.trainings.size() > 1;
+  Grid grid{std::string("After - before on the same episodes (") +
+                (several ? "95 % interval and test over trainings and episodes)"
+                         : "bootstrap 95 % interval, sign-flip test)"),
             {"Scene", "SPL", "p SPL", "Time [s]", "p time", "Path [m]", "p path",
              "SR over scenes [points]"},
             {}};
@@ -157,9 +163,11 @@ std::vector<Grid> grids_of(const ResultTable& table) {
   std::vector<Grid> grids;
   if (compares(table)) {
     grids.push_back(comparison_grid(table, rows, "Scene", false));
+    if (table.trainings.size() > 1) grids.push_back(trainings_grid(table));
     grids.push_back(comparison_grid(table, table.classes, "Goal", true));
   } else {
     grids.push_back(rates_grid(table, rows, "Scene"));
+    grids.back().lines = headline_lines(table);
     grids.push_back(rates_grid(table, table.classes, "Goal"));
     grids.back().title = "By goal class";
   }

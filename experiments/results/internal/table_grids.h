@@ -17,9 +17,12 @@ namespace segsim::experiments::internal {
   return !table.before.empty() && !table.after.empty();
 }
 
+/// Name of the run's success rule, without its explanation.
+[[nodiscard]] std::string profile_name(const ResultTable& table);
 /// "0.012", or "2.1e-05".
 [[nodiscard]] std::string p_text(double p);
-/// "12/20  60 % [39, 78]", or "-" without an arm or trials.
+/// "12/20  60 % [39, 78]", or "-" without an arm or trials; of several trainings
+/// "35/60  58 % [40, 75]" with their interval.
 [[nodiscard]] std::string rate_text(const ArmSummary* arm);
 /// "+45 [+18, +64]", in points; "-" without pairs.
 [[nodiscard]] std::string difference_text(const GroupSummary& group);

@@ -30,8 +30,10 @@ void note_state_of_run(ResultTable& table) {
         " failed in the harness and are in no rate; run again to repeat them.");
   }
   if (dropped > 0 && !table.before.empty()) {
-    table.notes.push_back(count_of(dropped, "episode") +
-                          " without a usable trial in both arms are in no pair.");
+    const bool several = table.trainings.size() > 1;
+    table.notes.push_back(
+        count_of(dropped, several ? "pair of an episode and a training" : "episode") +
+        " without a usable trial in both arms are in no pair.");
   }
 }
 
@@ -74,9 +76,15 @@ void note_validation(ResultTable& table) {
 
 /// Whether the detector under test was shown what the robot sees where episodes begin.
 void note_start_region(ResultTable& table) {
-  const ArmRow* after = find_arm(table.arm_rows, table.after);
-  if (after == nullptr || !after->start_leak) return;
-  const StartLeak& leak = *after->start_leak;
+  StartLeak leak;
+  for (const TrainingSummary& training : table.trainings) {
+    const ArmRow* after = find_arm(table.arm_rows, training.arm);
+    if (after == nullptr || !after->start_leak) continue;
+    leak.views += after->start_leak->views;
+    leak.near_starts += after->start_leak->near_starts;
+    leak.radius_m = after->start_leak->radius_m;
+  }
+  if (leak.views == 0) return;
   char radius[16];
   std::snprintf(radius, sizeof radius, "%g", leak.radius_m);
   const std::string counts = std::to_string(leak.near_starts) + " of the " +
@@ -101,23 +109,48 @@ void note_paper(ResultTable& table) {
       "interval nor a p-value can be given for it.");
 }
 
-void note_comparison(ResultTable& table) {
-  if (table.before.empty() || table.after.empty()) {
-    table.notes.push_back("Rates: Wilson 95 % interval.");
-    return;
-  }
+void note_several_trainings(ResultTable& table) {
+  table.notes.push_back(
+      "SR: successes/(episodes x trainings); where an arm has several trainings, with a 95 % "
+      "interval that counts what differs between reconstructions, trainings and "
+      "episodes, else Wilson's. p: two-sided test of \"" +
+      table.before + "\" against \"" + table.after +
+      "\" over trainings and episodes; pairs +b -c, summed over trainings: b only after, c "
+      "only before. Difference: the interval of the same kind "
+      "(docs/metrics.md).");
+}
+
+void note_one_training(ResultTable& table) {
   table.notes.push_back(
       "SR: successes/episodes, Wilson 95 % interval. p: exact two-sided McNemar test of \"" +
       table.before + "\" against \"" + table.after +
       "\" on the same episodes; pairs +b -c: b only after, c only before. Difference: "
       "Newcombe's "
       "paired 95 % interval; where it disagrees with p, the test decides.");
+  if (table.compares_trainings) {
+    table.notes.push_back(
+        "ONE TRAINING: \"" + table.after +
+        "\" is one draw of its training. The interval knows nothing of how trainings differ "
+        "(`repetitions: {finetune_seeds: N}` in the spec measures it).");
+  }
   for (const GroupSummary& scene : table.scenes) {
     if (scene.pairs.discordant() < kMinDiscordantPairs) {
       table.notes.push_back(scene.title + ": " +
                             count_of(scene.pairs.discordant(), "discordant pair") +
                             "; at least 6, all one way, are needed for p < 0.05.");
     }
+  }
+}
+
+void note_comparison(ResultTable& table) {
+  if (table.before.empty() || table.after.empty()) {
+    table.notes.push_back("Rates: Wilson 95 % interval.");
+    return;
+  }
+  if (table.trainings.size() > 1) {
+    note_several_trainings(table);
+  } else {
+    note_one_training(table);
   }
   for (const GroupSummary& scene : table.scenes) {
     if (!scene.leak) continue;

@@ -53,6 +53,7 @@ FinetuneSpec read_finetune(const ConfigNode& node, const std::vector<SceneSpec>&
                                                    finetune.validation_facing_share, 0.0, 1.0);
   finetune.precision_target = number_within(node, "precision_target", 0.0, 0.0, 0.99);
   finetune.start_clearance_m = number_within(node, "start_clearance_m", 0.0, 0.0, 10.0);
+  finetune.threads = count_within(node, "threads", finetune.threads, 1, 1024);
   node.finish();
   return finetune;
 }
@@ -85,7 +86,7 @@ nav::PolicySettings read_policy(const ConfigNode& node, const Variables& variabl
 
 ArmSpec read_arm(const ConfigNode& node, const Variables& variables) {
   ArmSpec arm;
-  arm.name = read_name(node, "name");
+  arm.name = arm.family = read_name(node, "name");
   const std::string detector = node.text("detector");
   if (detector == "before") {
     arm.detector = ArmDetector::kBefore;

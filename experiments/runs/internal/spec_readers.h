@@ -48,4 +48,8 @@ class Variables {
                                               const Variables& variables);
 [[nodiscard]] ArmSpec read_arm(const core::ConfigNode& node, const Variables& variables);
 
+/// The key `repetitions` of the root: fills in spec.repetitions and makes scenes and arms of
+/// it. To be called when scenes, detectors and arms are in.
+void read_repetitions(const core::ConfigNode& root, ExperimentSpec& spec);
+
 }  // namespace segsim::experiments::internal

@@ -127,7 +127,7 @@ SourceSpec read_source(const ConfigNode& node, const Variables& variables) {
 SceneSpec read_scene(const ConfigNode& node, const Variables& variables,
                      const SpecFolders& folders) {
   SceneSpec scene;
-  scene.name = read_name(node, "name");
+  scene.name = scene.family = read_name(node, "name");
   scene.title = node.text_or("title", scene.name);
   scene.bundle = node.has("bundle") ? variables.expand(node.child("bundle"))
                                     : folders.work / "scenes" / scene.name;

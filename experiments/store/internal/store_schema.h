@@ -73,4 +73,15 @@ CREATE TABLE provenance (
   PRIMARY KEY (run_id, name)) WITHOUT ROWID;
 )sql";
 
+/// From version 6 to 7, and after kSchema in a new file: which scenes are reconstructions of
+/// one, and which arms trainings of one. An empty family is the name, a seed of -1 none.
+constexpr int kBeforeFamilies = 6;
+constexpr const char* kFamilyColumns = R"sql(
+ALTER TABLE scene ADD COLUMN family TEXT NOT NULL DEFAULT '';
+ALTER TABLE scene ADD COLUMN reconstruction INTEGER NOT NULL DEFAULT 1;
+ALTER TABLE arm ADD COLUMN family TEXT NOT NULL DEFAULT '';
+ALTER TABLE arm ADD COLUMN reconstruction INTEGER NOT NULL DEFAULT 1;
+ALTER TABLE arm ADD COLUMN finetune_seed INTEGER NOT NULL DEFAULT -1;
+)sql";
+
 }  // namespace segsim::experiments

@@ -8,6 +8,7 @@
 #include "experiments/internal/formatted.h"
 #include "experiments/internal/map_canvas.h"
 #include "experiments/internal/map_legend.h"
+#include "experiments/results/internal/training_grids.h"
 #include "experiments/video/internal/pages.h"
 
 namespace segsim::experiments::internal {
@@ -50,7 +51,7 @@ void draw_rate(cv::Mat& card, double y, const ArmSummary& arm, const cv::Scalar&
                 cv::Scalar(238, 238, 236), cv::FILLED);
   cv::rectangle(card, {at(0.0), up(-kHeight)}, {at(arm.success.value()), up(kHeight)}, color,
                 cv::FILLED);
-  const Interval interval = wilson_interval(arm.success);
+  const Interval interval = arm.interval();
   cv::line(card, {at(interval.low), up(0)}, {at(interval.high), up(0)}, ink::kText, 2 * kOver);
   for (const double end : {interval.low, interval.high}) {
     cv::line(card, {at(end), up(-0.6 * kHeight)}, {at(end), up(0.6 * kHeight)}, ink::kText,
@@ -66,7 +67,7 @@ void draw_rate(cv::Mat& card, double y, const ArmSummary& arm, const cv::Scalar&
 std::vector<std::string> notes_for_viewers(const ResultTable& table) {
   std::vector<std::string> chosen;
   for (const std::string& note : table.notes) {
-    for (const char* beginning : {"INTERIM", "LEAKAGE", "Fewer than"}) {
+    for (const char* beginning : {"INTERIM", "ONE TRAINING", "LEAKAGE", "Fewer than"}) {
       if (note.starts_with(beginning)) chosen.push_back(note);
     }
   }
@@ -76,7 +77,7 @@ std::vector<std::string> notes_for_viewers(const ResultTable& table) {
 std::string test_in_words(const GroupSummary& group, const ResultTable& table) {
   const Interval& by = group.difference.interval;
   return print("%+.0f points [%+.0f, %+.0f],  p = %.2g", 100.0 * group.difference.difference,
-               100.0 * by.low, 100.0 * by.high, group.p_exact) +
+               100.0 * by.low, 100.0 * by.high, group.p) +
          ":  " + group.verdict + print("  (%d episodes only ", group.pairs.only_after) +
          table.after + print(" solved, %d only ", group.pairs.only_before) + table.before +
          ")";
@@ -174,8 +175,11 @@ cv::Mat result_card(const ResultTable& table) {
           ? "Planned before the run: " + std::to_string(table.run.planned_n) +
                 " episodes per scene. "
           : std::string();
-  y = draw_wrapped(card, planned + "p: exact two-sided McNemar test on the same episodes.",
-                   y + 4.0 * kOver, kSmall, ink::kFaint);
+  const std::string test =
+      table.trainings.size() > 1
+          ? "p: two-sided test over " + trainings_in_words(table) + " and the same episodes."
+          : "p: exact two-sided McNemar test on the same episodes.";
+  y = draw_wrapped(card, planned + test, y + 4.0 * kOver, kSmall, ink::kFaint);
   for (const std::string& note : notes_for_viewers(table)) {
     y = draw_wrapped(card, note, y, kSmall,
                      note.starts_with("INTERIM") ? ink::kRecover : ink::kFaint);

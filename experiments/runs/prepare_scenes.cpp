@@ -1,0 +1,164 @@
+// Scene bundles of an experiment: captured, then reconstructed.
+#include <algorithm>
+#include <cstdio>
+#include <optional>
+#include <sstream>
+
+#include "core/file_io.h"
+#include "core/progress.h"
+#include "core/scene_bundle.h"
+#include "experiments/internal/side_by_side.h"
+#include "experiments/runs/prepare.h"
+#include "experiments/runs/step_record.h"
+#include "experiments/scenes/reconstruct.h"
+#include "experiments/scenes/scene_source.h"
+#include "perception/detector.h"
+
+namespace segsim::experiments {
+namespace {
+
+namespace fs = std::filesystem;
+
+TrainingOptions training_of(const ReconstructSpec& spec, const SourceSpec& source) {
+  TrainingOptions training;
+  if (!spec.config.empty()) training.config = renderer::read_training_config(spec.config);
+  if (spec.iterations >= 0) training.config.geometry.iterations = spec.iterations;
+  if (spec.label_iterations >= 0) training.config.panoptic.iterations = spec.label_iterations;
+  training.head = spec.head;
+  training.seed = spec.seed;
+  training.set.frame_step = source.frame_step;
+  training.resume = true;  // As everything that `segsim run` prepares.
+  return training;
+}
+
+/// How the bundle of one scene with a source is made, and whether it is there.
+class SceneStep {
+ public:
+  SceneStep(const ExperimentSpec& spec, const SceneSpec& scene, const fs::path& work)
+      : spec_(spec),
+        scene_(scene),
+        recording_(scene.source->type == SourceType::kRgbd ? scene.source->folder
+                                                           : work / "captures" / scene.family),
+        record_(scene.bundle.string() + ".step", recipe()) {}
+
+  [[nodiscard]] bool is_current() const {
+    return fs::exists(scene_.bundle / "scene.yaml") && record_.is_current();
+  }
+  [[nodiscard]] bool needs_capture() const {
+    return scene_.source->type != SourceType::kRgbd && !is_current();
+  }
+
+  /// What all reconstructions of the scene are made from.
+  void capture() const {
+    std::printf("capturing scene %s: %s\n", scene_.family.c_str(),
+                describe_capture(*scene_.source).c_str());
+    const core::ProgressPrefix prefix(scene_.family + ": ");
+    capture_mesh_source(*scene_.source, recording_);
+  }
+
+  void reconstruct() const {
+    std::printf("reconstructing scene %s\n", scene_.name.c_str());
+    const core::ProgressPrefix prefix(scene_.name + ": ");
+    const SourceSpec& source = *scene_.source;
+    renderer::SequenceOptions sequence_options;
+    sequence_options.on_bad_frame = renderer::OnBadFrame::kSkip;
+    if (source.type == SourceType::kRgbd)
+      sequence_options.floor_height_m = source.floor_height_m;
+    const auto sequence = open_recording(recording_, source.boxes, sequence_options);
+
+    ReconstructOptions options;
+    options.name = scene_.name;
+    options.source = describe_capture(source);
+    options.source_sha256 = record_.recipe_sha256();
+    options.lift.voxel_m = source.voxel_m;
+    options.lift.frame_step = source.frame_step;
+    options.robot = sim::RobotModel::by_name(spec_.robot);
+    options.camera_height_m = scene_.camera_height_m;
+    options.training = training();
+    if (options.training) {  // A state of other settings is left alone.
+      options.training->work =
+          scene_.bundle.string() + ".training-" + record_.recipe_sha256().substr(0, 8);
+    }
+    reconstruct_bundle(*sequence, options, scene_.bundle);
+    record_.mark_done();
+  }
+
+ private:
+  [[nodiscard]] std::optional<TrainingOptions> training() const {
+    const SourceSpec& source = *scene_.source;
+    if (!source.reconstruct) return std::nullopt;
+    return training_of(*source.reconstruct, source);
+  }
+
+  [[nodiscard]] std::string recipe() const {
+    const SourceSpec& source = *scene_.source;
+    std::ostringstream text;
+    text << "bundle v1: " << describe_capture(source) << "; voxel " << source.voxel_m
+         << " m, robot " << spec_.robot << ", camera " << scene_.camera_height_m << " m";
+    if (const std::optional<TrainingOptions> trained = training()) {
+      text << "; trained, mesh of rendered depth, " << trained->head << ", seed "
+           << trained->seed << ", "
+           << core::sha256_hex(renderer::training_config_text(trained->config));
+    }
+    return text.str();
+  }
+
+  const ExperimentSpec& spec_;
+  const SceneSpec& scene_;
+  fs::path recording_;
+  StepRecord record_;
+};
+
+}  // namespace
+
+fs::path prepare_scene(const ExperimentSpec& spec, const SceneSpec& scene,
+                       const fs::path& work) {
+  if (!scene.source) {
+    (void)core::load_bundle(scene.bundle);  // Names what is missing.
+    return scene.bundle;
+  }
+  const SceneStep step(spec, scene, work);
+  if (step.needs_capture()) step.capture();
+  if (!step.is_current()) step.reconstruct();
+  return scene.bundle;
+}
+
+std::vector<fs::path> prepare_scenes(const ExperimentSpec& spec, const fs::path& work,
+                                     int workers, StageTimes& times) {
+  std::vector<fs::path> bundles;
+  std::vector<SceneStep> steps;
+  std::vector<std::string> names, families;
+  std::vector<const SceneStep*> captures;
+  steps.reserve(spec.scenes.size());
+  for (const SceneSpec& scene : spec.scenes) {
+    bundles.push_back(scene.bundle);
+    if (!scene.source) {
+      (void)prepare_scene(spec, scene, work);
+      continue;
+    }
+    steps.emplace_back(spec, scene, work);
+    names.push_back(scene.name);
+    const bool known =
+        std::find(families.begin(), families.end(), scene.family) != families.end();
+    if (known || !steps.back().needs_capture()) continue;
+    families.push_back(scene.family);
+    captures.push_back(&steps.back());
+  }
+  side_by_side(captures.size(), workers, [&](std::size_t k) {
+    StageTimes::Timer timer(times, "capture/" + families[k]);
+    timer.working();
+    captures[k]->capture();
+  });
+  const int at_once = std::max(1, std::min(workers, static_cast<int>(steps.size())));
+  side_by_side(steps.size(), at_once, [&](std::size_t k) {
+    StageTimes::Timer timer(times, "reconstruction/" + names[k]);
+    if (steps[k].is_current()) return;
+    timer.working();
+    std::optional<perception::ThreadCountScope> part;
+    if (at_once > 1) part.emplace(std::max(1, processor_count() / at_once));
+    steps[k].reconstruct();
+  });
+  return bundles;
+}
+
+}  // namespace segsim::experiments
