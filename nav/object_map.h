@@ -60,7 +60,8 @@ struct MappedObject {
   bool trusted = false;       ///< Seen from within trusted_range_m.
   int times_refuted = 0;
   double sightings_at_refute = 0.0;
-  core::TimeNs last_seen_ns = 0;  ///< Any detection, counted as a view or not.
+  core::TimeNs last_seen_ns = 0;            ///< Any detection, counted as a view or not.
+  std::vector<core::DetectionRef> made_of;  ///< The detections that gave points to the cloud.
   /// Planar distance from a place to the nearest point of the cloud [m].
   [[nodiscard]] double planar_distance_m(const glm::dvec2& p_odom_m) const;
   /// The cloud's nearest point to a place, in the plane.

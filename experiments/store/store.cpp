@@ -30,6 +30,7 @@ void Store::Impl::create_or_check_schema() const {
     execute(kAttributionSchema);
     execute(kImagesColumn);
     execute(kProvenanceTable);
+    execute(kMisplacedColumn);
     Statement insert(db, file, "INSERT INTO meta VALUES (?, ?)");
     const std::string now = utc_now();
     insert.bind(kSchemaVersion).bind(now).step();
@@ -48,6 +49,10 @@ void Store::Impl::create_or_check_schema() const {
     if (version() == kBeforeProvenance) {
       execute(kProvenanceTable);
       execute("UPDATE meta SET schema_version = 6;");
+    }
+    if (version() == kBeforeMisplaced) {
+      execute(kMisplacedColumn);
+      execute("UPDATE meta SET schema_version = 7;");
     }
     const std::int64_t found = version();
     if (found != kSchemaVersion) {
