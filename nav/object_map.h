@@ -49,19 +49,19 @@ enum class ObjectStatus : std::uint8_t { kTentative, kConfirmed, kRefuted };
 struct MappedObject {
   int id = 0;  ///< Counts up from 0 within the episode.
   ObjectStatus status = ObjectStatus::kTentative;
-  glm::dvec3 center_m{0.0};            ///< Mean of the cloud, Odom.
-  glm::dvec3 low_m{0.0}, high_m{0.0};  ///< Extent of the cloud (10 % .. 90 % per axis).
-  std::vector<glm::vec3> cloud_m;      ///< Thinned surface points, Odom.
-  double sightings = 0.0;              ///< Weighted views with a detection.
-  double score_sum = 0.0;              ///< Scores times the same weights.
+  glm::dvec3 center_m{0.0};                 ///< Mean of the cloud, Odom.
+  glm::dvec3 low_m{0.0}, high_m{0.0};       ///< Extent of the cloud (10 % .. 90 % per axis).
+  std::vector<glm::vec3> cloud_m;           ///< Thinned surface points, Odom.
+  std::vector<core::DetectionRef> made_of;  ///< Detections that gave points to the cloud.
+  double sightings = 0.0;                   ///< Weighted views with a detection.
+  double score_sum = 0.0;                   ///< Scores times the same weights.
   double misses = 0.0;  ///< Weighted views that should have shown it and did not.
   float best_score = 0.0F;
   double best_range_m = 1e9;  ///< Nearest range it was seen from; the cloud comes from there.
   bool trusted = false;       ///< Seen from within trusted_range_m.
   int times_refuted = 0;
   double sightings_at_refute = 0.0;
-  core::TimeNs last_seen_ns = 0;            ///< Any detection, counted as a view or not.
-  std::vector<core::DetectionRef> made_of;  ///< The detections that gave points to the cloud.
+  core::TimeNs last_seen_ns = 0;  ///< Any detection, counted as a view or not.
   /// Planar distance from a place to the nearest point of the cloud [m].
   [[nodiscard]] double planar_distance_m(const glm::dvec2& p_odom_m) const;
   /// The cloud's nearest point to a place, in the plane.
