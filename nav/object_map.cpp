@@ -272,6 +272,7 @@ void ObjectMap::add_sighting(std::size_t index, const LiftedDetection& lifted,
   // The cloud comes from the nearest views.
   if (lifted.range_m < kNearerView * object.best_range_m) {
     object.cloud_m = lifted.cloud_m;
+    object.made_of = {{observation.capture_index, box}};
     describe_cloud(object);
   } else if (lifted.range_m <= kFartherView * object.best_range_m) {
     carve(observation, box, object.cloud_m);
@@ -279,6 +280,7 @@ void ObjectMap::add_sighting(std::size_t index, const LiftedDetection& lifted,
       object.cloud_m.insert(object.cloud_m.end(), lifted.cloud_m.begin(),
                             lifted.cloud_m.end());
       object.cloud_m = internal::thinned(object.cloud_m, options_.voxel_m);
+      object.made_of.push_back({observation.capture_index, box});
     }
     describe_cloud(object);
   }

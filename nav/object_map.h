@@ -53,11 +53,12 @@ enum class ObjectStatus : std::uint8_t { kTentative, kConfirmed, kRefuted };
 struct MappedObject {
   int id = 0;  ///< Counts up from 0 within the episode.
   ObjectStatus status = ObjectStatus::kTentative;
-  glm::dvec3 center_m{0.0};            ///< Mean of the cloud, Odom.
-  glm::dvec3 low_m{0.0}, high_m{0.0};  ///< Extent of the cloud (10 % .. 90 % per axis).
-  std::vector<glm::vec3> cloud_m;      ///< Thinned surface points, Odom.
-  double sightings = 0.0;              ///< Weighted views with a detection.
-  double score_sum = 0.0;              ///< Scores times the same weights.
+  glm::dvec3 center_m{0.0};                 ///< Mean of the cloud, Odom.
+  glm::dvec3 low_m{0.0}, high_m{0.0};       ///< Extent of the cloud (10 % .. 90 % per axis).
+  std::vector<glm::vec3> cloud_m;           ///< Thinned surface points, Odom.
+  std::vector<core::DetectionRef> made_of;  ///< Detections that gave points to the cloud.
+  double sightings = 0.0;                   ///< Weighted views with a detection.
+  double score_sum = 0.0;                   ///< Scores times the same weights.
   double misses = 0.0;  ///< Weighted views that should have shown it and did not.
   /// From within refute_range_m and from another place than the view before: how often it was
   /// detected, and how often it should have been and was not.

@@ -27,6 +27,7 @@ void add_insights(nlohmann::ordered_json& a, const ArmSummary& arm) {
        {"never_detected", in.never_detected},
        {"false_detections", in.false_detections},
        {"false_objects_per_trial", in.false_clouds}};
+  if (in.misplaced_clouds) p["misplaced_objects_per_trial"] = *in.misplaced_clouds;
   if (in.delay_ticks) p["median_delay_ticks"] = *in.delay_ticks;
   a["collision_ticks"] = in.collision_ticks;
   for (const ProfileRate& rate : in.profiles) {

@@ -33,6 +33,7 @@ void Store::Impl::create_or_check_schema() const {
     execute(kImagesColumn);
     execute(kProvenanceTable);
     execute(kFamilyColumns);
+    execute(kMisplacedColumn);
     Statement insert(db, file, "INSERT INTO meta VALUES (?, ?)");
     const std::string now = utc_now();
     insert.bind(kSchemaVersion).bind(now).step();
@@ -54,6 +55,7 @@ void Store::Impl::create_or_check_schema() const {
     }
     if (version() == kBeforeFamilies) {
       execute(kFamilyColumns);
+      execute(kMisplacedColumn);
       execute("UPDATE meta SET schema_version = 7;");
     }
     const std::int64_t found = version();

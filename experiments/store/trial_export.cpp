@@ -90,6 +90,7 @@ Json json_why(const Attribution& why) {
           {"first_true_tick", why.first_true_tick},
           {"true_clouds", why.true_clouds},
           {"false_clouds", why.false_clouds},
+          {"misplaced_clouds", why.misplaced_clouds < 0 ? Json() : Json(why.misplaced_clouds)},
           {"stopped", why.stopped},
           {"final_visible_px", why.final_visible_px},
           {"object_m", optional(why.object_m)},

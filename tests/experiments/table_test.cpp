@@ -88,6 +88,8 @@ std::vector<TrialRow> ten_attributed_episodes() {
       t.distance_to_goal_m = 0.15;
     }
     t.why.false_detections = 1;
+    t.why.false_clouds = t.success ? 0 : 1;
+    t.why.misplaced_clouds = t.success ? 0 : 2;
   }
   return trials;
 }
@@ -107,10 +109,10 @@ Flat   oracle  0/10    -               -
 )",
         R"(What the detector made of the goal
 
-Scene  Arm     Recall in view  Saw it  Never detected  Delay [ticks]  False per 100 images  False objects
------  ------  --------------  ------  --------------  -------------  --------------------  -------------
-Flat   before  0.40            6/10    2               3.0            2.0                   0.00
-Flat   oracle  0.60            10/10   0               3.0            2.0                   0.00
+Scene  Arm     Recall in view  Saw it  Never detected  Delay [ticks]  False per 100 images  False objects  Misplaced objects
+-----  ------  --------------  ------  --------------  -------------  --------------------  -------------  -----------------
+Flat   before  0.40            6/10    2               3.0            2.0                   0.60           1.20
+Flat   oracle  0.60            10/10   0               3.0            2.0                   0.00           0.00
 )",
         R"(The same trials under named success rules (SR / SPL as that rule defines it)
 

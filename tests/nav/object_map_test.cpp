@@ -121,6 +121,33 @@ TEST(ObjectMap, OneObjectFromManyViewsIsConfirmed) {
   EXPECT_NEAR(object.high_m.y, 0.3 * 0.65 * 0.8, 0.05);
 }
 
+/// A much nearer view replaces the cloud, a much farther one adds nothing to it.
+TEST(ObjectMap, SaysWhichDetectionsItsCloudIsMadeOf) {
+  ObjectMap objects;
+  std::vector<std::uint64_t> captures;
+  const auto look_from = [&](double x, std::uint64_t capture_index) {
+    Simulation simulation(room_with(kCabinet), {x, 0, 0}, {});
+    core::Observation observation = simulation.observe();
+    observation.capture_index = capture_index;
+    const std::vector<core::Detection> detections = simulation.detect();
+    objects.update(observation, detections, 0);
+    ASSERT_EQ(objects.objects().size(), 1U);
+    captures.clear();
+    for (const core::DetectionRef& ref : objects.objects()[0].made_of) {
+      captures.push_back(ref.capture_index);
+    }
+    if (captures.back() != capture_index) return;
+    EXPECT_EQ(core::iou(objects.objects()[0].made_of.back().box, detections.at(0).box), 1.0F);
+  };
+  look_from(-2.0, 3);  // 4 m.
+  look_from(-1.8, 7);  // 3.8 m: more of the same.
+  EXPECT_EQ(captures, (std::vector<std::uint64_t>{3, 7}));
+  look_from(0.2, 8);  // 1.8 m, less than 0.6 of 3.8 m.
+  EXPECT_EQ(captures, (std::vector<std::uint64_t>{8}));
+  look_from(-2.0, 9);  // 4 m, more than 1.8 times as far.
+  EXPECT_EQ(captures, (std::vector<std::uint64_t>{8}));
+}
+
 TEST(ObjectMap, OneSightingStaysTentativeAndIsRefutedFromNear) {
   const ObjectMap before = drive(room_with(kCabinet), 0.0, 0.0, 1, 1);
   ASSERT_EQ(before.objects().size(), 1U);
