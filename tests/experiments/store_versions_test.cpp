@@ -139,7 +139,6 @@ TEST_F(StoreTest, AFileOfVersion3IsBroughtUpToDate) {
   execute_sql(file_,
               "DROP TABLE provenance;"
               "ALTER TABLE attribution DROP COLUMN images;"
-              "ALTER TABLE attribution DROP COLUMN misplaced_clouds;"
               "ALTER TABLE arm DROP COLUMN source_ap50;"
               "ALTER TABLE arm DROP COLUMN unseen_ap50;"
               "ALTER TABLE arm DROP COLUMN tuning_views;"
