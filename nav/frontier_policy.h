@@ -51,9 +51,6 @@ struct FrontierPolicyOptions {
   double detour_m = 15.0;  ///< Weighted way through the unknown that a place on the object's
                            ///< side of a counter or a wall is worth.
   double recent_detection_s = 1.5;  ///< "Re-detected recently" for the stop rule.
-  /// Share of the near views of an object that must show it before the robot stops there. A
-  /// false detection often needs one particular view.
-  double confirm_share = 0.0;
   double verify_time_s = 2.0;  ///< Looking at the place without detection until refuted.
   double second_look_m = 1.1;  ///< An object that was seen often gets a second look from
                                ///< this far or more: very near it may fill the image.

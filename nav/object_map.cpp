@@ -289,7 +289,6 @@ void ObjectMap::add_sighting(std::size_t index, const LiftedDetection& lifted,
   const double weight = view_weight(last_hit_[index], now);
   if (weight > 0.0) {
     object.sightings += weight;
-    if (weight >= 1.0 && lifted.range_m <= options_.refute_range_m) ++object.near_hits;
     object.score_sum += weight * static_cast<double>(lifted.score);
     last_hit_[index] = now;
   }
@@ -325,7 +324,6 @@ void ObjectMap::count_misses(const core::Observation& observation, const ViewPos
     const double weight = view_weight(last_miss_[k], now);
     if (weight <= 0.0) continue;
     object.misses += weight;
-    if (weight >= 1.0) ++object.near_misses;
     last_miss_[k] = now;
   }
 }

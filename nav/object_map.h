@@ -31,7 +31,7 @@ struct ObjectMapOptions {
   /// A detection is not believed if one of another class with a higher score covers it by this
   /// much (intersection over union): the same thing under its better name; 1 = always
   /// believed.
-  double rival_iou = 1.0;
+  double rival_iou = 0.5;
   double association_m = 0.5;      ///< Planar gap between a detection's centre and an object's
                                    ///< cloud up to which they are the same.
   double min_move_m = 0.10;        ///< A view counts again after moving this far ...
@@ -60,20 +60,12 @@ struct MappedObject {
   double sightings = 0.0;                   ///< Weighted views with a detection.
   double score_sum = 0.0;                   ///< Scores times the same weights.
   double misses = 0.0;  ///< Weighted views that should have shown it and did not.
-  /// From within refute_range_m and from another place than the view before: how often it was
-  /// detected, and how often it should have been and was not.
-  int near_hits = 0, near_misses = 0;
   float best_score = 0.0F;
   double best_range_m = 1e9;  ///< Nearest range it was seen from; the cloud comes from there.
   bool trusted = false;       ///< Seen from within trusted_range_m.
   int times_refuted = 0;
   double sightings_at_refute = 0.0;
   core::TimeNs last_seen_ns = 0;  ///< Any detection, counted as a view or not.
-  /// Of the near views, those with a detection; 1 without any near view.
-  [[nodiscard]] double near_share() const {
-    const int views = near_hits + near_misses;
-    return views == 0 ? 1.0 : static_cast<double>(near_hits) / views;
-  }
   /// Planar distance from a place to the nearest point of the cloud [m].
   [[nodiscard]] double planar_distance_m(const glm::dvec2& p_odom_m) const;
   /// The cloud's nearest point to a place, in the plane.

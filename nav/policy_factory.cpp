@@ -157,10 +157,6 @@ PolicySettings read_policy_settings(
     settings.dynamic_window = choice(node, "follower", {"pure-pursuit", "dwa"}) == 1;
   }
   if (type.starts_with("frontier")) {
-    settings.confirm_share = node.number_or("confirm_share", settings.confirm_share);
-    if (!(settings.confirm_share >= 0.0 && settings.confirm_share <= 1.0)) {
-      node.child("confirm_share").fail("a number in [0, 1]", node.text("confirm_share"));
-    }
     settings.rival_iou = node.number_or("rival_iou", settings.rival_iou);
     if (!(settings.rival_iou > 0.0 && settings.rival_iou <= 1.0)) {
       node.child("rival_iou").fail("a number in (0, 1]", node.text("rival_iou"));
@@ -196,7 +192,6 @@ std::unique_ptr<core::Policy> make_policy(const PolicySettings& settings,
                                           const PolicyContext& context) {
   if (settings.type == "vlfm") return make_vlfm(settings, context);
   FrontierPolicyOptions frontier;
-  frontier.confirm_share = settings.confirm_share;
   frontier.objects.rival_iou = settings.rival_iou;
   if (settings.dynamic_window) frontier.follower.motion = LocalMotion::kDynamicWindow;
   if (settings.type == "frontier-value") {

@@ -80,7 +80,6 @@ bool SearchPolicy::recently_seen(const Now& now, const MappedObject& object) con
 
 bool SearchPolicy::at_goal(const Now& now, const MappedObject& object) const {
   return object.status == ObjectStatus::kConfirmed &&
-         object.near_share() >= options_.confirm_share &&
          object.planar_distance_m(now.position_m) < stop_distance_m(now, object) &&
          std::abs(facing_error_rad(now, object)) <= options_.facing_tolerance_rad &&
          recently_seen(now, object) &&
@@ -220,8 +219,7 @@ core::VelocityCommand SearchPolicy::verify(const Now& now) {
       (far ? options_.stop_distance_limit_m : approach_range(now, *object).max_m) +
       kArrivalSlack_m;
   if (facing && recently_seen(now, *object) && object->last_seen_ns >= verify_since_ns_ &&
-      object->status == ObjectStatus::kConfirmed &&
-      object->near_share() >= options_.confirm_share && distance_m <= enough_m) {
+      object->status == ObjectStatus::kConfirmed && distance_m <= enough_m) {
     stop("goal_reached");
     return {};
   }
