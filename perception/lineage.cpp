@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdio>
+#include <utility>
 
 #include "core/file_io.h"
 #include "perception/image_file.h"
@@ -158,11 +159,14 @@ std::string with_data(const std::string& training, const std::vector<DataUse>& d
   return json.dump();
 }
 
-int count_shared_images(const DataUse& tested, const DataUse& used) {
-  return static_cast<int>(std::count_if(
-      tested.image_hashes.begin(), tested.image_hashes.end(), [&](std::uint64_t hash) {
-        return std::binary_search(used.image_hashes.begin(), used.image_hashes.end(), hash);
-      }));
+void add_data(DetectorWeights& weights, const std::filesystem::path& file, DataUse use) {
+  std::vector<DataUse> data = data_of(weights, file);
+  data.push_back(std::move(use));
+  weights.training = with_data(weights.training, data);
+}
+
+bool has_image(const DataUse& use, std::uint64_t hash) {
+  return std::binary_search(use.image_hashes.begin(), use.image_hashes.end(), hash);
 }
 
 }  // namespace segsim::perception

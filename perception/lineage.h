@@ -70,7 +70,10 @@ struct DataUse {
 [[nodiscard]] std::string with_data(const std::string& training,
                                     const std::vector<DataUse>& data);
 
-/// How many images of `tested` are among those of `used`, as far as both are known.
-[[nodiscard]] int count_shared_images(const DataUse& tested, const DataUse& used);
+/// Adds a data set to the record of weights that were read from `file`.
+void add_data(DetectorWeights& weights, const std::filesystem::path& file, DataUse use);
+
+/// Whether an image of that hash is in the data set, as far as it is known.
+[[nodiscard]] bool has_image(const DataUse& use, std::uint64_t hash);
 
 }  // namespace segsim::perception

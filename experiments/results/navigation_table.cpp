@@ -7,6 +7,7 @@
 
 #include "core/check.h"
 #include "experiments/internal/text_grid.h"
+#include "experiments/results/internal/leakage.h"
 #include "experiments/results/internal/table_grids.h"
 
 namespace segsim::experiments {
@@ -45,7 +46,15 @@ std::vector<Row> rows_of(std::span<const NavigationEntry> entries) {
   return rows;
 }
 
-const char* leakage_word(const GroupSummary& scene) { return scene.leak ? "scene" : "none"; }
+/// Of the scene of a row that was run.
+std::string leakage_word(const Row& row) {
+  const std::vector<SceneRow>& scenes = row.entry->result->scene_rows;
+  const auto found = std::find_if(scenes.begin(), scenes.end(), [&](const SceneRow& scene) {
+    return scene.name == row.scene->name;
+  });
+  SEGSIM_CHECK(found != scenes.end(), row.scene->name);
+  return internal::leakage_word(*row.entry->result, std::span(&*found, 1));
+}
 
 Grid grid_of(const std::vector<Row>& rows) {
   Grid grid{kTitle,
@@ -72,7 +81,7 @@ Grid grid_of(const std::vector<Row>& rows) {
            internal::rate_text(before), internal::rate_text(scene.find(table.after)),
            internal::difference_text(scene), internal::pairs_text(scene),
            internal::p_text(scene.p_exact), scene.verdict,
-           internal::rate_text(scene.find(table.oracle)), leakage_word(scene)});
+           internal::rate_text(scene.find(table.oracle)), leakage_word(row)});
     }
     grid.rows.push_back(std::move(cells));
   }
@@ -149,7 +158,7 @@ std::string json_text(std::span<const NavigationEntry> entries) {
       line["p_mcnemar_exact"] = scene.p_exact;
       line["p_mcnemar_mid"] = scene.p_mid;
       line["verdict"] = scene.verdict;
-      line["leakage"] = leakage_word(scene);
+      line["leakage"] = leakage_word(row);
     }
     json["rows"].push_back(std::move(line));
   }

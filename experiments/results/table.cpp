@@ -11,6 +11,7 @@
 
 #include "core/config.h"
 #include "core/error.h"
+#include "experiments/results/internal/leakage.h"
 #include "experiments/results/internal/table_notes.h"
 
 namespace segsim::experiments {
@@ -246,17 +247,6 @@ void choose_arms(const std::string& before, const std::string& after, ResultTabl
   if (!after.empty()) table.after = required_arm(table.arm_rows, after);
 }
 
-bool lists(const std::string& comma_separated, const std::string& name) {
-  std::size_t start = 0;
-  while (start <= comma_separated.size()) {
-    const std::size_t end =
-        std::min(comma_separated.find(", ", start), comma_separated.size());
-    if (comma_separated.substr(start, end - start) == name) return true;
-    start = end + 2;
-  }
-  return false;
-}
-
 }  // namespace
 
 const ArmSummary* GroupSummary::find(const std::string& arm) const {
@@ -282,7 +272,7 @@ ResultTable summarise(const RunRow& run, const std::vector<SceneRow>& scenes,
     GroupSummary group =
         summarise_group(table, scene.name, scene.title, sorted,
                         [&](const TrialRow& t) { return t.scene == scene.name; });
-    group.leak = after_arm != nullptr && lists(after_arm->tuned_on, scene.name);
+    group.leak = after_arm != nullptr && internal::is_tuned_on(*after_arm, scene.name);
     table.scenes.push_back(std::move(group));
   }
   if (scenes.size() > 1) {

@@ -1,16 +1,20 @@
 // Text, Markdown, LaTeX, CSV and JSON forms of a ResultTable.
 #include <cstdio>
+#include <span>
 
 #include "experiments/internal/text_grid.h"
 #include "experiments/results/internal/grid_document.h"
 #include "experiments/results/internal/insight_grids.h"
+#include "experiments/results/internal/leakage.h"
 #include "experiments/results/internal/table_grids.h"
+#include "experiments/results/internal/table_notes.h"
 #include "experiments/results/table.h"
 
 namespace segsim::experiments {
 namespace {
 
 using internal::compares;
+using internal::find_arm;
 using internal::print;
 
 std::string quoted(const std::string& text) {
@@ -26,8 +30,9 @@ std::string as_csv(const ResultTable& table) {
       "spl,"
       "soft_spl,sim_s,path_m,contacts,invalid_pixels,failed_trials,only_after,only_before,"
       "pairs,"
-      "difference,difference_low,difference_high,p_exact,p_mid,p_holm,p_spl,verdict\n";
-  const auto add = [&](const char* kind, const GroupSummary& group) {
+      "difference,difference_low,difference_high,p_exact,p_mid,p_holm,p_spl,verdict,leakage\n";
+  const auto add = [&](const char* kind, const GroupSummary& group,
+                       std::span<const SceneRow> scenes) {
     for (const ArmSummary& arm : group.arms) {
       const Interval wilson = wilson_interval(arm.success);
       const Interval exact = clopper_pearson_interval(arm.success);
@@ -50,15 +55,19 @@ std::string as_csv(const ResultTable& table) {
                                    group.p_holm, group.spl.p}) {
           text += "," + print("%.6g", value);
         }
-        text += "," + group.verdict + "\n";
+        text += "," + group.verdict;
       } else {
-        text += ",,,,,,,,,,,\n";
+        text += ",,,,,,,,,,,";
       }
+      text += "," + internal::leakage_word(*find_arm(table.arm_rows, arm.arm), scenes) + "\n";
     }
   };
-  for (const GroupSummary& group : table.scenes) add("scene", group);
-  if (table.all) add("all", *table.all);
-  for (const GroupSummary& group : table.classes) add("class", group);
+  const std::span<const SceneRow> scenes(table.scene_rows);
+  for (std::size_t i = 0; i < table.scenes.size(); ++i) {
+    add("scene", table.scenes[i], scenes.subspan(i, 1));
+  }
+  if (table.all) add("all", *table.all, scenes);
+  for (const GroupSummary& group : table.classes) add("class", group, scenes);
   return text;
 }
 

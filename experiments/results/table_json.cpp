@@ -1,8 +1,12 @@
 // JSON form of a ResultTable.
+#include <span>
+
 #include <nlohmann/json.hpp>
 
 #include "experiments/results/internal/insight_grids.h"
+#include "experiments/results/internal/leakage.h"
 #include "experiments/results/internal/table_grids.h"
+#include "experiments/results/internal/table_notes.h"
 #include "experiments/results/table.h"
 
 namespace segsim::experiments::internal {
@@ -33,11 +37,13 @@ void add_insights(nlohmann::ordered_json& a, const ArmSummary& arm) {
   }
 }
 
-nlohmann::ordered_json json_group(const ResultTable& table, const GroupSummary& group) {
+/// @param scenes  That the group's trials are in.
+nlohmann::ordered_json json_group(const ResultTable& table, const GroupSummary& group,
+                                  std::span<const SceneRow> scenes) {
   nlohmann::ordered_json json;
   json["name"] = group.name;
   json["title"] = group.title;
-  json["leakage"] = group.leak ? "scene" : "none";
+  json["leakage"] = leakage_word(table, scenes);
   for (const ArmSummary& arm : group.arms) {
     nlohmann::ordered_json& a = json["arms"][arm.arm];
     a["successes"] = arm.success.successes;
@@ -52,6 +58,7 @@ nlohmann::ordered_json json_group(const ResultTable& table, const GroupSummary& 
     a["contacts"] = arm.contacts;
     a["invalid_pixels"] = arm.invalid_pixels;
     a["failed_trials"] = arm.failed_trials;
+    a["leakage"] = leakage_word(*find_arm(table.arm_rows, arm.arm), scenes);
     for (const auto& [outcome, count] : arm.outcomes) a["outcomes"][outcome] = count;
     add_insights(a, arm);
   }
@@ -97,12 +104,14 @@ std::string as_json(const ResultTable& table) {
   json["finished_trials"] = table.finished_trials;
   json["planned_trials"] = table.run.planned_trials;
   json["scenes"] = nlohmann::ordered_json::array();
-  for (const GroupSummary& group : table.scenes)
-    json["scenes"].push_back(json_group(table, group));
-  if (table.all) json["all"] = json_group(table, *table.all);
+  const std::span<const SceneRow> scenes(table.scene_rows);
+  for (std::size_t i = 0; i < table.scenes.size(); ++i) {
+    json["scenes"].push_back(json_group(table, table.scenes[i], scenes.subspan(i, 1)));
+  }
+  if (table.all) json["all"] = json_group(table, *table.all, scenes);
   json["classes"] = nlohmann::ordered_json::array();
   for (const GroupSummary& group : table.classes) {
-    json["classes"].push_back(json_group(table, group));
+    json["classes"].push_back(json_group(table, group, scenes));
   }
   nlohmann::ordered_json& provenance = json["provenance"];
   provenance["run"] = table.run.run_id;
@@ -126,6 +135,7 @@ std::string as_json(const ResultTable& table) {
     a = {{"detector", arm.detector},
          {"weights_sha256", arm.weights_sha256},
          {"tuned_on", arm.tuned_on}};
+    if (arm.exposure) a["leakage"] = exposure_text(*arm.exposure);
     if (arm.start_leak) {
       a["tuning_views"] = {{"views", arm.start_leak->views},
                            {"near_starts", arm.start_leak->near_starts},

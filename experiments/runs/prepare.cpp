@@ -69,7 +69,7 @@ std::string describe_views(const ExperimentSpec& spec, const std::vector<LabelSc
   const core::CameraIntrinsics camera = view_camera(spec);
   const FinetuneSpec& finetune = *spec.detectors.finetune;
   std::ostringstream text;
-  text << "views v1, " << purpose << ", " << views << " per scene, seed " << finetune.seed
+  text << "views v2, " << purpose << ", " << views << " per scene, seed " << finetune.seed
        << ", robot " << spec.robot << ", " << camera.width_px << "x" << camera.height_px
        << " f " << camera.fx_px << ", pitch " << spec.camera.pitch_down_deg;
   for (const LabelScene& scene : scenes) {

@@ -39,6 +39,16 @@ std::string training_scenes(const ExperimentSpec& spec, const ArmSpec& arm) {
   return before + scenes;
 }
 
+std::vector<EvaluationScene> evaluation_scenes(const std::vector<LoadedScene>& scenes) {
+  std::vector<EvaluationScene> evaluated;
+  for (const LoadedScene& scene : scenes) {
+    evaluated.push_back({scene.spec->name, &scene.bundle.manifest});
+    const std::optional<SourceSpec>& source = scene.spec->source;
+    if (source && source->type == SourceType::kFlat) evaluated.back().flat_seed = source->seed;
+  }
+  return evaluated;
+}
+
 }  // namespace
 
 std::string host_and_processor() {
@@ -88,18 +98,23 @@ std::vector<SceneRow> scene_rows(const std::vector<LoadedScene>& scenes) {
   return rows;
 }
 
-std::vector<ArmRow> arm_rows(const ExperimentSpec& spec, const PreparedDetectors& detectors) {
+std::vector<ArmRow> arm_rows(const ExperimentSpec& spec, const PreparedDetectors& detectors,
+                             const std::vector<LoadedScene>& scenes) {
+  const std::vector<EvaluationScene> evaluated = evaluation_scenes(scenes);
   std::vector<ArmRow> rows;
   for (const ArmSpec& arm : spec.arms) {
     ArmRow row;
     row.name = arm.name;
     const PreparedWeights weights = weights_of(arm, detectors);
     row.detector = weights.file.empty() ? "oracle" : weights.file.filename().string();
-    if (!weights.file.empty()) row.weights_sha256 = core::sha256_of_file(weights.file);
+    if (!weights.file.empty()) {
+      row.weights_sha256 = core::sha256_of_file(weights.file);
+      row.exposure = exposure_of(weights.file, evaluated);
+    }
     row.held_out = weights.held_out;
     if (arm.detector == ArmDetector::kAfter) row.start_leak = detectors.start_leak;
     for (const SceneSpec& scene : spec.scenes) {
-      if (spec.leaks(arm, scene))
+      if (spec.leaks(arm, scene) || (row.exposure && row.exposure->is_trained_on(scene.name)))
         row.tuned_on += (row.tuned_on.empty() ? "" : ", ") + scene.name;
     }
     row.score_threshold = arm.score_threshold.value_or(-1.0);

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "experiments/results/internal/leakage.h"
+
 namespace segsim::experiments::internal {
 namespace {
 
@@ -104,6 +106,7 @@ void note_paper(ResultTable& table) {
 void note_comparison(ResultTable& table) {
   if (table.before.empty() || table.after.empty()) {
     table.notes.push_back("Rates: Wilson 95 % interval.");
+    note_leakage(table);
     return;
   }
   table.notes.push_back(
@@ -119,14 +122,7 @@ void note_comparison(ResultTable& table) {
                             "; at least 6, all one way, are needed for p < 0.05.");
     }
   }
-  for (const GroupSummary& scene : table.scenes) {
-    if (!scene.leak) continue;
-    table.notes.push_back(
-        "LEAKAGE scene (*): \"" + table.after +
-        "\" was fine-tuned on views rendered from the scenes marked * (this is "
-        "the adaptation under test; it says nothing about unseen scenes).");
-    break;
-  }
+  note_leakage(table);
   note_start_region(table);
   note_paper(table);
   if (table.scenes.size() < kScenesForClaim) {
