@@ -21,7 +21,7 @@ namespace segsim::perception {
 
 /// A place that images show: a scene bundle, or places that a generator makes from seeds.
 struct ImagedScene {
-  std::string name;  ///< Of a bundle's manifest; empty for a generator's places.
+  std::string name{};  ///< Of a bundle's manifest; empty for a generator's places.
   /// Of the bundle's surfels, which are all that the images show. (The hash of scene.yaml
   /// would change with the version of the program that wrote it, and with the scene's name.)
   std::string surfels_sha256{};

@@ -23,8 +23,7 @@ constexpr const char* kSameName = "another scene named ";
 bool shows(const ImagedScene& imaged, const EvaluationScene& scene) {
   const ImagedScene bundle{scene.manifest->name, scene.manifest->surfels.sha256};
   if (is_same_place(imaged, bundle)) return true;
-  return scene.flat_seed && is_same_place(imaged, {.name = {},
-                                                   .generator = kFlatGenerator,
+  return scene.flat_seed && is_same_place(imaged, {.generator = kFlatGenerator,
                                                    .first_seed = *scene.flat_seed,
                                                    .last_seed = *scene.flat_seed});
 }

@@ -20,11 +20,11 @@ enum class TrainingDataKnown : std::uint8_t { kAll, kPart, kNothing };
 
 /// Lists are names of scenes of the spec, in its order.
 struct SceneExposure {
-  std::vector<std::string> trained_on;  ///< Views of these were trained on or mixed in.
+  std::vector<std::string> trained_on{};  ///< Views of these were trained on or mixed in.
   std::vector<std::string>
       threshold_on;  ///< The score threshold or the step was chosen there.
   /// It learnt from another scene of that name: perhaps another reconstruction of the place.
-  std::vector<std::string> same_name;
+  std::vector<std::string> same_name{};
   TrainingDataKnown known = TrainingDataKnown::kAll;
 
   bool operator==(const SceneExposure&) const = default;

@@ -40,8 +40,7 @@ std::string describe(const UnseenHomesOptions& options) {
 }
 
 perception::ImagedScene generated(const char* generator, std::uint64_t seed, int count) {
-  return {.name = {},
-          .generator = generator,
+  return {.generator = generator,
           .first_seed = seed,
           .last_seed = seed + static_cast<std::uint64_t>(count) - 1};
 }

@@ -29,7 +29,7 @@ DataUse use_of(DataPurpose purpose, std::optional<std::vector<ImagedScene>> scen
 }
 
 ImagedScene rooms(const std::string& generator, std::uint64_t first, std::uint64_t last) {
-  return {.name = {}, .generator = generator, .first_seed = first, .last_seed = last};
+  return {.generator = generator, .first_seed = first, .last_seed = last};
 }
 
 class SceneExposureTest : public testing::Test {

@@ -47,9 +47,9 @@ TEST(Coco, PlacesOfTheImagesAreKept) {
   CocoDataset dataset = some_dataset();
   write_coco(folder / "d.json", dataset);
   EXPECT_FALSE(read_coco(folder / "d.json").scenes.has_value());
-  dataset.scenes = std::vector<ImagedScene>{
-      {"flat-3", std::string(64, 'c')},
-      {.name = {}, .generator = "rooms/1", .first_seed = 4, .last_seed = 9}};
+  dataset.scenes =
+      std::vector<ImagedScene>{{"flat-3", std::string(64, 'c')},
+                               {.generator = "rooms/1", .first_seed = 4, .last_seed = 9}};
   write_coco(folder / "d.json", dataset);
   EXPECT_EQ(read_coco(folder / "d.json").scenes, dataset.scenes);
 

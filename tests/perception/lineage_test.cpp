@@ -24,8 +24,7 @@ DataUse some_use() {
   use.views_sha256 = kOtherHash;
   use.image_hashes = {0x0000000000ffULL, 0xffffffffffffULL};
   use.scenes = std::vector<ImagedScene>{
-      {"flat-3", kHash},
-      {.name = {}, .generator = "source_rooms/1", .first_seed = 1, .last_seed = 250}};
+      {"flat-3", kHash}, {.generator = "source_rooms/1", .first_seed = 1, .last_seed = 250}};
   return use;
 }
 
@@ -135,8 +134,7 @@ TEST(Lineage, ScenesAreKnownIfEachImageNamesAListedOne) {
 
 TEST(Lineage, PlacesAreTheSameByHashOrBySeed) {
   const auto rooms = [](std::uint64_t first, std::uint64_t last) {
-    return ImagedScene{
-        .name = {}, .generator = "rooms/1", .first_seed = first, .last_seed = last};
+    return ImagedScene{.generator = "rooms/1", .first_seed = first, .last_seed = last};
   };
   EXPECT_TRUE(is_same_place({"a", kHash}, {"b", kHash}));
   EXPECT_FALSE(is_same_place({"a", kHash}, {"a", kOtherHash}));
