@@ -1,6 +1,8 @@
 #include "experiments/results/internal/leakage.h"
 
 #include <algorithm>
+#include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "experiments/results/internal/table_notes.h"
@@ -123,11 +125,10 @@ std::string leakage_word(const ArmRow& arm, std::span<const SceneRow> scenes) {
 }
 
 std::string leakage_word(const ResultTable& table, std::span<const SceneRow> scenes) {
-  const bool compares = !table.before.empty() && !table.after.empty();
+  const ArmRow* after = table.before.empty() ? nullptr : find_arm(table.arm_rows, table.after);
+  if (after != nullptr) return leakage_word(*after, scenes);
   Leakage worst = Leakage::kNone;
-  for (const ArmRow& arm : table.arm_rows) {
-    if (!compares || arm.name == table.after) worst = std::max(worst, worst_of(arm, scenes));
-  }
+  for (const ArmRow& arm : table.arm_rows) worst = std::max(worst, worst_of(arm, scenes));
   return word_for(worst);
 }
 
