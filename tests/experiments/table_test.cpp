@@ -237,6 +237,109 @@ TEST(Table, TrainingViewsInTheStartRegionAreALeak) {
   EXPECT_THAT(plain.notes, Not(Contains(HasSubstr("The paper reports"))));
 }
 
+/// The run's two arms with what they had seen of the scene.
+ResultTable with_exposures(const SceneExposure& before, const SceneExposure& after) {
+  std::vector<ArmRow> arms = kArms;
+  arms[0].exposure = before;
+  arms[1].exposure = after;
+  arms[1].tuned_on.clear();
+  return summarise(a_run(30), kScenes, arms, ten_episodes());
+}
+
+/// What the arm's line of the scene says in the last column.
+std::string csv_leakage(const ResultTable& table, const std::string& arm) {
+  const std::string csv = format_table(table, TableFormat::kCsv);
+  const std::size_t line = csv.find("scene,\"flat\",");
+  const std::size_t begin = csv.find("\"" + arm + "\"", line);
+  const std::string row = csv.substr(begin, csv.find('\n', begin) - begin);
+  return row.substr(row.rfind(',') + 1);
+}
+
+TEST(Table, WhatAFileDoesNotSayIsUnknownInEveryForm) {
+  const SceneExposure unknown{.known = TrainingDataKnown::kNothing};
+  const ResultTable table = with_exposures({}, unknown);
+  for (const TableFormat format :
+       {TableFormat::kText, TableFormat::kMarkdown, TableFormat::kLatex, TableFormat::kJson}) {
+    std::string text = format_table(table, format);
+    for (std::size_t at = text.find("\n  "); at != std::string::npos; at = text.find("\n  "))
+      text.replace(at, 3, " ");  // Lines that were wrapped.
+    EXPECT_THAT(text, HasSubstr("LEAKAGE unknown: "));
+    EXPECT_THAT(text, HasSubstr("the file does not say what it was trained on."));
+  }
+  EXPECT_EQ(csv_leakage(table, "after"), "unknown");
+  EXPECT_EQ(csv_leakage(table, "before"), "none");
+  EXPECT_EQ(csv_leakage(table, "oracle"), "none");
+  const auto json = nlohmann::json::parse(format_table(table, TableFormat::kJson));
+  EXPECT_EQ(json.at("scenes")[0].at("leakage"), "unknown");
+  EXPECT_EQ(json.at("scenes")[0].at("arms").at("before").at("leakage"), "none");
+  EXPECT_EQ(json.at("classes")[0].at("leakage"), "unknown");
+  EXPECT_EQ(json.at("provenance").at("arms").at("after").at("leakage"), "unknown");
+  EXPECT_FALSE(table.scenes[0].leak);
+
+  SceneExposure part = unknown;
+  part.known = TrainingDataKnown::kPart;
+  EXPECT_THAT(
+      with_exposures({}, part).notes,
+      Contains("LEAKAGE unknown: \"after\" (two.bin): the file does not say all that it "
+               "was trained on."));
+  // Results of a version that did not look.
+  EXPECT_THAT(
+      summarise(a_run(30), kScenes, kArms, ten_episodes()).notes,
+      Contains("LEAKAGE unknown: \"before\" (one.bin): these results do not say what it "
+               "was trained on."));
+}
+
+TEST(Table, ArmsThatSawNoSceneSaySo) {
+  const ResultTable table = with_exposures({}, {});
+  EXPECT_THAT(table.notes,
+              Contains("Leakage none: no view of the evaluation scenes is in what \"before\" "
+                       "and \"after\" were trained on."));
+  EXPECT_THAT(table.notes, Not(Contains(HasSubstr("LEAKAGE"))));
+  EXPECT_EQ(csv_leakage(table, "after"), "none");
+  const auto json = nlohmann::json::parse(format_table(table, TableFormat::kJson));
+  EXPECT_EQ(json.at("scenes")[0].at("leakage"), "none");
+}
+
+TEST(Table, AnArmThatSawTheSceneLeaksWhicheverArmItIs) {
+  const SceneExposure seen{.trained_on = {"flat"}};
+  const ResultTable after = with_exposures({}, seen);
+  EXPECT_TRUE(after.scenes[0].leak);
+  EXPECT_THAT(after.notes, Contains(HasSubstr("LEAKAGE scene (*): \"after\" was fine-tuned")));
+  const ResultTable before = with_exposures(seen, {});
+  EXPECT_FALSE(before.scenes[0].leak);
+  EXPECT_THAT(before.notes,
+              Contains("LEAKAGE scene: \"before\" was trained on views of Flat."));
+  EXPECT_EQ(csv_leakage(before, "before"), "scene");
+  EXPECT_EQ(csv_leakage(before, "after"), "none");
+
+  // Without a comparison, too.
+  std::vector<ArmRow> alone{kArms[0]};
+  alone[0].exposure = seen;
+  const ResultTable single = summarise(a_run(10), kScenes, alone, ten_episodes());
+  EXPECT_THAT(single.notes, Contains(HasSubstr("LEAKAGE scene: \"before\" was trained")));
+
+  const SceneExposure alike{.same_name = {"flat"}};
+  const ResultTable hint = with_exposures({}, alike);
+  EXPECT_THAT(hint.notes, Contains(HasSubstr("a scene of the same name as flat but another")));
+  EXPECT_EQ(csv_leakage(hint, "after"), "unknown");
+}
+
+TEST(Table, ThresholdsChosenOnTheScenesAreToldInOneLine) {
+  const SceneExposure chosen{.threshold_on = {"flat"}};
+  EXPECT_THAT(
+      with_exposures(chosen, chosen).notes,
+      Contains("Score thresholds of \"before\" and \"after\" were chosen on other views "
+               "of the same scenes."));
+  EXPECT_THAT(with_exposures({}, {}).notes, Not(Contains(HasSubstr("hreshold"))));
+  std::vector<ArmRow> arms = kArms;
+  arms[0].exposure = arms[1].exposure = chosen;
+  arms[1].score_threshold = 0.4;  // The spec's own.
+  EXPECT_THAT(
+      summarise(a_run(30), kScenes, arms, ten_episodes()).notes,
+      Contains("The score threshold of \"before\" was chosen on other views of the same "
+               "scenes."));
+}
+
 TEST(Table, AnUnfinishedRunIsMarked) {
   const ResultTable table = summarise(a_run(60), kScenes, kArms, ten_episodes());
   EXPECT_THAT(table.notes, Contains(HasSubstr("INTERIM: 30 of 60 trials")));
