@@ -79,10 +79,6 @@ bool SceneExposure::is_trained_on(const std::string& scene) const {
   return std::find(trained_on.begin(), trained_on.end(), scene) != trained_on.end();
 }
 
-bool SceneExposure::is_clean() const {
-  return trained_on.empty() && same_name.empty() && known == TrainingDataKnown::kAll;
-}
-
 SceneExposure exposure_of(const std::filesystem::path& weights,
                           std::span<const EvaluationScene> scenes) {
   const std::vector<DataUse> data = data_of_file(weights);

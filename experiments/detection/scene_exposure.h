@@ -21,16 +21,14 @@ enum class TrainingDataKnown : std::uint8_t { kAll, kPart, kNothing };
 /// Lists are names of scenes of the spec, in its order.
 struct SceneExposure {
   std::vector<std::string> trained_on{};  ///< Views of these were trained on or mixed in.
-  std::vector<std::string>
-      threshold_on;  ///< The score threshold or the step was chosen there.
+  /// The score threshold or the step was chosen on views of these.
+  std::vector<std::string> threshold_on{};
   /// It learnt from another scene of that name: perhaps another reconstruction of the place.
   std::vector<std::string> same_name{};
   TrainingDataKnown known = TrainingDataKnown::kAll;
 
   bool operator==(const SceneExposure&) const = default;
   [[nodiscard]] bool is_trained_on(const std::string& scene) const;
-  /// That no view of any scene was trained on, and that this is known.
-  [[nodiscard]] bool is_clean() const;
 };
 
 /// A scene of an evaluation.
