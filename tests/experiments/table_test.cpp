@@ -13,8 +13,10 @@ namespace segsim::experiments {
 namespace {
 
 using testing::Contains;
+using testing::ContainsRegex;
 using testing::HasSubstr;
 using testing::Not;
+using testing::StartsWith;
 
 RunRow a_run(int planned) {
   RunRow run;
@@ -584,6 +586,72 @@ TEST(Table, ReconstructionsPoolAndPairWithinThemselves) {
   EXPECT_EQ(table.trainings[2].pairs.both, 2);
   EXPECT_THAT(format_table(table, TableFormat::kText),
               HasSubstr("(3 trainings in 2 reconstructions)"));
+}
+
+/// What all trainings of an arm share is told once, of the arm.
+TEST(Table, LeakageIsThatOfAllTrainings) {
+  Trained run(true);
+  for (ArmRow& arm : run.arms) {
+    arm.tuned_on.clear();
+    arm.exposure = SceneExposure{};
+    arm.exposure->threshold_on = {arm.reconstruction == 1 ? "flat" : "flat.r2"};
+    arm.score_threshold = -1;
+  }
+  const auto table = [&] { return summarise(a_run(20), run.scenes, run.arms, run.trials); };
+  const auto json = [&] {
+    return nlohmann::json::parse(format_table(table(), TableFormat::kJson));
+  };
+  EXPECT_FALSE(table().scenes[0].leak);
+  EXPECT_THAT(table().notes,
+              Contains("Leakage none: no view of the evaluation scenes is in what \"before\" "
+                       "and \"after\" were trained on."));
+  EXPECT_THAT(table().notes,
+              Contains("Score thresholds of \"before\" and \"after\" were chosen on other "
+                       "views of the same scenes."));
+  EXPECT_EQ(csv_leakage(table(), "after"), "none");
+
+  for (ArmRow& arm : run.arms) {
+    if (arm.family != "after") continue;
+    arm.exposure->known = TrainingDataKnown::kPart;
+    arm.exposure->trained_on = arm.exposure->threshold_on;
+  }
+  EXPECT_TRUE(table().scenes[0].leak);
+  EXPECT_THAT(table().notes,
+              Contains(StartsWith("LEAKAGE scene (*): \"after\" was fine-tuned")));
+  EXPECT_THAT(table().notes,
+              Contains("LEAKAGE unknown: \"after\" (3 files): the files do not say all that "
+                       "it was trained on."));
+  EXPECT_THAT(table().notes, Not(Contains(HasSubstr("after.s3"))));
+  // One of the trainings in a comparison of its own: the arm is still told of as a whole.
+  const ResultTable chosen =
+      summarise(a_run(20), run.scenes, run.arms, run.trials, "before", "after.s3");
+  EXPECT_THAT(chosen.notes, Contains(StartsWith("LEAKAGE scene (*): \"after.s3\"")));
+  EXPECT_THAT(chosen.notes,
+              Contains("LEAKAGE scene: \"after\" was trained on views of Flat."));
+
+  // One training that differs from the others is told by itself, and makes the arm's word.
+  for (ArmRow& arm : run.arms) {
+    arm.exposure = SceneExposure{};
+    if (arm.name == "after.r2") arm.exposure->trained_on = {"flat.r2"};
+  }
+  EXPECT_TRUE(table().scenes[0].leak);
+  EXPECT_THAT(
+      table().notes,
+      Contains("LEAKAGE scene: \"after.r2\" (one training) was trained on views of Flat."));
+  EXPECT_THAT(table().notes,
+              Contains("Leakage none: no view of the evaluation scenes is in what \"before\", "
+                       "\"after\" (one training) and \"after.s3\" (one training) were trained "
+                       "on."));
+  EXPECT_EQ(csv_leakage(table(), "after"), "scene");
+  EXPECT_EQ(csv_leakage(table(), "before"), "none");
+  EXPECT_EQ(json().at("scenes")[0].at("leakage"), "scene");
+  EXPECT_EQ(json().at("scenes")[0].at("arms").at("after").at("leakage"), "scene");
+  EXPECT_EQ(json().at("trainings")[0].at("leakage"), "none");
+  EXPECT_EQ(json().at("trainings")[2].at("leakage"), "scene");
+  EXPECT_THAT(format_table(table(), TableFormat::kCsv),
+              ContainsRegex("\ntraining,\"after\\.r2\",[^\n]*,scene\n"));
+  EXPECT_THAT(format_table(table(), TableFormat::kCsv),
+              ContainsRegex("\ntraining,\"after\\.s3\",[^\n]*,none\n"));
 }
 
 TEST(Table, OneTrainingCanBeChosen) {

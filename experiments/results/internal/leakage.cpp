@@ -113,8 +113,11 @@ struct ToldArm {
   std::string name;
   ArmRows rows;
   Finding finding;
+  bool is_whole = true;  ///< Not one of several trainings, of which one has the arm's name.
 
-  [[nodiscard]] std::string quoted() const { return "\"" + name + "\""; }
+  [[nodiscard]] std::string quoted() const {
+    return "\"" + name + (is_whole ? "\"" : "\" (one training)");
+  }
 };
 
 /// Arms with weights, in the order of the run.
@@ -128,7 +131,7 @@ std::vector<ToldArm> told_arms(const ResultTable& table) {
       return finding_of(table, *other) == finding;
     });
     if (!alike) {
-      told.push_back({row.name, {&row}, finding});
+      told.push_back({row.name, {&row}, finding, false});
     } else if (family.front() == &row) {
       told.push_back({family_of(row), family, finding});
     }
@@ -158,7 +161,8 @@ void note_tuned(ResultTable& table, const std::vector<ToldArm>& told) {
   std::vector<std::pair<std::vector<std::string>, std::vector<std::string>>> arms_of_titles;
   for (const ToldArm& arm : told) {
     const std::vector<std::string>& titles = arm.finding.tuned;
-    if (titles.empty() || (compares(table) && arm.name == table.after)) continue;
+    if (titles.empty() || (compares(table) && arm.is_whole && arm.name == table.after))
+      continue;
     if (!arms_of_titles.empty() && arms_of_titles.back().first == titles) {
       arms_of_titles.back().second.push_back(arm.quoted());
     } else {
