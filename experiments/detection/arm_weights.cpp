@@ -9,6 +9,7 @@
 #include "core/file_io.h"
 #include "perception/dataset.h"
 #include "perception/evaluate.h"
+#include "perception/lineage.h"
 #include "perception/weights_file.h"
 
 namespace segsim::experiments {
@@ -64,6 +65,8 @@ void choose_threshold(const fs::path& weights_file, const fs::path& validation,
                       double precision_target, const fs::path& output) {
   perception::DetectorWeights weights = perception::read_weights(weights_file);
   perception::CocoDataset dataset = perception::read_coco(validation);
+  perception::add_data(weights, weights_file,
+                       data_use(perception::DataPurpose::kValidation, dataset));
   perception::match_classes(dataset, weights.class_names, {});
   const auto results = perception::detect_all(weights_file, dataset);
   const auto points =

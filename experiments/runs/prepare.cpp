@@ -138,7 +138,7 @@ class LabelSet {
     const core::CameraIntrinsics camera = view_camera(spec_);
     const FinetuneSpec& finetune = *spec_.detectors.finetune;
     std::ostringstream text;
-    text << "views v2, " << rule_.purpose << ", " << rule_.per_scene << " per scene, "
+    text << "views v3, " << rule_.purpose << ", " << rule_.per_scene << " per scene, "
          << rule_.facing_share << " facing, seed " << seed_ << ", robot " << spec_.robot
          << ", " << camera.width_px << "x" << camera.height_px << " f " << camera.fx_px
          << ", pitch " << spec_.camera.pitch_down_deg;

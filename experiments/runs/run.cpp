@@ -405,8 +405,9 @@ RunReport run_experiment(const ExperimentSpec& spec, const RunOptions& options) 
   Store store(results / "results.sqlite");
   const std::vector<TrialTask> all = all_tasks(spec, inputs.scenes);
   RunReport report;
-  report.run_id = open_run(store, spec, options, scene_rows(inputs.scenes),
-                           arm_rows(spec, inputs.detectors), static_cast<int>(all.size()));
+  report.run_id =
+      open_run(store, spec, options, scene_rows(inputs.scenes),
+               arm_rows(spec, inputs.detectors, inputs.scenes), static_cast<int>(all.size()));
   std::vector<TrialRow> trials = store.trials(report.run_id);
   std::vector<TrialTask> tasks =
       unfinished(options.shard ? tasks_of(*options.shard, all) : all, trials);

@@ -17,6 +17,7 @@ Json json_arm(const ArmRow& arm) {
       {"detector", arm.detector},
       {"weights_sha256", arm.weights_sha256},
       {"tuned_on", arm.tuned_on},
+      {"leakage", arm.exposure ? Json(exposure_text(*arm.exposure)) : Json()},
       {"score_threshold", arm.score_threshold < 0.0 ? Json() : Json(arm.score_threshold)},
       {"held_out", nullptr},
       {"tuning_views", nullptr},

@@ -54,6 +54,11 @@ TEST_F(StoreTest, WhatIsWrittenIsReadBack) {
   EXPECT_EQ(leak->views, 400);
   EXPECT_EQ(leak->near_starts, 3);
   EXPECT_EQ(leak->radius_m, 1.0);
+  EXPECT_FALSE(store.arms(id)[0].exposure.has_value());
+  EXPECT_EQ(store.arms(id)[1].exposure,
+            (SceneExposure{{"b"}, {"b", "a"}, {}, TrainingDataKnown::kPart}));
+  EXPECT_EQ(run.provenance.at("leakage/after"),
+            "partly unknown; trained on b; threshold chosen on b, a");
   ASSERT_EQ(store.trials(id).size(), 1U);
   const TrialRow trial = store.trials(id)[0];
   EXPECT_EQ(trial.episode, "b/chair/00");
