@@ -441,7 +441,8 @@ void choose_thresholds(std::vector<ArmWeights>& arms, const ExperimentSpec& spec
                        const std::vector<std::string>& class_names, const fs::path& work,
                        int workers, StageTimes& times) {
   StageTimes::Timer timer(times, "thresholds");
-  if (shares_classes_of_procedural_homes(class_names)) {
+  if (spec.detectors.finetune->measure_elsewhere &&
+      shares_classes_of_procedural_homes(class_names)) {
     HeldOutSets foreign;
     render_foreign_sets(spec, work, foreign);
     for (ArmWeights& arm : arms) {

@@ -107,6 +107,9 @@ struct FinetuneSpec {
   /// with another share than the training views.
   int validation_views_per_scene = 0;
   double validation_facing_share = 0.85;
+  /// Whether AP50 is also measured in rooms of the source domain and in homes never seen: what
+  /// tuning costs there.
+  bool measure_elsewhere = true;
   /// Of the thresholds of this precision the one that finds most; 0 = that of best F1.
   double precision_target = 0.0;
   /// No view is taken nearer than this to where an evaluation episode starts; 0 = anywhere.

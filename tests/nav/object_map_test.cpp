@@ -1,5 +1,7 @@
 #include "nav/object_map.h"
 
+#include <vector>
+
 #include <gmock/gmock.h>
 
 #include "core/check.h"
@@ -107,6 +109,35 @@ TEST(ObjectMap, CutsOffWhatALaterBoxLeavesOut) {
   ASSERT_EQ(objects.objects().size(), 1U);
   EXPECT_LT(objects.objects()[0].high_m.y, 0.42);
   EXPECT_NEAR(objects.objects()[0].center_m.x, 2.0, 0.1);
+}
+
+TEST(ObjectMap, TheBetterNameOfABoxIsBelieved) {
+  Simulation simulation(room_with(kCabinet), {0, 0, 0}, {});
+  const core::Observation& observation = simulation.observe();
+  core::Detection wanted = simulation.detect().at(0);
+  wanted.score = 0.5F;
+  core::Detection other = wanted;
+  other.class_index = 1;
+  const auto objects_with = [&](float score, float shift_px) {
+    other.score = score;
+    other.box = wanted.box;
+    other.box.x0 += shift_px;
+    other.box.x1 += shift_px;
+    ObjectMap objects;
+    objects.update(observation, std::vector{wanted, other}, 0);
+    return objects.objects().size();
+  };
+  EXPECT_EQ(objects_with(0.6F, 0.0F), 0U);  // The other name is more certain.
+  EXPECT_EQ(objects_with(0.4F, 0.0F), 1U);
+  EXPECT_EQ(objects_with(0.5F, 0.0F), 1U);  // An oracle's boxes all have one score.
+  // Beside it is another thing: half the width away the boxes share a third.
+  EXPECT_EQ(objects_with(0.6F, 0.5F * wanted.box.width_px()), 1U);
+  ObjectMapOptions trusting;
+  trusting.rival_iou = 1.0;
+  ObjectMap objects(trusting);
+  other.box = wanted.box;
+  objects.update(observation, std::vector{wanted, other}, 0);
+  EXPECT_EQ(objects.objects().size(), 1U);
 }
 
 TEST(ObjectMap, OneObjectFromManyViewsIsConfirmed) {
