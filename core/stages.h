@@ -68,6 +68,12 @@ struct Detection {
   BoxPx box;            ///< In pixels of the observation's image.
 };
 
+/// Which detection it was: the image's Observation::capture_index and the box in it.
+struct DetectionRef {
+  std::uint64_t capture_index = 0;
+  BoxPx box;
+};
+
 /// Image -> boxes. Implemented in perception/ (learned) and sim/ (oracle arms).
 class Detector {
  public:
@@ -115,6 +121,8 @@ struct PolicyView {
     glm::dvec2 position_m;
     int class_index;
     float score;
+    /// The detections whose points it is made of; empty: the policy does not say.
+    std::vector<DetectionRef> made_of{};
   };
   std::vector<Object> objects;
 };

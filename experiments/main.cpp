@@ -10,6 +10,7 @@
 #include "core/process_memory.h"
 #include "core/version.h"
 #include "experiments/commands/commands.h"
+#include "renderer/simd_target.h"
 
 namespace {
 
@@ -24,12 +25,17 @@ int main(int argc, char** argv) {
   using namespace segsim;  // NOLINT(google-build-using-namespace): main wires everything
 
   core::keep_freed_memory();
+  renderer::apply_kernel_choice();
   std::signal(SIGXFSZ, SIG_IGN);  // A file at its limit is an error like a full disk.
   CLI::App app{
       "Fast-SegSim: does this perception change make the robot reach its goal more often?\n"
       "Closed-loop navigation trials in reconstructed scenes.",
       "segsim"};
   app.set_version_flag("--version", core::version());
+  bool fast = false;  // The launcher takes it away.
+  app.add_flag("--fast", fast,
+               "Use whatever this processor has: quicker, and not comparable bit by bit with "
+               "other machines (docs/reproducibility.md)");
   app.require_subcommand(1);
   app.footer(
       "Exit codes: 0 done, 1 an expectation failed, 2 bad input, too little memory or room on "
@@ -51,6 +57,7 @@ int main(int argc, char** argv) {
   experiments::add_episodes_command(app);
   experiments::add_explain_command(app);
   experiments::add_compare_command(app);
+  experiments::add_doctor_command(app);
   experiments::add_plan_command(app);
   experiments::add_export_command(app);
   experiments::add_report_command(app);

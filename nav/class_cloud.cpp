@@ -45,6 +45,33 @@ std::map<Square, int> counted_around(const std::map<Square, int>& counts) {
   return sums;
 }
 
+/// Of each square, the number of its group; squares that touch, also by a corner, share one.
+std::map<Square, std::size_t> grouped(const std::vector<CloudPoint>& points,
+                                      std::size_t& groups) {
+  constexpr auto kNone = static_cast<std::size_t>(-1);
+  std::map<Square, std::size_t> group_of;
+  for (const CloudPoint& point : points) group_of.try_emplace(square_of(point), kNone);
+  groups = 0;
+  for (auto& [first, group] : group_of) {
+    if (group != kNone) continue;
+    group = groups++;
+    std::vector<Square> border{first};
+    while (!border.empty()) {
+      const Square at = border.back();
+      border.pop_back();
+      for (int dx = -1; dx <= 1; ++dx) {
+        for (int dy = -1; dy <= 1; ++dy) {
+          const auto next = group_of.find({at.first + dx, at.second + dy});
+          if (next == group_of.end() || next->second != kNone) continue;
+          next->second = group;
+          border.push_back(next->first);
+        }
+      }
+    }
+  }
+  return group_of;
+}
+
 core::Image<std::uint8_t> eroded(const core::Image<std::uint8_t>& mask, int passes) {
   core::Image<std::uint8_t> result = mask;
   cv::Mat image(mask.height_px(), mask.width_px(), CV_8U, result.data());
@@ -89,6 +116,7 @@ ClassCloud::ClassCloud(const ClassCloudOptions& options, const VlfmRules& rules,
 
 void ClassCloud::reset(std::uint64_t seed) {
   points_.clear();
+  sources_.clear();
   fresh_m_.clear();
   voxels_.clear();
   last_target_m_.reset();
@@ -147,7 +175,7 @@ std::vector<glm::vec3> ClassCloud::masked_points(const core::Observation& observ
 }
 
 bool ClassCloud::add(const core::Observation& observation,
-                     const core::Image<std::uint8_t>& mask) {
+                     const core::Image<std::uint8_t>& mask, const core::BoxPx& box) {
   SEGSIM_CHECK(observation.depth_m != nullptr && mask.size() == observation.depth_m->size(),
                "mask and depth differ in size");
   const double width_share = mask.width_px() / kImageWidth_px;
@@ -172,6 +200,8 @@ bool ClassCloud::add(const core::Observation& observation,
     high = glm::max(high, p);
   }
   fresh_m_.emplace_back(low, high);
+  const auto source = static_cast<std::uint32_t>(sources_.size());
+  sources_.push_back({observation.capture_index, box});
   const bool at_edge = cut_by_side_edge(mask, options_);
   const std::uint64_t second_class = new_id();
   const double trusted_m = options_.trusted_share * options_.max_depth_m;
@@ -179,7 +209,7 @@ bool ClassCloud::add(const core::Observation& observation,
     const double forward_m =
         (T_camera_odom * core::Point<core::frame::Odom>{glm::dvec3(p)}).xyz_m.z;
     const bool trusted = !at_edge && forward_m <= trusted_m;
-    store({p, trusted ? kTrusted : second_class});
+    store({p, source, trusted ? kTrusted : second_class});
   }
   if (points_.size() > options_.most_points) {  // The oldest go.
     points_.erase(points_.begin(),
@@ -261,6 +291,27 @@ void ClassCloud::erase_around(const glm::dvec2& place_m, double radius_m) {
   });
   recount_voxels();
   last_target_m_.reset();
+}
+
+std::vector<CloudGroup> ClassCloud::groups() const {
+  std::size_t count = 0;
+  const std::map<Square, std::size_t> group_of = grouped(points_, count);
+  std::vector<CloudGroup> groups(count);
+  std::vector<std::size_t> sizes(count, 0);
+  std::vector<std::set<std::uint32_t>> sources(count);
+  for (const CloudPoint& point : points_) {
+    const std::size_t k = group_of.at(square_of(point));
+    groups[k].center_m += glm::dvec2(point.p_odom_m);
+    ++sizes[k];
+    sources[k].insert(point.source);
+  }
+  for (std::size_t k = 0; k < count; ++k) {
+    groups[k].center_m /= static_cast<double>(sizes[k]);
+    for (const std::uint32_t source : sources[k]) {
+      groups[k].made_of.push_back(sources_[source]);
+    }
+  }
+  return groups;
 }
 
 /// The points, or the trusted ones, that ClassCloudOptions::support_share allows as targets.

@@ -55,7 +55,14 @@ struct ClassCloudOptions {
 /// A point with the detection that it came from.
 struct CloudPoint {
   glm::vec3 p_odom_m{0.0F};
+  std::uint32_t source = 0;     ///< Counts the detections that were kept.
   std::uint64_t detection = 0;  ///< kTrusted, or an id of its second-class detection.
+};
+
+/// Points that hang together: what people would call an object.
+struct CloudGroup {
+  glm::dvec2 center_m{0.0};  ///< Mean of the points, Odom.
+  std::vector<core::DetectionRef> made_of;
 };
 
 class ClassCloud {
@@ -65,8 +72,10 @@ class ClassCloud {
   explicit ClassCloud(const ClassCloudOptions& options = {},
                       const VlfmRules& rules = VlfmRules(), std::uint64_t seed = 0);
   void reset(std::uint64_t seed);
-  /// Adds one detection. @return  Whether anything of it was kept.
-  bool add(const core::Observation& observation, const core::Image<std::uint8_t>& mask);
+  /// Adds one detection. @param box  It is remembered by; see CloudGroup::made_of.
+  /// @return  Whether anything of it was kept.
+  bool add(const core::Observation& observation, const core::Image<std::uint8_t>& mask,
+           const core::BoxPx& box = {});
   /// To be called after the detections of an image were added, with their boxes; see
   /// ClassCloudOptions::carve_m.
   void carve(const core::Observation& observation, std::span<const core::BoxPx> boxes);
@@ -79,6 +88,8 @@ class ClassCloud {
   /// hysteresis; nullopt without points.
   [[nodiscard]] std::optional<glm::dvec3> target_m(const glm::dvec2& robot_odom_m);
   [[nodiscard]] const std::vector<CloudPoint>& points() const { return points_; }
+  /// The cloud in parts: points whose squares of 0.25 m touch belong together.
+  [[nodiscard]] std::vector<CloudGroup> groups() const;
 
  private:
   std::vector<glm::vec3> masked_points(const core::Observation& observation,
@@ -91,6 +102,7 @@ class ClassCloud {
   ClassCloudOptions options_;
   VlfmRules rules_;
   std::vector<CloudPoint> points_;
+  std::vector<core::DetectionRef> sources_;   ///< By CloudPoint::source.
   std::unordered_set<std::uint64_t> voxels_;  ///< That have a point; fixed Q11 only.
   std::optional<glm::dvec3> last_target_m_;
   core::RandomStream random_;

@@ -51,9 +51,9 @@ struct FrontierPolicyOptions {
   double detour_m = 15.0;  ///< Weighted way through the unknown that a place on the object's
                            ///< side of a counter or a wall is worth.
   double recent_detection_s = 1.5;  ///< "Re-detected recently" for the stop rule.
-  double verify_time_s = 2.0;       ///< Looking at the place without detection until refuted.
-  double second_look_m = 1.1;       ///< An object that was seen often gets a second look from
-                                    ///< this far or more: very near it may fill the image.
+  double verify_time_s = 2.0;  ///< Looking at the place without detection until refuted.
+  double second_look_m = 1.1;  ///< An object that was seen often gets a second look from
+                               ///< this far or more: very near it may fill the image.
   double second_look_sightings = 5.0;  ///< Weighted views that entitle to it.
   double postpone_s = 15.0;  ///< An object that is not reachable yet waits this long.
   StuckOptions stuck;

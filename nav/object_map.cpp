@@ -199,6 +199,19 @@ LiftedDetection lift_detection(const core::Observation& observation,
   return lifted;
 }
 
+namespace {
+
+/// Whether a detection of another class says better what is seen there.
+bool has_rival(const core::Detection& detection, std::span<const core::Detection> detections,
+               double rival_iou) {
+  return std::any_of(detections.begin(), detections.end(), [&](const core::Detection& other) {
+    return other.class_index != detection.class_index && other.score > detection.score &&
+           static_cast<double>(core::iou(other.box, detection.box)) >= rival_iou;
+  });
+}
+
+}  // namespace
+
 ObjectMap::ObjectMap(const ObjectMapOptions& options) : options_(options) {
   SEGSIM_CHECK(options.box_shrink >= 0.0 && options.box_shrink < 1.0, "box_shrink");
   SEGSIM_CHECK(options.voxel_m > 0.0 && options.max_range_m > 0.0, "voxel_m, max_range_m");
@@ -259,6 +272,7 @@ void ObjectMap::add_sighting(std::size_t index, const LiftedDetection& lifted,
   // The cloud comes from the nearest views.
   if (lifted.range_m < kNearerView * object.best_range_m) {
     object.cloud_m = lifted.cloud_m;
+    object.made_of = {{observation.capture_index, box}};
     describe_cloud(object);
   } else if (lifted.range_m <= kFartherView * object.best_range_m) {
     carve(observation, box, object.cloud_m);
@@ -266,6 +280,7 @@ void ObjectMap::add_sighting(std::size_t index, const LiftedDetection& lifted,
       object.cloud_m.insert(object.cloud_m.end(), lifted.cloud_m.begin(),
                             lifted.cloud_m.end());
       object.cloud_m = internal::thinned(object.cloud_m, options_.voxel_m);
+      object.made_of.push_back({observation.capture_index, box});
     }
     describe_cloud(object);
   }
@@ -348,6 +363,8 @@ void ObjectMap::update(const core::Observation& observation,
   std::vector<bool> seen_now(objects_.size(), false);
   for (const core::Detection& detection : detections) {
     if (detection.class_index != class_index || class_index < 0) continue;
+    if (options_.rival_iou < 1.0 && has_rival(detection, detections, options_.rival_iou))
+      continue;
     const LiftedDetection lifted = lift_detection(observation, detection, options_);
     if (lifted.cloud_m.empty()) continue;
     const std::size_t index = object_for(lifted);

@@ -28,6 +28,10 @@ struct ObjectMapOptions {
   int min_cluster_points = 5;        ///< After thinning.
   int max_box_samples = 2500;        ///< Pixels looked at per box (VLFM: 5000).
   double floor_height_m = 0.05;      ///< Points below are floor, not object.
+  /// A detection is not believed if one of another class with a higher score covers it by this
+  /// much (intersection over union): the same thing under its better name; 1 = always
+  /// believed.
+  double rival_iou = 0.5;
   double association_m = 0.5;      ///< Planar gap between a detection's centre and an object's
                                    ///< cloud up to which they are the same.
   double min_move_m = 0.10;        ///< A view counts again after moving this far ...
@@ -49,11 +53,12 @@ enum class ObjectStatus : std::uint8_t { kTentative, kConfirmed, kRefuted };
 struct MappedObject {
   int id = 0;  ///< Counts up from 0 within the episode.
   ObjectStatus status = ObjectStatus::kTentative;
-  glm::dvec3 center_m{0.0};            ///< Mean of the cloud, Odom.
-  glm::dvec3 low_m{0.0}, high_m{0.0};  ///< Extent of the cloud (10 % .. 90 % per axis).
-  std::vector<glm::vec3> cloud_m;      ///< Thinned surface points, Odom.
-  double sightings = 0.0;              ///< Weighted views with a detection.
-  double score_sum = 0.0;              ///< Scores times the same weights.
+  glm::dvec3 center_m{0.0};                 ///< Mean of the cloud, Odom.
+  glm::dvec3 low_m{0.0}, high_m{0.0};       ///< Extent of the cloud (10 % .. 90 % per axis).
+  std::vector<glm::vec3> cloud_m;           ///< Thinned surface points, Odom.
+  std::vector<core::DetectionRef> made_of;  ///< Detections that gave points to the cloud.
+  double sightings = 0.0;                   ///< Weighted views with a detection.
+  double score_sum = 0.0;                   ///< Scores times the same weights.
   double misses = 0.0;  ///< Weighted views that should have shown it and did not.
   float best_score = 0.0F;
   double best_range_m = 1e9;  ///< Nearest range it was seen from; the cloud comes from there.

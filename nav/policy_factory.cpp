@@ -156,6 +156,12 @@ PolicySettings read_policy_settings(
   if (type.starts_with("frontier") && node.has("follower")) {
     settings.dynamic_window = choice(node, "follower", {"pure-pursuit", "dwa"}) == 1;
   }
+  if (type.starts_with("frontier")) {
+    settings.rival_iou = node.number_or("rival_iou", settings.rival_iou);
+    if (!(settings.rival_iou > 0.0 && settings.rival_iou <= 1.0)) {
+      node.child("rival_iou").fail("a number in (0, 1]", node.text("rival_iou"));
+    }
+  }
   if (type == "vlfm" || type == "frontier-value") {
     settings.scorer = node.text_or("scorer", settings.scorer);
     if (node.has("scorer")) {
@@ -186,6 +192,7 @@ std::unique_ptr<core::Policy> make_policy(const PolicySettings& settings,
                                           const PolicyContext& context) {
   if (settings.type == "vlfm") return make_vlfm(settings, context);
   FrontierPolicyOptions frontier;
+  frontier.objects.rival_iou = settings.rival_iou;
   if (settings.dynamic_window) frontier.follower.motion = LocalMotion::kDynamicWindow;
   if (settings.type == "frontier-value") {
     ValueSearchOptions options;

@@ -18,6 +18,7 @@
 #include "core/config.h"
 #include "core/stages.h"
 #include "nav/baseline_policies.h"
+#include "nav/object_map.h"
 #include "nav/semantic_prior.h"
 #include "nav/vlfm_policy.h"
 
@@ -39,6 +40,7 @@ struct PolicySettings {
   // vlfm, frontier-value
   std::string scorer = "semantic-prior";  ///< Or "constant", "open-space".
   std::filesystem::path prior;  ///< Empty: the built-in nav/data/semantic_prior.yaml.
+  double rival_iou = ObjectMapOptions{}.rival_iou;  ///< Of the frontier policies.
   // script
   std::vector<DiscreteAction> actions;
   // random

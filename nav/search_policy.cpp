@@ -278,7 +278,7 @@ core::PolicyView SearchPolicy::view() const {
   for (const MappedObject& object : objects_.objects()) {
     if (object.status == ObjectStatus::kRefuted) continue;
     view.objects.push_back(
-        {glm::dvec2(object.center_m), goal_.class_index, object.best_score});
+        {glm::dvec2(object.center_m), goal_.class_index, object.best_score, object.made_of});
   }
   return view;
 }

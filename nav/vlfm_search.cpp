@@ -111,7 +111,8 @@ void VlfmSearch::update_maps(const Now& now) {
     if (goal_.class_index < 0 || detection.class_index != goal_.class_index) continue;
     boxes.push_back(detection.box);
     if (static_cast<double>(detection.score) < options_.min_score) continue;
-    cloud_.add(*now.observation, options_.segmenter->segment(*now.observation, detection.box));
+    cloud_.add(*now.observation, options_.segmenter->segment(*now.observation, detection.box),
+               detection.box);
   }
   cloud_.carve(*now.observation, boxes);
   cloud_.refute_second_class(*now.observation);
@@ -239,11 +240,9 @@ core::PolicyView VlfmSearch::view() const {
   for (const ContourFrontier& f : frontiers_) view.frontiers_m.push_back(f.waypoint_m);
   view.path_m = follower_.path().points_m;
   view.target_m = target_m_;
-  if (!cloud_.points().empty()) {
-    glm::dvec2 sum(0.0);
-    for (const CloudPoint& p : cloud_.points()) sum += glm::dvec2(p.p_odom_m);
+  for (CloudGroup& group : cloud_.groups()) {
     view.objects.push_back(
-        {sum / static_cast<double>(cloud_.points().size()), goal_.class_index, 1.0F});
+        {group.center_m, goal_.class_index, 1.0F, std::move(group.made_of)});
   }
   return view;
 }

@@ -97,7 +97,8 @@ PrecisionReport average_precision(std::span<const ImageResult> images, int class
   return report;
 }
 
-OperatingPoint best_f1(std::span<const ImageResult> images, int class_count) {
+std::vector<OperatingPoint> operating_points(std::span<const ImageResult> images,
+                                             int class_count) {
   const std::vector<EvaluationImage> evaluated = evaluation_images(images);
   std::vector<JudgedDetection> all;
   int objects = 0;
@@ -109,23 +110,39 @@ OperatingPoint best_f1(std::span<const ImageResult> images, int class_count) {
   std::stable_sort(all.begin(), all.end(),
                    [](const auto& a, const auto& b) { return a.score > b.score; });
   // Greedy matching never looks at lower scores, so one pass serves every threshold.
-  OperatingPoint best = operate(all, objects, 0.5F), current;
-  if (std::none_of(all.begin(), all.end(),
-                   [](const JudgedDetection& d) { return d.verdict == Verdict::kTrue; })) {
-    return best;
-  }
-  double best_value = 0.0;
+  std::vector<OperatingPoint> points;
+  OperatingPoint current;
   for (std::size_t i = 0; i < all.size(); ++i) {
     if (all[i].verdict == Verdict::kTrue) ++current.true_positives;
     if (all[i].verdict == Verdict::kFalse) ++current.false_positives;
     current.missed = objects - current.true_positives;
     const double next = i + 1 < all.size() ? all[i + 1].score : 0.0;
-    if (next == all[i].score || current.f1() <= best_value) continue;
-    best_value = current.f1();
-    best = current;
-    best.score_threshold = static_cast<float>(0.5 * (all[i].score + next));
+    if (next == all[i].score) continue;
+    current.score_threshold = static_cast<float>(0.5 * (all[i].score + next));
+    points.push_back(current);
+  }
+  return points;
+}
+
+OperatingPoint best_f1(std::span<const OperatingPoint> points) {
+  OperatingPoint best;
+  best.score_threshold = 0.5F;
+  if (!points.empty()) {  // Nothing reaches the threshold: every object is missed.
+    best.missed = points.front().true_positives + points.front().missed;
+  }
+  for (const OperatingPoint& point : points) {
+    if (point.f1() > best.f1()) best = point;
   }
   return best;
+}
+
+OperatingPoint most_recall(std::span<const OperatingPoint> points, double least_precision) {
+  const OperatingPoint* best = nullptr;
+  for (const OperatingPoint& point : points) {
+    if (point.true_positives == 0 || point.precision() < least_precision) continue;
+    if (best == nullptr || point.true_positives > best->true_positives) best = &point;
+  }
+  return best != nullptr ? *best : best_f1(points);
 }
 
 }  // namespace segsim::perception

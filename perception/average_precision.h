@@ -51,9 +51,18 @@ struct PrecisionReport {
 [[nodiscard]] PrecisionReport average_precision(std::span<const ImageResult> images,
                                                 int class_count, float score_threshold);
 
-/// The threshold with the greatest F1 at IoU 0.5, all classes together; among equals the
-/// highest. It lies halfway to the next lower score, so that rounding does not decide. Without
-/// any true positive: 0.5.
-[[nodiscard]] OperatingPoint best_f1(std::span<const ImageResult> images, int class_count);
+/// What each threshold yields at IoU 0.5, all classes together, from the highest on. Each lies
+/// halfway to the next lower score, so that rounding does not decide.
+[[nodiscard]] std::vector<OperatingPoint> operating_points(std::span<const ImageResult> images,
+                                                           int class_count);
+
+/// The one with the greatest F1; among equals the highest threshold. Without any true
+/// positive: a threshold of 0.5.
+[[nodiscard]] OperatingPoint best_f1(std::span<const OperatingPoint> points);
+
+/// The one that finds most among those of at least this precision; among equals the highest
+/// threshold. If there is none: best_f1().
+[[nodiscard]] OperatingPoint most_recall(std::span<const OperatingPoint> points,
+                                         double least_precision);
 
 }  // namespace segsim::perception

@@ -9,6 +9,7 @@
 #include "core/file_io.h"
 #include "perception/image_file.h"
 #include "perception/internal/json_node.h"
+#include "perception/internal/scene_json.h"
 
 namespace segsim::perception {
 namespace {
@@ -19,6 +20,7 @@ constexpr std::int64_t kMaxSide_px = 32768;
 constexpr double kHuge = 1e12;
 /// COCO's own boxes leave the image by rounding; by more than this it is an error [px].
 constexpr double kBorderSlack_px = 2.0;
+constexpr const char* kScenes = "segsim_scenes";
 
 std::map<std::int64_t, int> read_categories(const JsonNode& root, CocoDataset& dataset) {
   std::map<std::int64_t, std::string> names;
@@ -136,6 +138,14 @@ Json annotation_json(const LabeledBox& box, std::int64_t id, std::int64_t image_
 
 }  // namespace
 
+bool is_same_place(const ImagedScene& a, const ImagedScene& b) {
+  if (!a.generator.empty() || !b.generator.empty()) {
+    return a.generator == b.generator && a.first_seed <= b.last_seed &&
+           b.first_seed <= a.last_seed;
+  }
+  return a.surfels_sha256 == b.surfels_sha256;
+}
+
 CocoDataset read_coco(const std::filesystem::path& json_file) {
   const std::string text = core::read_file(json_file);
   const Json json = parse_json(text, json_file.string());
@@ -143,6 +153,7 @@ CocoDataset read_coco(const std::filesystem::path& json_file) {
   CocoDataset dataset;
   dataset.folder = json_file.parent_path();
   dataset.sha256 = core::sha256_hex(text);
+  if (root.has(kScenes)) dataset.scenes = read_scenes(root.at(kScenes));
   const auto class_of = read_categories(root, dataset);
   const auto image_of = read_images(root, dataset);
   std::set<std::int64_t> ids;
@@ -173,8 +184,8 @@ void write_coco(const std::filesystem::path& json_file, const CocoDataset& datas
       annotations.push_back(annotation_json(box, id, image.id));
     }
   }
-  const Json json = {
-      {"images", images}, {"annotations", annotations}, {"categories", categories}};
+  Json json = {{"images", images}, {"annotations", annotations}, {"categories", categories}};
+  if (dataset.scenes) json[kScenes] = scenes_json(*dataset.scenes);
   core::write_file_atomically(json_file,
                               [&json](std::ostream& out) { out << json.dump() << '\n'; });
 }

@@ -12,6 +12,7 @@
 #include "core/check.h"
 #include "core/error.h"
 #include "core/file_io.h"
+#include "perception/lineage.h"
 #include "perception/yolov13/scale.h"
 
 namespace segsim::perception {
@@ -130,6 +131,7 @@ DetectorWeights parse(const Json& header, const std::string& data, const std::st
   weights.class_names = header.at("class_names").get<std::vector<std::string>>();
   weights.score_threshold = header.at("score_threshold").get<float>();
   weights.training = header.at("training").dump();
+  (void)recorded_data(weights.training, place);  // A damaged record is a damaged file.
   check_values(weights, place);
   for (const Json& entry : header.at("tensors")) {
     weights.tensors.push_back(read_tensor(entry, data, place));

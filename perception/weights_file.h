@@ -34,7 +34,7 @@ struct DetectorWeights {
   int input_px = 256;                        ///< Side of the square input.
   std::vector<std::string> class_names;
   float score_threshold = 0.25F;
-  std::string training = "{}";  ///< JSON object: recipe, seed, hashes of the data.
+  std::string training = "{}";  ///< JSON object: recipe, seed, data (lineage.h).
   std::vector<NamedTensor> tensors;
 };
 
@@ -42,7 +42,8 @@ struct DetectorWeights {
 /// finite, or the place cannot be written.
 void write_weights(const std::filesystem::path& file, const DetectorWeights& weights);
 
-/// @throws core::InputError if the file is truncated, altered, or of another schema.
+/// @throws core::InputError if the file is truncated, altered, or of another schema, also in
+/// its record of what it was trained on.
 [[nodiscard]] DetectorWeights read_weights(const std::filesystem::path& file);
 
 /// One line that says how the tensors differ from those wanted (names and shapes only): "" if

@@ -8,4 +8,8 @@ namespace segsim::renderer {
 /// "AVX3" (AVX-512), "AVX2", "SSE4", "NEON", "EMU128" (scalar), ...
 [[nodiscard]] std::string simd_target();
 
+/// Holds the renderer and the training of surfels to AVX2 if core::kernel_choice() is
+/// reproducible. For programs to call before anything is drawn.
+void apply_kernel_choice();
+
 }  // namespace segsim::renderer

@@ -4,7 +4,11 @@
 
 #include <CLI/CLI.hpp>
 
+#include "core/file_io.h"
 #include "experiments/commands/commands.h"
+#include "experiments/detection/seen_data.h"
+#include "experiments/internal/text_grid.h"
+#include "perception/dataset.h"
 #include "perception/evaluate.h"
 
 namespace segsim::experiments {
@@ -31,6 +35,14 @@ void print_evaluation(const perception::EvaluationReport& report) {
       report.mean_detect_ms);
 }
 
+void warn_of_seen_data(const SeenData& seen) {
+  for (const std::string& line : seen.warnings) {
+    std::fprintf(stderr, "warning: %s\n", line.c_str());
+  }
+  for (const std::string& line : seen.unknown)
+    std::fprintf(stderr, "note: %s\n", line.c_str());
+}
+
 void add_evaluate(CLI::App& detector) {
   struct Flags {
     std::vector<fs::path> weights;
@@ -44,10 +56,56 @@ void add_evaluate(CLI::App& detector) {
       ->required();
   command->add_option("--on", flags->dataset, "COCO JSON")->required();
   command->callback([flags] {
+    const perception::DataUse tested = perception::data_use(
+        perception::DataPurpose::kValidation, perception::read_coco(flags->dataset));
     for (const fs::path& weights : flags->weights) {
+      warn_of_seen_data(seen_data(weights, tested));
       std::printf("%s on %s\n", weights.string().c_str(), flags->dataset.string().c_str());
       print_evaluation(perception::evaluate(weights, flags->dataset));
     }
+  });
+}
+
+std::string short_hash(const std::string& sha256) {
+  return sha256.empty() ? "-" : sha256.substr(0, 12);
+}
+
+std::string scenes_text(const perception::DataUse& use) {
+  if (!use.scenes) return "unknown";
+  std::string text;
+  for (const perception::ImagedScene& scene : *use.scenes) {
+    text += (text.empty() ? "" : "; ") + scene_text(scene);
+    if (scene.generator.empty()) text += " (" + short_hash(scene.surfels_sha256) + ")";
+  }
+  return text;
+}
+
+void print_lineage(const fs::path& file) {
+  const std::vector<perception::DataUse> data =
+      perception::data_of(perception::read_weights(file), file);
+  internal::TextGrid grid;
+  grid.header = {"what", "images", "scenes (surfels)", "labels", "views"};
+  bool known = true;
+  for (const perception::DataUse& use : data) {
+    const bool foreign = use.purpose == perception::DataPurpose::kForeign;
+    known = known && use.scenes.has_value();
+    grid.rows.push_back({foreign ? use.file : perception::to_string(use.purpose),
+                         foreign ? "unknown" : std::to_string(use.images), scenes_text(use),
+                         short_hash(use.labels_sha256), short_hash(use.views_sha256)});
+  }
+  std::printf("%s, sha256 %s\n\n%s\n%s\n", file.string().c_str(),
+              core::sha256_of_file(file).c_str(), internal::text_of(grid).c_str(),
+              known ? "Every data set is known with its scenes."
+                    : "Unknown: the file does not say all that it was trained on.");
+}
+
+void add_lineage(CLI::App& detector) {
+  auto files = std::make_shared<std::vector<fs::path>>();
+  CLI::App* command = detector.add_subcommand(
+      "lineage", "What weights were trained on, as their file says it, oldest first");
+  command->add_option("weights", *files, "Weights files")->required();
+  command->callback([files] {
+    for (const fs::path& file : *files) print_lineage(file);
   });
 }
 
@@ -60,6 +118,7 @@ void add_detector_command(CLI::App& app) {
   add_detector_training(*detector);
   add_evaluate(*detector);
   add_detector_compare(*detector);
+  add_lineage(*detector);
   add_detector_import(*detector);
   add_detector_forward(*detector);
 }

@@ -12,6 +12,7 @@
 #include "experiments/detection/comparison_files.h"
 #include "experiments/detection/label_report.h"
 #include "experiments/detection/photo_dataset.h"
+#include "experiments/detection/seen_data.h"
 #include "experiments/detection/source_dataset.h"
 #include "experiments/episodes/episodes.h"
 #include "perception/weights_file.h"
@@ -112,6 +113,23 @@ std::vector<std::string> leak_notes(const CompareFlags& flags) {
   return notes;
 }
 
+/// Says of either detector whether it was trained on what a set shows.
+std::vector<std::string> seen_notes(const ComparisonOptions& options, const NamedSet& set) {
+  const perception::DataUse tested = perception::data_use(perception::DataPurpose::kValidation,
+                                                          perception::read_coco(set.json));
+  std::vector<std::string> notes;
+  for (const fs::path& weights : {options.before, options.after}) {
+    const SeenData seen = seen_data(weights, tested);
+    for (const std::string& line : seen.warnings) notes.push_back(set.name + ": " + line);
+    for (const std::string& line : seen.unknown) notes.push_back(set.name + ": " + line);
+    if (seen.warnings.empty() && seen.unknown.empty()) {
+      notes.push_back(set.name + ": " + weights.filename().string() +
+                      " was trained neither on these images nor on their scenes");
+    }
+  }
+  return notes;
+}
+
 void compare(const CompareFlags& flags) {
   std::vector<NamedSet> sets;
   for (const std::string& text : flags.sets) sets.push_back(parse_set(text));
@@ -125,6 +143,9 @@ void compare(const CompareFlags& flags) {
   report.options = flags.options;
   report.notes = leak_notes(flags);
   for (const NamedSet& set : sets) {
+    for (std::string& note : seen_notes(flags.options, set)) {
+      report.notes.push_back(std::move(note));
+    }
     report.sets.push_back(compare_on_set(flags.options, set.name, set.json));
   }
   write_comparison(flags.out, report);

@@ -270,10 +270,11 @@ void print_scene(const HabitatScene& scene, const EpisodeSet& set,
   for (const auto& [category, list] : scene.goals) goals += list.size();
   std::printf("%-16s %s\n", scene.name.c_str(), counts_by_class(set).c_str());
   std::printf(
-      "%-16s %zu goal objects; view points: %d, on other floors: %d; no way on the "
-      "start's floor: %d, unreachable: %d, blocked start: %d\n",
-      "", goals, counts.view_points, counts.view_points_of_other_floors, counts.other_floor,
-      counts.unreachable, counts.blocked_start);
+      "%-16s %zu goal objects with %d view points, of which %d lie on no start's floor; %d "
+      "sets of them are searched; episodes without a way on the start's floor: %d, "
+      "unreachable: %d, blocked start: %d\n",
+      "", goals, counts.view_points, counts.view_points_of_other_floors, counts.goal_sets,
+      counts.other_floor, counts.unreachable, counts.blocked_start);
 }
 
 void import(const ImportFlags& flags) {

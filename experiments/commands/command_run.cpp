@@ -7,6 +7,7 @@
 
 #include "core/error.h"
 #include "core/interrupted.h"
+#include "core/kernel_choice.h"
 #include "experiments/commands/commands.h"
 #include "experiments/runs/merge_runs.h"
 #include "experiments/runs/run.h"
@@ -44,7 +45,10 @@ void run(RunFlags& flags) {
                 report.store_s);
   } else {
     std::fputs(format_table(report.table, TableFormat::kText).c_str(), stdout);
-    std::printf("\n");
+    std::printf(
+        "\nDigests of the stages (%s kernels; segsim doctor --digests %s compares them):\n%s",
+        core::to_string(core::kernel_choice()), report.results.c_str(),
+        digests_in_words(report.digests).c_str());
   }
   std::fputs(stage_times_text(report.times, report.wall_s).c_str(), stdout);
   std::printf("\nResults in %s, SHA-256 %s\n", report.results.c_str(),

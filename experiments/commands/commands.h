@@ -47,6 +47,8 @@ void add_ablation_table(CLI::App& table);
 void add_navigation_table(CLI::App& table);
 void add_all_tables(CLI::App& table);
 void add_compare_command(CLI::App& app);
+/// `segsim doctor`.
+void add_doctor_command(CLI::App& app);
 void add_plan_command(CLI::App& app);
 void add_export_command(CLI::App& app);
 void add_report_command(CLI::App& app);

@@ -9,6 +9,7 @@
 #include "core/file_io.h"
 #include "perception/dataset.h"
 #include "perception/evaluate.h"
+#include "perception/lineage.h"
 #include "perception/weights_file.h"
 
 namespace segsim::experiments {
@@ -16,8 +17,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::string describe_inputs(const fs::path& weights, const HeldOutSets& sets) {
-  std::string text = "best F1 v2; weights " + core::sha256_of_file(weights);
+std::string describe_inputs(const fs::path& weights, const HeldOutSets& sets,
+                            double precision_target) {
+  std::string text = precision_target > 0.0
+                         ? "precision " + std::to_string(precision_target) + " v1"
+                         : std::string("best F1 v2");
+  text += "; weights " + core::sha256_of_file(weights);
   for (const fs::path& file : {sets.validation, sets.test, sets.source, sets.unseen}) {
     text += "; " + (file.empty() ? std::string("none") : core::sha256_of_file(file));
   }
@@ -57,13 +62,18 @@ void write_measurement(const fs::path& file, const std::string& inputs,
 }
 
 void choose_threshold(const fs::path& weights_file, const fs::path& validation,
-                      const fs::path& output) {
+                      double precision_target, const fs::path& output) {
   perception::DetectorWeights weights = perception::read_weights(weights_file);
   perception::CocoDataset dataset = perception::read_coco(validation);
+  perception::add_data(weights, weights_file,
+                       data_use(perception::DataPurpose::kValidation, dataset));
   perception::match_classes(dataset, weights.class_names, {});
   const auto results = perception::detect_all(weights_file, dataset);
+  const auto points =
+      perception::operating_points(results, static_cast<int>(weights.class_names.size()));
   weights.score_threshold =
-      perception::best_f1(results, static_cast<int>(weights.class_names.size()))
+      (precision_target > 0.0 ? perception::most_recall(points, precision_target)
+                              : perception::best_f1(points))
           .score_threshold;
   perception::write_weights(output, weights);
 }
@@ -71,15 +81,15 @@ void choose_threshold(const fs::path& weights_file, const fs::path& validation,
 }  // namespace
 
 HeldOutPrecision prepare_arm_weights(const fs::path& weights, const HeldOutSets& sets,
-                                     const fs::path& output,
+                                     double precision_target, const fs::path& output,
                                      const std::function<void()>& on_measure) {
   const fs::path record = output.string() + ".precision.json";
-  const std::string inputs = describe_inputs(weights, sets);
+  const std::string inputs = describe_inputs(weights, sets, precision_target);
   if (fs::exists(output)) {
     if (const auto known = read_measurement(record, inputs)) return *known;
   }
   if (on_measure) on_measure();
-  choose_threshold(weights, sets.validation, output);
+  choose_threshold(weights, sets.validation, precision_target, output);
   const perception::EvaluationReport report = perception::evaluate(output, sets.test);
   const perception::OperatingPoint& point = report.precision.operating;
   HeldOutPrecision result;

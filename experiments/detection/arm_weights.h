@@ -35,14 +35,15 @@ struct HeldOutSets {
   std::filesystem::path source, unseen;  ///< Empty: not measured.
 };
 
-/// Writes `output`: the weights with the threshold of best F1 on the validation views, and
-/// measures it on the others. 'Before' and 'after' are treated alike, so that neither
+/// Writes `output`: the weights with the threshold that is chosen on the validation views
+/// (`precision_target`: perception::most_recall(); 0: of best F1), and measures it on the
+/// others. 'Before' and 'after' are treated alike, so that neither
 /// profits from a better chosen threshold. A measurement of the same files is not repeated: it
 /// lies in `output`.precision.json.
 /// @param on_measure  Called before that takes time.
 /// @throws core::InputError if a file is missing or damaged.
 HeldOutPrecision prepare_arm_weights(const std::filesystem::path& weights,
-                                     const HeldOutSets& sets,
+                                     const HeldOutSets& sets, double precision_target,
                                      const std::filesystem::path& output,
                                      const std::function<void()>& on_measure = {});
 

@@ -24,7 +24,7 @@ namespace fs = std::filesystem;
 
 std::string describe(const SourceDatasetOptions& options) {
   std::ostringstream text;
-  text << "source dataset v1: seed " << options.seed << ", rooms " << options.rooms
+  text << "source dataset v2: seed " << options.seed << ", rooms " << options.rooms
        << ", views " << options.views_per_room << ", image " << options.camera.width_px << "x"
        << options.camera.height_px << ", f " << options.camera.fx_px;
   return text.str();
@@ -32,20 +32,27 @@ std::string describe(const SourceDatasetOptions& options) {
 
 std::string describe(const UnseenHomesOptions& options) {
   std::ostringstream text;
-  text << "unseen homes v1: seed " << options.seed << ", homes " << options.homes << ", views "
+  text << "unseen homes v2: seed " << options.seed << ", homes " << options.homes << ", views "
        << options.views_per_home << ", image " << options.camera.width_px << "x"
        << options.camera.height_px << ", f " << options.camera.fx_px << ", camera "
        << options.camera_height_m << " m, pitch " << options.camera_pitch_down_rad;
   return text.str();
 }
 
+perception::ImagedScene generated(const char* generator, std::uint64_t seed, int count) {
+  return {.generator = generator,
+          .first_seed = seed,
+          .last_seed = seed + static_cast<std::uint64_t>(count) - 1};
+}
+
 /// Collects labelled views of one scene after another.
 class SceneViews {
  public:
   SceneViews(std::string title, int count, const core::CameraIntrinsics& camera,
-             fs::path folder)
+             fs::path folder, const perception::ImagedScene& places)
       : camera_(camera), folder_(std::move(folder)), progress_(title, count) {
     dataset_.class_names = sim::goal_class_names();
+    dataset_.scenes = std::vector<perception::ImagedScene>{places};
   }
 
   void add(const sim::MeshScene& scene, const std::vector<core::CameraPose>& poses) {
@@ -86,7 +93,7 @@ fs::path render_source_dataset(const SourceDatasetOptions& options, const fs::pa
   if (fs::exists(json) && record.is_current()) return json;
 
   SceneViews views("source views", options.rooms * options.views_per_room, options.camera,
-                   folder);
+                   folder, generated(kRoomGenerator, options.seed, options.rooms));
   for (int room = 0; room < options.rooms; ++room) {
     const std::uint64_t seed = options.seed + static_cast<std::uint64_t>(room);
     views.add(sim::make_source_room(seed),
@@ -103,7 +110,8 @@ fs::path render_unseen_homes(const UnseenHomesOptions& options, const fs::path& 
   if (fs::exists(json) && record.is_current()) return json;
 
   SceneViews views("views of unseen homes", options.homes * options.views_per_home,
-                   options.camera, folder);
+                   options.camera, folder,
+                   generated(kFlatGenerator, options.seed, options.homes));
   for (int home = 0; home < options.homes; ++home) {
     sim::FlatOptions flat;
     flat.seed = options.seed + static_cast<std::uint64_t>(home);

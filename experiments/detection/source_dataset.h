@@ -11,6 +11,11 @@
 
 namespace segsim::experiments {
 
+/// What made the places of these data sets, in the data sets' own record of their places. The
+/// version is raised when a seed no longer makes the same place.
+inline constexpr const char* kRoomGenerator = "source_rooms/1";
+inline constexpr const char* kFlatGenerator = "procedural_flats/1";
+
 struct SourceDatasetOptions {
   std::uint64_t seed = 1;
   int rooms = 250;

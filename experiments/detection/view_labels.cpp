@@ -128,6 +128,8 @@ class ViewLabeller {
             core::mast_camera(options.camera_height_m, options.camera_pitch_down_rad)) {
     dataset_.folder = folder;
     dataset_.class_names = options.class_names;
+    dataset_.scenes = std::vector<perception::ImagedScene>{
+        {bundle.manifest.name, bundle.manifest.surfels.sha256}};
   }
 
   /// False if the view is of no use. @param wanted_instance  That it must show; 0 = none.
@@ -268,9 +270,15 @@ void append_dataset(perception::CocoDataset& all, const perception::CocoDataset&
     return;
   }
   SEGSIM_CHECK(all.class_names == other.class_names, "data sets of different classes");
+  if (other.images.empty()) return;  // Nor does it show its places.
   for (perception::LabeledImage image : other.images) {
     image.id = static_cast<std::int64_t>(all.images.size()) + 1;
     all.images.push_back(std::move(image));
+  }
+  if (all.scenes && other.scenes) {
+    all.scenes->insert(all.scenes->end(), other.scenes->begin(), other.scenes->end());
+  } else {
+    all.scenes.reset();
   }
 }
 

@@ -71,7 +71,8 @@ struct ViewLabels {
                                      const ViewLabelOptions& options,
                                      const std::filesystem::path& folder);
 
-/// Appends `other` to `all`; class names must agree. Image ids are renumbered.
+/// Appends `other` to `all`; class names must agree. Image ids are renumbered. The places are
+/// known if those of both are.
 void append_dataset(perception::CocoDataset& all, const perception::CocoDataset& other);
 
 }  // namespace segsim::experiments

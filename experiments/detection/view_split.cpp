@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <map>
 #include <numeric>
 
@@ -43,6 +44,20 @@ std::vector<std::size_t> draw(std::vector<std::size_t> from, std::size_t count,
   return from;
 }
 
+/// Those of the data set that one of the images names.
+std::optional<std::vector<perception::ImagedScene>> scenes_of(
+    const CocoDataset& dataset, const std::vector<LabeledImage>& images) {
+  if (!dataset.scenes) return std::nullopt;
+  std::vector<perception::ImagedScene> shown;
+  std::copy_if(dataset.scenes->begin(), dataset.scenes->end(), std::back_inserter(shown),
+               [&](const perception::ImagedScene& scene) {
+                 return std::any_of(
+                     images.begin(), images.end(),
+                     [&](const LabeledImage& image) { return image.scene == scene.name; });
+               });
+  return shown;
+}
+
 CocoDataset part_of(const CocoDataset& dataset, const std::vector<Part>& parts, Part wanted) {
   CocoDataset part;
   part.folder = dataset.folder;
@@ -50,6 +65,7 @@ CocoDataset part_of(const CocoDataset& dataset, const std::vector<Part>& parts, 
   for (std::size_t i = 0; i < parts.size(); ++i) {
     if (parts[i] == wanted) part.images.push_back(dataset.images[i]);
   }
+  part.scenes = scenes_of(dataset, part.images);
   return part;
 }
 

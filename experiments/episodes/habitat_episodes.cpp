@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <memory>
 #include <numbers>
 
 #include <glm/geometric.hpp>
@@ -92,39 +93,98 @@ std::uint16_t nearest_instance(const core::SceneManifest& manifest, std::uint16_
   return best;
 }
 
-/// Adds the view points of all goals of the episode's category on its own floor.
-void place_view_points(const HabitatScene& scene, const HabitatEpisode& from,
-                       const Placement& placement,
-                       const std::optional<HabitatBinding>& binding, sim::Episode& episode,
-                       HabitatImportCounts& counts) {
+/// View points of one category on one floor, as columns.
+struct FloorGoals {
+  std::vector<glm::dvec2> view_points_m;
+  std::vector<std::uint16_t> instances;
+  std::vector<float> ious;
+  std::unique_ptr<const sim::DistanceField> distance;  ///< Once an episode needed it.
+};
+
+/// The goals of one category. A view point is placed and bound to its instance once, however
+/// many episodes search it, and episodes that begin on one floor share what lies there.
+class CategoryGoals {
+ public:
+  CategoryGoals(const HabitatScene& scene, const std::string& category,
+                const Placement& placement, const std::optional<HabitatBinding>& binding);
+
+  /// What an episode that begins at this height may end at.
+  FloorGoals& on_floor_of(double start_y_m);
+  void add_to(HabitatImportCounts& counts) const;
+
+ private:
+  struct Point {
+    double y_m = 0.0;  ///< Height, in Habitat's frame.
+    glm::dvec2 p_world_m{0.0};
+    std::uint16_t instance = 0;
+    float iou = 0.0F;
+    bool on_a_floor = false;  ///< Of a start.
+  };
+  std::vector<Point> points_;  ///< In the file's order.
+  std::vector<double> sorted_y_m_;
+  /// By the range of sorted_y_m_ that is on the floor.
+  std::map<std::pair<std::size_t, std::size_t>, FloorGoals> floors_;
+};
+
+CategoryGoals::CategoryGoals(const HabitatScene& scene, const std::string& category,
+                             const Placement& placement,
+                             const std::optional<HabitatBinding>& binding) {
   const core::SceneClass* scene_class =
-      binding ? &required_class(*binding->bundle, episode.class_name, scene) : nullptr;
-  for (const HabitatGoal& goal : scene.goals.at(from.category)) {
+      binding ? &required_class(*binding->bundle, class_of_habitat_category(category), scene)
+              : nullptr;
+  for (const HabitatGoal& goal : scene.goals.at(category)) {
     const std::uint16_t instance =
         binding ? nearest_instance(binding->bundle->manifest, scene_class->id,
                                    placement.world(goal.p_habitat_m))
                 : static_cast<std::uint16_t>(std::clamp(goal.object_id, 0, 65535));
     for (const HabitatViewPoint& point : goal.view_points) {
-      ++counts.view_points;
-      if (std::abs(point.p_habitat_m.y - from.start_habitat_m.y) > kSameFloor_m) {
-        ++counts.view_points_of_other_floors;
-        continue;
-      }
-      const glm::dvec3 p_m = placement.world(point.p_habitat_m);
-      episode.view_points_m.emplace_back(p_m.x, p_m.y);
-      episode.view_point_instance.push_back(instance);
-      episode.view_point_iou.push_back(static_cast<float>(point.iou));
+      const double y_m = point.p_habitat_m.y;
+      points_.push_back({y_m, glm::dvec2(placement.world(point.p_habitat_m)), instance,
+                         static_cast<float>(point.iou), false});
+      sorted_y_m_.push_back(y_m);
     }
   }
+  std::sort(sorted_y_m_.begin(), sorted_y_m_.end());
+}
+
+FloorGoals& CategoryGoals::on_floor_of(double start_y_m) {
+  const auto below = [&](double y_m) { return y_m - start_y_m < -kSameFloor_m; };
+  const auto not_above = [&](double y_m) { return y_m - start_y_m <= kSameFloor_m; };
+  const auto count_of = [&](const auto& leading) {
+    const auto end = std::partition_point(sorted_y_m_.begin(), sorted_y_m_.end(), leading);
+    return static_cast<std::size_t>(end - sorted_y_m_.begin());
+  };
+  const auto [found, is_new] =
+      floors_.try_emplace({count_of(below), count_of(not_above)}, FloorGoals{});
+  FloorGoals& floor = found->second;
+  if (!is_new) return floor;
+  for (Point& point : points_) {
+    if (below(point.y_m) || !not_above(point.y_m)) continue;
+    point.on_a_floor = true;
+    floor.view_points_m.push_back(point.p_world_m);
+    floor.instances.push_back(point.instance);
+    floor.ious.push_back(point.iou);
+  }
+  return floor;
+}
+
+void CategoryGoals::add_to(HabitatImportCounts& counts) const {
+  counts.view_points += static_cast<int>(points_.size());
+  counts.view_points_of_other_floors += static_cast<int>(std::count_if(
+      points_.begin(), points_.end(), [](const Point& point) { return !point.on_a_floor; }));
+  counts.goal_sets +=
+      static_cast<int>(std::count_if(floors_.begin(), floors_.end(), [](const auto& floor) {
+        return !floor.second.view_points_m.empty();
+      }));
 }
 
 double shortest_path_m(const sim::Episode& episode, const HabitatEpisode& from,
                        const Placement& placement,
-                       const std::optional<HabitatBinding>& binding,
+                       const std::optional<HabitatBinding>& binding, FloorGoals& goals,
                        HabitatImportCounts& counts) {
   const bool floor_of_world =
       !binding || std::abs(placement.world(from.start_habitat_m).z) <= kSameFloor_m;
-  if (episode.view_points_m.empty() || !floor_of_world) {
+  if (goals.view_points_m.empty() || !floor_of_world) {
     ++counts.other_floor;
     return kInfinity;
   }
@@ -133,8 +193,11 @@ double shortest_path_m(const sim::Episode& episode, const HabitatEpisode& from,
     ++counts.blocked_start;
     return kInfinity;
   }
-  const double l_m = binding->world->distance_to(episode.view_points_m)
-                         .at({episode.start.x_m, episode.start.y_m});
+  if (goals.distance == nullptr) {
+    goals.distance = std::make_unique<const sim::DistanceField>(
+        binding->world->distance_to(goals.view_points_m));
+  }
+  const double l_m = goals.distance->at({episode.start.x_m, episode.start.y_m});
   if (!std::isfinite(l_m)) ++counts.unreachable;
   return l_m;
 }
@@ -272,6 +335,7 @@ EpisodeSet episodes_from_habitat(const HabitatScene& scene, const std::string& s
     set.robot = binding->world->robot().name;
     set.navmesh_sha256 = navmesh_settings_hash(binding->world->robot());
   }
+  std::map<std::string, CategoryGoals> goals_of;
   for (const HabitatEpisode& from : scene.episodes) {
     sim::Episode episode;
     // The id in the file may repeat; the index cannot.
@@ -283,12 +347,19 @@ EpisodeSet episodes_from_habitat(const HabitatScene& scene, const std::string& s
                      from.episode_id + " sha256 " + from.sha256.substr(0, 16);
     const glm::dvec3 start_m = placement.world(from.start_habitat_m);
     episode.start = {start_m.x, start_m.y, placement.world_yaw_rad(from.R_habitat_start)};
-    place_view_points(scene, from, placement, binding, episode, tally);
-    episode.shortest_path_m = shortest_path_m(episode, from, placement, binding, tally);
+    if (!goals_of.contains(from.category)) {
+      goals_of.try_emplace(from.category, scene, from.category, placement, binding);
+    }
+    FloorGoals& goals = goals_of.at(from.category).on_floor_of(from.start_habitat_m.y);
+    episode.view_points_m = goals.view_points_m;
+    episode.view_point_instance = goals.instances;
+    episode.view_point_iou = goals.ious;
+    episode.shortest_path_m = shortest_path_m(episode, from, placement, binding, goals, tally);
     episode.seed = core::hash64(episode.id, seed);
     ++tally.episodes;
     set.episodes.push_back(std::move(episode));
   }
+  for (const auto& [category, goals] : goals_of) goals.add_to(tally);
   if (counts != nullptr) *counts = tally;
   return set;
 }

@@ -99,7 +99,9 @@ struct HabitatBinding {
 /// What became of imported episodes.
 struct HabitatImportCounts {
   int episodes = 0, other_floor = 0, unreachable = 0, blocked_start = 0;
-  int view_points = 0, view_points_of_other_floors = 0;
+  int view_points = 0;                  ///< Of the goals that episodes search, each once.
+  int view_points_of_other_floors = 0;  ///< Of these, on the floor of no start.
+  int goal_sets = 0;  ///< Different sets of view points: a category on the floor of a start.
 };
 
 /// One scene's episodes in our form. A trial knows one floor: that of the start (0.5 m). Goals

@@ -170,8 +170,11 @@ std::string perception_words(const TrialRow& trial) {
             " ticks after it came into view";
   }
   return text + "; " + std::to_string(why.false_detections) + " false detections, " +
-         std::to_string(why.false_clouds) + " false and " + std::to_string(why.true_clouds) +
-         " true objects in its map at the end";
+         std::to_string(why.false_clouds) +
+         (why.misplaced_clouds < 0
+              ? " false or misplaced"
+              : " false, " + std::to_string(why.misplaced_clouds) + " misplaced") +
+         " and " + std::to_string(why.true_clouds) + " true objects in its map at the end";
 }
 
 std::string profile_words(const TrialRow& trial) {

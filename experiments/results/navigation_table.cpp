@@ -7,6 +7,7 @@
 
 #include "core/check.h"
 #include "experiments/internal/text_grid.h"
+#include "experiments/results/internal/leakage.h"
 #include "experiments/results/internal/table_grids.h"
 
 namespace segsim::experiments {
@@ -45,8 +46,6 @@ std::vector<Row> rows_of(std::span<const NavigationEntry> entries) {
   return rows;
 }
 
-const char* leakage_word(const GroupSummary& scene) { return scene.leak ? "scene" : "none"; }
-
 Grid grid_of(const std::vector<Row>& rows) {
   Grid grid{kTitle,
             {"Paper's scene", "Paper SR-Before", "Paper SR-After", "Paper n", "Scene here",
@@ -72,7 +71,8 @@ Grid grid_of(const std::vector<Row>& rows) {
            internal::rate_text(before), internal::rate_text(scene.find(table.after)),
            internal::difference_text(scene), internal::pairs_text(scene),
            internal::p_text(scene.p), scene.verdict,
-           internal::rate_text(scene.find(table.oracle)), leakage_word(scene)});
+           internal::rate_text(scene.find(table.oracle)),
+           internal::compared_leakage_word(table, scene.name)});
     }
     grid.rows.push_back(std::move(cells));
   }
@@ -155,7 +155,7 @@ std::string json_text(std::span<const NavigationEntry> entries) {
       line[scene.training ? "p_trainings" : "p_mcnemar_exact"] = scene.p;
       if (!scene.training) line["p_mcnemar_mid"] = scene.p_mid;
       line["verdict"] = scene.verdict;
-      line["leakage"] = leakage_word(scene);
+      line["leakage"] = internal::compared_leakage_word(table, scene.name);
     }
     json["rows"].push_back(std::move(line));
   }

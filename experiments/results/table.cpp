@@ -11,6 +11,7 @@
 
 #include "core/config.h"
 #include "core/error.h"
+#include "experiments/results/internal/leakage.h"
 #include "experiments/results/internal/table_notes.h"
 
 namespace segsim::experiments {
@@ -463,27 +464,6 @@ bool compares_weights(const std::vector<ArmRow>& arms, const std::vector<RowPair
   });
 }
 
-bool lists(const std::string& comma_separated, const std::string& name) {
-  std::size_t start = 0;
-  while (start <= comma_separated.size()) {
-    const std::size_t end =
-        std::min(comma_separated.find(", ", start), comma_separated.size());
-    if (comma_separated.substr(start, end - start) == name) return true;
-    start = end + 2;
-  }
-  return false;
-}
-
-/// Whether a row of the arm under test was fine-tuned on a reconstruction of the scene.
-bool is_tuned_on(const TableInputs& inputs, const std::vector<SceneRow>& scenes,
-                 const std::string& family) {
-  return std::any_of(inputs.pairs.begin(), inputs.pairs.end(), [&](const RowPair& pair) {
-    return std::any_of(scenes.begin(), scenes.end(), [&](const SceneRow& scene) {
-      return family_of(scene) == family && lists(inputs.arms[pair.after].tuned_on, scene.name);
-    });
-  });
-}
-
 }  // namespace
 
 const ArmSummary* GroupSummary::find(const std::string& arm) const {
@@ -516,7 +496,7 @@ ResultTable summarise(const RunRow& run, const std::vector<SceneRow>& scenes,
     const SceneRow& scene = *families[k];
     GroupSummary group = summarise_group(inputs, family_of(scene), scene.title,
                                          [&](const Episode& e) { return e.scene == k; });
-    group.leak = is_tuned_on(inputs, scenes, family_of(scene));
+    group.leak = internal::is_tuned_on(table, family_of(scene));
     table.scenes.push_back(std::move(group));
   }
   if (families.size() > 1) {

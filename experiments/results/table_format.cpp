@@ -4,7 +4,9 @@
 #include "experiments/internal/text_grid.h"
 #include "experiments/results/internal/grid_document.h"
 #include "experiments/results/internal/insight_grids.h"
+#include "experiments/results/internal/leakage.h"
 #include "experiments/results/internal/table_grids.h"
+#include "experiments/results/internal/table_notes.h"
 #include "experiments/results/table.h"
 
 namespace segsim::experiments {
@@ -44,7 +46,7 @@ std::string as_csv(const ResultTable& table) {
       "soft_spl,sim_s,path_m,contacts,invalid_pixels,failed_trials,only_after,only_before,"
       "pairs,"
       "difference,difference_low,difference_high,p_exact,p_mid,p_holm,p_spl,verdict,trainings,"
-      "p\n";
+      "p,leakage\n";
   const auto add = [&](const std::string& kind, const GroupSummary& group) {
     const bool one = kind == "training";
     for (const ArmSummary& arm : group.arms) {
@@ -72,11 +74,15 @@ std::string as_csv(const ResultTable& table) {
         }
         text += group.training ? ",," : print(",%.6g", group.p) + print(",%.6g", group.p_mid);
         text += print(",%.6g", group.p_holm) + (one ? "," : print(",%.6g", group.spl.p));
-        text += "," + group.verdict + "," + std::to_string(arm.members) +
-                print(",%.6g", group.p) + "\n";
+        text +=
+            "," + group.verdict + "," + std::to_string(arm.members) + print(",%.6g", group.p);
       } else {
-        text += ",,,,,,,,,,,," + std::to_string(arm.members) + ",\n";
+        text += ",,,,,,,,,,,," + std::to_string(arm.members) + ",";
       }
+      const std::string leakage =
+          one ? internal::leakage_word(table, *internal::find_arm(table.arm_rows, arm.arm))
+              : internal::leakage_word(table, arm.arm, kind == "scene" ? group.name : "");
+      text += "," + leakage + "\n";
     }
   };
   for (const GroupSummary& group : table.scenes) add("scene", group);

@@ -2,6 +2,7 @@
 #include <nlohmann/json.hpp>
 
 #include "experiments/results/internal/insight_grids.h"
+#include "experiments/results/internal/leakage.h"
 #include "experiments/results/internal/table_grids.h"
 #include "experiments/results/internal/table_notes.h"
 #include "experiments/results/internal/training_grids.h"
@@ -27,6 +28,7 @@ void add_insights(nlohmann::ordered_json& a, const ArmSummary& arm) {
        {"never_detected", in.never_detected},
        {"false_detections", in.false_detections},
        {"false_objects_per_trial", in.false_clouds}};
+  if (in.misplaced_clouds) p["misplaced_objects_per_trial"] = *in.misplaced_clouds;
   if (in.delay_ticks) p["median_delay_ticks"] = *in.delay_ticks;
   a["collision_ticks"] = in.collision_ticks;
   for (const ProfileRate& rate : in.profiles) {
@@ -35,11 +37,13 @@ void add_insights(nlohmann::ordered_json& a, const ArmSummary& arm) {
   }
 }
 
-nlohmann::ordered_json json_group(const ResultTable& table, const GroupSummary& group) {
+/// @param scene  Family that the group's trials are in; empty: all.
+nlohmann::ordered_json json_group(const ResultTable& table, const GroupSummary& group,
+                                  const std::string& scene) {
   nlohmann::ordered_json json;
   json["name"] = group.name;
   json["title"] = group.title;
-  json["leakage"] = group.leak ? "scene" : "none";
+  json["leakage"] = compared_leakage_word(table, scene);
   for (const ArmSummary& arm : group.arms) {
     nlohmann::ordered_json& a = json["arms"][arm.arm];
     a["successes"] = arm.success.successes;
@@ -59,6 +63,7 @@ nlohmann::ordered_json json_group(const ResultTable& table, const GroupSummary& 
     a["contacts"] = arm.contacts;
     a["invalid_pixels"] = arm.invalid_pixels;
     a["failed_trials"] = arm.failed_trials;
+    a["leakage"] = leakage_word(table, arm.arm, scene);
     for (const auto& [outcome, count] : arm.outcomes) a["outcomes"][outcome] = count;
     add_insights(a, arm);
   }
@@ -115,6 +120,7 @@ nlohmann::ordered_json json_trainings(const ResultTable& table) {
                                 {"seed", nullptr},
                                 {"reconstruction", arm.reconstruction},
                                 {"weights_sha256", arm.weights_sha256},
+                                {"leakage", leakage_word(table, arm)},
                                 {"successes", training.success.successes},
                                 {"episodes", training.success.trials},
                                 {"sr", training.success.value()},
@@ -141,12 +147,13 @@ std::string as_json(const ResultTable& table) {
   json["training_rate_sd"] = training_rate_sd(table.trainings);
   json["success_rule"] = profile_name(table);
   json["scenes"] = nlohmann::ordered_json::array();
-  for (const GroupSummary& group : table.scenes)
-    json["scenes"].push_back(json_group(table, group));
-  if (table.all) json["all"] = json_group(table, *table.all);
+  for (const GroupSummary& group : table.scenes) {
+    json["scenes"].push_back(json_group(table, group, group.name));
+  }
+  if (table.all) json["all"] = json_group(table, *table.all, "");
   json["classes"] = nlohmann::ordered_json::array();
   for (const GroupSummary& group : table.classes) {
-    json["classes"].push_back(json_group(table, group));
+    json["classes"].push_back(json_group(table, group, ""));
   }
   nlohmann::ordered_json& provenance = json["provenance"];
   provenance["run"] = table.run.run_id;
@@ -175,6 +182,7 @@ std::string as_json(const ResultTable& table) {
          {"family", family_of(arm)},
          {"reconstruction", arm.reconstruction}};
     if (arm.finetune_seed) a["finetune_seed"] = *arm.finetune_seed;
+    if (arm.exposure) a["leakage"] = exposure_text(*arm.exposure);
     if (arm.start_leak) {
       a["tuning_views"] = {{"views", arm.start_leak->views},
                            {"near_starts", arm.start_leak->near_starts},

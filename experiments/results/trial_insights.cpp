@@ -19,6 +19,8 @@ TrialInsights gain_insights(std::span<const TrialRow* const> trials) {
   TrialInsights insights;
   std::map<std::string, int> causes;
   std::vector<int> delays;
+  int misplaced = 0;
+  bool misplaced_known = true;
   for (const sim::SuccessProfile& profile : sim::success_profiles()) {
     insights.profiles.push_back({profile.name, 0, 0.0});
   }
@@ -32,6 +34,8 @@ TrialInsights gain_insights(std::span<const TrialRow* const> trials) {
     insights.detected_frames += why.detected_frames;
     insights.false_detections += why.false_detections;
     insights.false_clouds += why.false_clouds;
+    misplaced += std::max(0, why.misplaced_clouds);
+    misplaced_known = misplaced_known && why.misplaced_clouds >= 0;
     insights.collision_ticks += why.collision_ticks;
     if (why.visible_frames > 0) {
       ++insights.saw_goal;
@@ -55,6 +59,7 @@ TrialInsights gain_insights(std::span<const TrialRow* const> trials) {
                    [](const auto& x, const auto& y) { return x.second > y.second; });
   const double n = std::max(1, insights.trials);
   insights.false_clouds /= n;
+  if (misplaced_known) insights.misplaced_clouds = misplaced / n;
   insights.collision_ticks /= n;
   for (ProfileRate& rate : insights.profiles) rate.spl /= n;
   if (insights.trials == 0) insights.profiles.clear();

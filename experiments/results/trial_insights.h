@@ -32,6 +32,8 @@ struct TrialInsights {
   int never_detected = 0;             ///< Of these, without a true detection.
   std::optional<double> delay_ticks;  ///< Median, first view to first true detection.
   double false_clouds = 0.0;          ///< Per trial, at its end.
+  /// The same; none if a trial is older than the difference to false ones.
+  std::optional<double> misplaced_clouds;
   double collision_ticks = 0.0;       ///< Per trial.
   std::vector<ProfileRate> profiles;  ///< Of success_profiles(); empty without trials.
 

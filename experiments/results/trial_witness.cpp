@@ -100,6 +100,26 @@ void count_perception(const TrialWitness& witness, int visible_px, Attribution& 
   }
 }
 
+bool same_box(const core::BoxPx& a, const core::BoxPx& b) {
+  return a.x0 == b.x0 && a.y0 == b.y0 && a.x1 == b.x1 && a.y1 == b.y1;
+}
+
+void count_objects(const AttributionContext& context, std::uint16_t class_id,
+                   const sim::TrialResult& result, const TrialWitness& witness,
+                   Attribution& why) {
+  why.misplaced_clouds = 0;
+  for (const core::PolicyView::Object& object : result.final_view.objects) {
+    if (object.class_index != context.goal_index) continue;
+    const double off_m = distance_to_goal_box_m(*context.manifest, class_id,
+                                                world_from_odom(result, object.position_m));
+    if (off_m <= kCloudReach_m) {
+      ++why.true_clouds;
+    } else {
+      ++(witness.mostly_true(object.made_of) ? why.misplaced_clouds : why.false_clouds);
+    }
+  }
+}
+
 }  // namespace
 
 TrialWitness::TrialWitness(const core::SceneManifest& manifest, const sim::Episode& episode,
@@ -156,7 +176,7 @@ void TrialWitness::judge(std::uint64_t capture_index, const core::Frame& frame,
     if (goal_index_ < 0 || detection.class_index != goal_index_) continue;
     const bool right = is_goal(detection.box, frame, goals);
     ++(right ? image.true_detections : image.false_detections);
-    image.detections.push_back({-1, detection.box, detection.score, right});
+    image.detections.push_back({-1, detection.box, detection.score, right, capture_index});
   }
 }
 
@@ -183,6 +203,20 @@ void TrialWitness::add(int tick, const core::Frame& newest,
     on_their_way_.erase(on_their_way_.begin(), on_their_way_.upper_bound(*decided_on));
   }
   evidence_.push_back(evidence);
+}
+
+bool TrialWitness::mostly_true(std::span<const core::DetectionRef> made_of) const {
+  int right = 0, known = 0;
+  for (const core::DetectionRef& ref : made_of) {
+    const auto judged =
+        std::find_if(detections_.begin(), detections_.end(), [&](const JudgedDetection& d) {
+          return d.capture_index == ref.capture_index && same_box(d.box, ref.box);
+        });
+    if (judged == detections_.end()) continue;
+    ++known;
+    right += judged->is_goal ? 1 : 0;
+  }
+  return known > 0 && 2 * right >= known;
 }
 
 void WitnessedDetector::begin_episode(std::uint64_t episode_seed) {
@@ -221,13 +255,7 @@ Attribution attribute(const AttributionContext& context, const sim::TrialResult&
     why.off_navmesh_ticks += std::isfinite(distances.back()) ? 0 : 1;
     why.collision_ticks += tick.in_contact ? 1 : 0;
   }
-  for (const core::PolicyView::Object& object : result.final_view.objects) {
-    if (object.class_index != context.goal_index) continue;
-    const bool right =
-        distance_to_goal_box_m(*context.manifest, class_id,
-                               world_from_odom(result, object.position_m)) <= kCloudReach_m;
-    ++(right ? why.true_clouds : why.false_clouds);
-  }
+  count_objects(context, class_id, result, witness, why);
 
   FailureFacts facts;
   facts.outcome = result.outcome;

@@ -32,7 +32,9 @@ struct Attribution {
   int detected_frames = 0;  ///< Of these, with a true detection: recall is the quotient.
   int true_detections = 0, false_detections = 0;  ///< Of the goal's class, over all images.
   int first_true_tick = -1;                       ///< First true detection.
-  int true_clouds = 0, false_clouds = 0;          ///< Objects in the policy's map at the end.
+  // Objects in the policy's map at the end: at a goal; elsewhere, made of false detections;
+  // elsewhere, although made of true ones (-1: not known, they are among the false ones).
+  int true_clouds = 0, false_clouds = 0, misplaced_clouds = -1;
   // The end, for success rules other than the run's own (sim/success_profile.h).
   bool stopped = false;
   int final_visible_px = 0;
@@ -50,6 +52,7 @@ struct JudgedDetection {
   core::BoxPx box;
   float score = 0.0F;
   bool is_goal = false;
+  std::uint64_t capture_index = 0;  ///< Of its image; not stored in logs.
 };
 
 /// A detection is true if its box overlaps that of a goal instance's pixels by
@@ -58,7 +61,9 @@ struct JudgedDetection {
 inline constexpr float kTrueIou = 0.3F;
 inline constexpr double kTrueShare = 0.5;
 /// A place that the policy drives to counts as a goal's if it lies so near to a goal's box, an
-/// object of its map if it lies so near.
+/// object of its map if it lies so near. An object that lies farther off is misplaced if most
+/// of the detections that it is made of were true (TrialWitness::mostly_true()): the box was
+/// right, its depth was another thing's. Otherwise it is false: the detector's own mistake.
 inline constexpr double kTargetReach_m = 1.0, kCloudReach_m = 0.5;
 
 /// What the detector made of one image.
@@ -87,6 +92,8 @@ class TrialWitness {
   /// The images that the policy decided on, in that order.
   [[nodiscard]] const std::vector<ImageEvidence>& images() const { return images_; }
   [[nodiscard]] const std::vector<JudgedDetection>& detections() const { return detections_; }
+  /// Whether at least half of these detections were true; false without any that is known.
+  [[nodiscard]] bool mostly_true(std::span<const core::DetectionRef> made_of) const;
 
  private:
   struct Seen {

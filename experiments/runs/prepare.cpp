@@ -70,24 +70,40 @@ std::vector<LabelScene> label_scenes_of(const ExperimentSpec& spec, int reconstr
   return scenes;
 }
 
+/// How the views of a set are drawn.
+struct ViewRule {
+  std::string purpose;  ///< "train", "validation" or "test".
+  int per_scene = 0;
+  double facing_share = 0.0;
+};
+
+ViewRule view_rule(const FinetuneSpec& finetune, const std::string& purpose) {
+  if (purpose == "train") return {purpose, finetune.views_per_scene, finetune.facing_share};
+  const int views = finetune.validation_views_per_scene > 0
+                        ? finetune.validation_views_per_scene
+                        : std::max(10, finetune.views_per_scene / kValidationShare);
+  return {purpose, views, finetune.validation_facing_share};
+}
+
 /// One data set of views: of a training, or held out from all trainings of a reconstruction.
 class LabelSet {
  public:
   /// @param scenes  Outlive this object.
   LabelSet(const ExperimentSpec& spec, const std::vector<LabelScene>& scenes,
-           std::string purpose, int views, std::uint64_t seed, fs::path folder)
+           const std::string& purpose, std::uint64_t seed, fs::path folder)
       : spec_(spec),
         scenes_(scenes),
-        purpose_(std::move(purpose)),
-        views_(views),
+        rule_(view_rule(*spec.detectors.finetune, purpose)),
         seed_(seed),
         folder_(std::move(folder)),
-        record_(folder_ / (purpose_ + ".step"), recipe()) {}
+        record_(folder_ / (purpose + ".step"), recipe()) {}
 
-  [[nodiscard]] fs::path json() const { return folder_ / (purpose_ + ".json"); }
+  [[nodiscard]] fs::path json() const { return folder_ / (rule_.purpose + ".json"); }
   [[nodiscard]] bool is_current() const { return fs::exists(json()) && record_.is_current(); }
   /// Views at most, over all scenes.
-  [[nodiscard]] int views() const { return views_ * static_cast<int>(scenes_.size()); }
+  [[nodiscard]] int views() const {
+    return rule_.per_scene * static_cast<int>(scenes_.size());
+  }
 
   /// @param on_view  Called after each.
   void make(const std::vector<std::string>& class_names,
@@ -95,13 +111,14 @@ class LabelSet {
     perception::CocoDataset all;
     for (const LabelScene& scene : scenes_) {
       ViewLabelOptions options;
-      options.seed = core::hash64(scene.spec->name + "/" + purpose_, seed_);
-      options.views = views_;
+      options.seed = core::hash64(scene.spec->name + "/" + rule_.purpose, seed_);
+      options.views = rule_.per_scene;
+      options.share_facing_object = rule_.facing_share;
       options.camera = view_camera(spec_);
       options.camera_height_m = scene.spec->camera_height_m;
       options.camera_pitch_down_rad = spec_.camera.pitch_down_rad();
       options.class_names = class_names;
-      options.prefix = purpose_ + "-" + scene.spec->name + "-";
+      options.prefix = rule_.purpose + "-" + scene.spec->name + "-";
       options.show_progress = false;
       options.on_view = on_view;
       if (spec_.detectors.finetune->start_clearance_m > 0.0) {
@@ -121,9 +138,10 @@ class LabelSet {
     const core::CameraIntrinsics camera = view_camera(spec_);
     const FinetuneSpec& finetune = *spec_.detectors.finetune;
     std::ostringstream text;
-    text << "views v1, " << purpose_ << ", " << views_ << " per scene, seed " << seed_
-         << ", robot " << spec_.robot << ", " << camera.width_px << "x" << camera.height_px
-         << " f " << camera.fx_px << ", pitch " << spec_.camera.pitch_down_deg;
+    text << "views v3, " << rule_.purpose << ", " << rule_.per_scene << " per scene, "
+         << rule_.facing_share << " facing, seed " << seed_ << ", robot " << spec_.robot
+         << ", " << camera.width_px << "x" << camera.height_px << " f " << camera.fx_px
+         << ", pitch " << spec_.camera.pitch_down_deg;
     for (const LabelScene& scene : scenes_) {
       text << "; " << scene.spec->name << " at " << scene.spec->camera_height_m << " m "
            << core::sha256_of_file(scene.bundle / "scene.yaml");
@@ -138,8 +156,7 @@ class LabelSet {
 
   const ExperimentSpec& spec_;
   const std::vector<LabelScene>& scenes_;
-  std::string purpose_;
-  int views_;
+  ViewRule rule_;
   std::uint64_t seed_;
   fs::path folder_;
   StepRecord record_;
@@ -386,28 +403,27 @@ Views prepare_views(const ExperimentSpec& spec, std::span<const fs::path> bundle
                     const std::vector<std::string>& class_names, const fs::path& work,
                     int workers, StageTimes& times) {
   const FinetuneSpec& finetune = *spec.detectors.finetune;
-  const int held_out_count = std::max(10, finetune.views_per_scene / kValidationShare);
   Views views;
   for (int r = 1; r <= spec.repetitions.reconstruct_seeds; ++r) {
     views.held_out.push_back({label_scenes_of(spec, r, bundles, starts), {}, {}});
   }
   std::vector<LabelSet> sets;
-  const auto add = [&](int reconstruction, const char* purpose, int count, std::uint64_t seed,
+  const auto add = [&](int reconstruction, const char* purpose, std::uint64_t seed,
                        const std::string& suffix) {
     const auto r = static_cast<std::size_t>(reconstruction - 1);
-    sets.emplace_back(spec, views.held_out[r].scenes, purpose, count, seed,
+    sets.emplace_back(spec, views.held_out[r].scenes, purpose, seed,
                       work / ("views" + suffix));
     return sets.back().json();
   };
   for (const Training& training : trainings) {
-    views.training.push_back(add(training.reconstruction, "train", finetune.views_per_scene,
-                                 training.seed, training.suffix));
+    views.training.push_back(
+        add(training.reconstruction, "train", training.seed, training.suffix));
   }
   for (int r = 1; r <= spec.repetitions.reconstruct_seeds; ++r) {
     HeldOutViews& held_out = views.held_out[static_cast<std::size_t>(r - 1)];
     const std::string suffix = repetition_suffix(spec, r, std::nullopt);
-    held_out.validation = add(r, "validation", held_out_count, finetune.seed, suffix);
-    held_out.test = add(r, "test", held_out_count, finetune.seed, suffix);
+    held_out.validation = add(r, "validation", finetune.seed, suffix);
+    held_out.test = add(r, "test", finetune.seed, suffix);
   }
   make_label_sets(sets, class_names, workers, times);
   return views;
@@ -425,7 +441,8 @@ void choose_thresholds(std::vector<ArmWeights>& arms, const ExperimentSpec& spec
                        const std::vector<std::string>& class_names, const fs::path& work,
                        int workers, StageTimes& times) {
   StageTimes::Timer timer(times, "thresholds");
-  if (shares_classes_of_procedural_homes(class_names)) {
+  if (spec.detectors.finetune->measure_elsewhere &&
+      shares_classes_of_procedural_homes(class_names)) {
     HeldOutSets foreign;
     render_foreign_sets(spec, work, foreign);
     for (ArmWeights& arm : arms) {
@@ -437,8 +454,9 @@ void choose_thresholds(std::vector<ArmWeights>& arms, const ExperimentSpec& spec
     const perception::ThreadCountScope one(1);  // Scores depend on the count.
     ArmWeights& arm = arms[k];
     arm.prepared.file = work / ("arm-" + arm.name + ".weights");
-    arm.prepared.held_out = prepare_arm_weights(arm.weights, arm.sets, arm.prepared.file,
-                                                [&] { timer.working(); });
+    arm.prepared.held_out =
+        prepare_arm_weights(arm.weights, arm.sets, spec.detectors.finetune->precision_target,
+                            arm.prepared.file, [&] { timer.working(); });
   });
   for (const ArmWeights& arm : arms) print_precision(arm.name, *arm.prepared.held_out);
 }

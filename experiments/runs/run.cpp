@@ -13,9 +13,11 @@
 #include "core/check.h"
 #include "core/error.h"
 #include "core/file_io.h"
+#include "core/kernel_choice.h"
 #include "core/progress.h"
 #include "core/version.h"
 #include "experiments/internal/side_by_side.h"
+#include "experiments/reproducibility/stage_digests.h"
 #include "experiments/runs/folder_lock.h"
 #include "experiments/runs/prepare.h"
 #include "experiments/runs/run_provenance.h"
@@ -50,6 +52,13 @@ std::int64_t open_run(Store& store, const ExperimentSpec& spec, const RunOptions
           "another text; give --new to begin another run, or another --work folder");
     }
     check_same_inputs(store, last.run_id, scenes, arms);
+    const std::string kernels = core::to_string(core::kernel_choice());
+    const auto began = last.provenance.find("kernels");
+    if (began != last.provenance.end() && began->second != kernels) {
+      throw core::InputError::expected(
+          "run " + std::to_string(last.run_id) + " in " + options.folders.work.string(),
+          began->second + " kernels, with which it began (--fast says which)", kernels);
+    }
     if (last.code_version != core::version()) {
       if (options.shard) {
         throw core::InputError::expected("shard " + options.shard->text(),
@@ -355,6 +364,22 @@ Inputs load_shared_inputs(const ExperimentSpec& spec, const fs::path& work, int 
 
 }  // namespace
 
+namespace {
+
+std::vector<fs::path> bundles_of(const Inputs& inputs) {
+  std::vector<fs::path> folders;
+  for (const LoadedScene& scene : inputs.scenes) folders.push_back(scene.bundle.folder);
+  return folders;
+}
+
+DigestRecord digest_record(const ExperimentSpec& spec,
+                           const std::vector<StageDigest>& stages) {
+  const MachineRecord machine = describe_machine();
+  return {spec.name, spec.sha256, core::version(), machine, {machine.processor}, stages};
+}
+
+}  // namespace
+
 RunReport run_experiment(const ExperimentSpec& spec, const RunOptions& options) {
   using IfTaken = FolderLock::IfTaken;
   using Kind = FolderLock::Kind;
@@ -380,8 +405,9 @@ RunReport run_experiment(const ExperimentSpec& spec, const RunOptions& options) 
   Store store(results / "results.sqlite");
   const std::vector<TrialTask> all = all_tasks(spec, inputs.scenes);
   RunReport report;
-  report.run_id = open_run(store, spec, options, scene_rows(inputs.scenes),
-                           arm_rows(spec, inputs.detectors), static_cast<int>(all.size()));
+  report.run_id =
+      open_run(store, spec, options, scene_rows(inputs.scenes),
+               arm_rows(spec, inputs.detectors, inputs.scenes), static_cast<int>(all.size()));
   std::vector<TrialRow> trials = store.trials(report.run_id);
   std::vector<TrialTask> tasks =
       unfinished(options.shard ? tasks_of(*options.shard, all) : all, trials);
@@ -416,6 +442,10 @@ RunReport run_experiment(const ExperimentSpec& spec, const RunOptions& options) 
     report.table = summarise(store.runs().back(), store.scenes(report.run_id),
                              store.arms(report.run_id), trials);
     write_tables(results, report.table, trials);
+    const bool complete = report.trials_left == 0 && report.trials_failed == 0;
+    report.digests =
+        digest_stages(work, bundles_of(inputs), complete ? report.results_sha256 : "");
+    write_digests(results / "digests.json", digest_record(spec, report.digests));
   }
   report.times = times.all();
   report.wall_s = std::chrono::duration<double>(StageTimes::Clock::now() - start).count();

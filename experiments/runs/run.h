@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "experiments/reproducibility/stage_digests.h"
 #include "experiments/results/table.h"
 #include "experiments/runs/shard.h"
 #include "experiments/runs/spec.h"
@@ -38,8 +39,9 @@ struct RunReport {
   std::vector<StageTime> times;         ///< Of this call.
   double wall_s = 0;                    ///< Of all of it.
   std::filesystem::path results;
-  std::string results_sha256;  ///< results_digest.h
-  ResultTable table;           ///< Empty of a shard.
+  std::string results_sha256;        ///< results_digest.h
+  ResultTable table;                 ///< Empty of a shard.
+  std::vector<StageDigest> digests;  ///< Empty of a shard; in digests.json, too.
 };
 
 /// Results lie in the work folder: results.sqlite, table.{txt,md,csv,json}, trials.csv,

@@ -1,5 +1,8 @@
 #include "experiments/runs/run_provenance.h"
 
+#include <algorithm>
+#include <span>
+
 #include <sqlite3.h>
 #include <unistd.h>
 #include <zlib.h>
@@ -7,6 +10,7 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
+#include "core/kernel_choice.h"
 #include "experiments/benchmarks/machine_peaks.h"
 #include "experiments/timing/clock_spec.h"
 #include "perception/library_versions.h"
@@ -39,6 +43,45 @@ std::string training_scenes(const ExperimentSpec& spec, const ArmSpec& arm) {
   return before + scenes;
 }
 
+std::vector<EvaluationScene> evaluation_scenes(const std::vector<LoadedScene>& scenes) {
+  std::vector<EvaluationScene> evaluated;
+  for (const LoadedScene& scene : scenes) {
+    evaluated.push_back({scene.spec->name, &scene.bundle.manifest});
+    const std::optional<SourceSpec>& source = scene.spec->source;
+    if (source && source->type == SourceType::kFlat) evaluated.back().flat_seed = source->seed;
+  }
+  return evaluated;
+}
+
+/// Scenes of the arm's reconstruction which, in any reconstruction, are among those `seen`:
+/// views of one show the place.
+std::vector<std::string> own_scenes(const ExperimentSpec& spec, const ArmSpec& arm,
+                                    const std::vector<std::string>& seen) {
+  std::vector<std::string> own;
+  for (const SceneSpec& scene : spec.scenes) {
+    if (scene.reconstruction != arm.reconstruction) continue;
+    if (std::any_of(seen.begin(), seen.end(), [&](const std::string& name) {
+          return spec.find_scene(name)->family == scene.family;
+        })) {
+      own.push_back(scene.name);
+    }
+  }
+  return own;
+}
+
+/// What an arm's weights have seen of the scenes that it runs in.
+SceneExposure exposure_of_arm(const ExperimentSpec& spec, const ArmSpec& arm,
+                              const std::filesystem::path& weights,
+                              std::span<const EvaluationScene> scenes) {
+  SceneExposure exposure = exposure_of(weights, scenes);
+  exposure.trained_on = own_scenes(spec, arm, exposure.trained_on);
+  exposure.threshold_on = own_scenes(spec, arm, exposure.threshold_on);
+  exposure.same_name = own_scenes(spec, arm, exposure.same_name);
+  std::erase_if(exposure.same_name,
+                [&](const std::string& name) { return exposure.is_trained_on(name); });
+  return exposure;
+}
+
 }  // namespace
 
 std::string host_and_processor() {
@@ -57,6 +100,7 @@ std::map<std::string, std::string> run_provenance(const ExperimentSpec& spec,
                                                   const std::optional<Shard>& shard) {
   std::map<std::string, std::string> rows;
   const std::string clock = clock_in_words(spec.clock);
+  rows["kernels"] = core::to_string(core::kernel_choice());
   rows["clock"] = clock.empty() ? "lockstep" : clock;
   const auto add_libraries = [&](const std::map<std::string, std::string>& versions) {
     for (const auto& [name, version] : versions) rows["library/" + name] = version;
@@ -90,7 +134,9 @@ std::vector<SceneRow> scene_rows(const std::vector<LoadedScene>& scenes) {
   return rows;
 }
 
-std::vector<ArmRow> arm_rows(const ExperimentSpec& spec, const PreparedDetectors& detectors) {
+std::vector<ArmRow> arm_rows(const ExperimentSpec& spec, const PreparedDetectors& detectors,
+                             const std::vector<LoadedScene>& scenes) {
+  const std::vector<EvaluationScene> evaluated = evaluation_scenes(scenes);
   std::vector<ArmRow> rows;
   for (const ArmSpec& arm : spec.arms) {
     ArmRow row;
@@ -100,11 +146,14 @@ std::vector<ArmRow> arm_rows(const ExperimentSpec& spec, const PreparedDetectors
     row.finetune_seed = arm.finetune_seed;
     const PreparedWeights weights = weights_of(arm, detectors);
     row.detector = weights.file.empty() ? "oracle" : weights.file.filename().string();
-    if (!weights.file.empty()) row.weights_sha256 = core::sha256_of_file(weights.file);
+    if (!weights.file.empty()) {
+      row.weights_sha256 = core::sha256_of_file(weights.file);
+      row.exposure = exposure_of_arm(spec, arm, weights.file, evaluated);
+    }
     row.held_out = weights.held_out;
     row.start_leak = weights.start_leak;
     for (const SceneSpec& scene : spec.scenes) {
-      if (spec.leaks(arm, scene))
+      if (spec.leaks(arm, scene) || (row.exposure && row.exposure->is_trained_on(scene.name)))
         row.tuned_on += (row.tuned_on.empty() ? "" : ", ") + scene.name;
     }
     row.score_threshold = arm.score_threshold.value_or(-1.0);

@@ -26,8 +26,10 @@ namespace segsim::experiments {
     const ExperimentSpec& spec, const std::optional<Shard>& shard);
 
 [[nodiscard]] std::vector<SceneRow> scene_rows(const std::vector<LoadedScene>& scenes);
+/// @param scenes  That the arms are evaluated in: what an arm has seen of them is looked up.
 [[nodiscard]] std::vector<ArmRow> arm_rows(const ExperimentSpec& spec,
-                                           const PreparedDetectors& detectors);
+                                           const PreparedDetectors& detectors,
+                                           const std::vector<LoadedScene>& scenes);
 
 /// Refuses to go on with a run whose inputs are not what they were.
 /// @throws core::InputError naming the scene or arm.

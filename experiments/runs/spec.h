@@ -99,6 +99,19 @@ struct FinetuneSpec {
   /// Share of every batch that comes from the source domain, against forgetting; 0 = none.
   double mix_share = 0.0;
   int mix_rooms = 100;  ///< Plain rooms that are rendered for it, eight views each.
+  /// Of the training views, those that try to face an object; the rest look anywhere, so that
+  /// the detector sees places without goals, too.
+  double facing_share = 0.85;
+  /// Views on which the score thresholds are chosen, and as many others for AP50; 0 = one for
+  /// five training views. A robot that searches seldom faces an object, so they may be drawn
+  /// with another share than the training views.
+  int validation_views_per_scene = 0;
+  double validation_facing_share = 0.85;
+  /// Whether AP50 is also measured in rooms of the source domain and in homes never seen: what
+  /// tuning costs there.
+  bool measure_elsewhere = true;
+  /// Of the thresholds of this precision the one that finds most; 0 = that of best F1.
+  double precision_target = 0.0;
   /// No view is taken nearer than this to where an evaluation episode starts; 0 = anywhere.
   double start_clearance_m = 0.0;
   int threads = 1;  ///< Of each training; `workers` / `threads` trainings run side by side.

@@ -1,10 +1,17 @@
 #include "experiments/runs/step_record.h"
 
 #include <ostream>
+#include <utility>
 
 #include "core/file_io.h"
+#include "core/kernel_choice.h"
 
 namespace segsim::experiments {
+
+StepRecord::StepRecord(std::filesystem::path file, std::string recipe)
+    : file_(std::move(file)), recipe_(std::move(recipe)) {
+  if (core::kernel_choice() == core::KernelChoice::kFast) recipe_ += ", fast kernels";
+}
 
 bool StepRecord::is_current() const {
   return std::filesystem::exists(file_) && core::read_file(file_) == recipe_ + "\n";

@@ -13,8 +13,9 @@ namespace segsim::experiments {
 /// changed is done again; one that was interrupted has no record.
 class StepRecord {
  public:
-  StepRecord(std::filesystem::path file, std::string recipe)
-      : file_(std::move(file)), recipe_(std::move(recipe)) {}
+  /// What fast kernels make differs in the last bits, so it is another result
+  /// (core/kernel_choice.h).
+  StepRecord(std::filesystem::path file, std::string recipe);
 
   [[nodiscard]] bool is_current() const;
   /// Call it after the result was written.

@@ -43,6 +43,7 @@ std::string essence_of(const TrialRow& t) {
         why.off_navmesh_ticks, why.reached_instance}) {
     line << '\t' << value;
   }
+  line << '\t' << why.misplaced_clouds;
   return line.str();
 }
 

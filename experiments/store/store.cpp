@@ -18,6 +18,9 @@ constexpr double kNotMeasured = -1.0;
 /// Of the seed of an arm that was not fine-tuned.
 constexpr std::int64_t kNoSeed = -1;
 
+/// Of the provenance in which an arm's exposure is kept.
+std::string exposure_key(const ArmRow& arm) { return "leakage/" + arm.name; }
+
 }  // namespace
 
 void Store::Impl::create_or_check_schema() const {
@@ -33,6 +36,7 @@ void Store::Impl::create_or_check_schema() const {
     execute(kImagesColumn);
     execute(kProvenanceTable);
     execute(kFamilyColumns);
+    execute(kMisplacedColumn);
     Statement insert(db, file, "INSERT INTO meta VALUES (?, ?)");
     const std::string now = utc_now();
     insert.bind(kSchemaVersion).bind(now).step();
@@ -54,6 +58,7 @@ void Store::Impl::create_or_check_schema() const {
     }
     if (version() == kBeforeFamilies) {
       execute(kFamilyColumns);
+      execute(kMisplacedColumn);
       execute("UPDATE meta SET schema_version = 7;");
     }
     const std::int64_t found = version();
@@ -158,6 +163,10 @@ std::int64_t Store::begin_run(const RunRow& run, const std::vector<SceneRow>& sc
     row.step();
   }
   for (const auto& [name, value] : run.provenance) impl_->put_provenance(run_id, name, value);
+  for (const ArmRow& arm : arm_rows) {
+    if (!arm.exposure) continue;
+    impl_->put_provenance(run_id, exposure_key(arm), exposure_text(*arm.exposure));
+  }
   transaction.commit();
   return run_id;
 }
@@ -274,6 +283,13 @@ std::vector<ArmRow> Store::arms(std::int64_t run_id) const {
     const std::int64_t seed = select.integer();
     if (seed != kNoSeed) arm.finetune_seed = static_cast<std::uint64_t>(seed);
     rows.push_back(std::move(arm));
+  }
+  Statement exposure(impl_->db, impl_->file,
+                     "SELECT value FROM provenance WHERE run_id = ? AND name = ?");
+  for (ArmRow& arm : rows) {
+    const std::string key = exposure_key(arm);
+    exposure.reset().bind(run_id).bind(key);
+    if (exposure.step()) arm.exposure = parse_exposure(exposure.text());
   }
   return rows;
 }

@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "experiments/detection/arm_weights.h"
+#include "experiments/detection/scene_exposure.h"
 #include "experiments/results/trial_witness.h"
 
 namespace segsim::experiments {
@@ -33,7 +34,8 @@ struct RunRow {
   int planned_trials = 0;      ///< Over all arms.
   std::string started, ended;  ///< UTC, ISO 8601; `ended` is empty while trials are missing.
   /// What else a result may depend on, by name: "clock", "library/<name>",
-  /// "training_scenes/<arm>", "time/<stage>", "shard"; of merged runs "merged/<shard>".
+  /// "training_scenes/<arm>", "leakage/<arm>" (from ArmRow::exposure), "time/<stage>",
+  /// "shard"; of merged runs "merged/<shard>".
   std::map<std::string, std::string> provenance{};
 };
 
@@ -57,6 +59,8 @@ struct ArmRow {
   double score_threshold = -1;               ///< -1: the one stored with the weights.
   std::optional<HeldOutPrecision> held_out;  ///< None for the oracle and foreign weights.
   std::optional<StartLeak> start_leak{};     ///< None if it was not fine-tuned here.
+  /// None for the oracle, and in results of versions that did not look.
+  std::optional<SceneExposure> exposure{};
   std::string family{};    ///< Of all trainings of one arm of the spec; empty means `name`.
   int reconstruction = 1;  ///< It ran in these scenes only.
   std::optional<std::uint64_t> finetune_seed{};  ///< None if it was not fine-tuned here.

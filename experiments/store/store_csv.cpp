@@ -25,7 +25,7 @@ std::string csv_number(double value) {
 
 void write_attribution(std::ostream& out, const Attribution& why) {
   if (!why.known()) {
-    out << ",,,,,,,,,,,,,,,,,,,";
+    out << ",,,,,,,,,,,,,,,,,,,,";
     return;
   }
   out << ',' << why.cause;
@@ -40,7 +40,8 @@ void write_attribution(std::ostream& out, const Attribution& why) {
     out << ',' << csv_number(value.value_or(std::nan("")));
   }
   out << ',' << why.collision_ticks << ',' << why.off_navmesh_ticks << ','
-      << why.reached_instance << ',' << why.images;
+      << why.reached_instance << ',' << why.images << ',';
+  if (why.misplaced_clouds >= 0) out << why.misplaced_clouds;
 }
 
 }  // namespace
@@ -53,8 +54,8 @@ void write_trials_csv(std::ostream& out, const std::vector<TrialRow>& trials) {
          "detect_ms,policy_ms,error,cause,inevitable_tick,decisive_tick,visible_frames,"
          "detected_frames,true_detections,false_detections,first_true_tick,true_clouds,"
          "false_clouds,stopped,final_visible_px,object_m,planar_m,shortest_object_m,"
-         "collision_ticks,off_navmesh_ticks,reached_instance,images,trial_id,log,picture,"
-         "video,track\n";
+         "collision_ticks,off_navmesh_ticks,reached_instance,images,misplaced_clouds,trial_id,"
+         "log,picture,video,track\n";
   for (const TrialRow& t : trials) {
     out << csv_field(t.scene) << ',' << csv_field(t.episode) << ',' << csv_field(t.goal_class)
         << ',' << t.repetition << ',' << csv_field(t.arm) << ',' << t.outcome << ','

@@ -9,6 +9,7 @@
 #include "perception/evaluate.h"
 #include "perception/internal/batch_source.h"
 #include "perception/internal/training_schedule.h"
+#include "perception/lineage.h"
 #include "perception/training_config.h"
 
 namespace segsim::perception {
@@ -48,6 +49,16 @@ std::string describe_recipe(const TrainOptions& o, const TrainingInputs& in) {
   recipe["mixed_precision"] = o.mixed_precision;
   recipe.update(Json::parse(describe_train_options(o)));
   return recipe.dump();
+}
+
+/// What the weights will depend on, oldest first.
+std::vector<DataUse> all_data(const TrainOptions& o, const TrainingInputs& in) {
+  std::vector<DataUse> data;
+  if (in.initial) data = data_of(*in.initial, o.initial_weights);
+  data.push_back(data_use(DataPurpose::kTrain, in.train));
+  if (in.mix) data.push_back(data_use(DataPurpose::kMix, *in.mix));
+  if (in.validation) data.push_back(data_use(DataPurpose::kValidation, *in.validation));
+  return data;
 }
 
 /// The rule of Ultralytics' trainer.
@@ -171,7 +182,7 @@ TrainingInputs read_training_inputs(TrainOptions& options) {
   options.width = in.width;
   options.input_px = in.input_px;
   resolve_train_options(options, in.train.images.size(), in.class_names.size());
-  in.recipe = describe_recipe(options, in);
+  in.recipe = with_data(describe_recipe(options, in), all_data(options, in));
   return in;
 }
 
@@ -246,7 +257,7 @@ OperatingPoint write_with_threshold(const std::filesystem::path& file, DetectorW
   core::write_via_temporary(file, [&](const std::filesystem::path& temporary) {
     write_weights(temporary, weights);
     const auto results = detect_all(temporary, sample);
-    best = best_f1(results, static_cast<int>(weights.class_names.size()));
+    best = best_f1(operating_points(results, static_cast<int>(weights.class_names.size())));
     weights.score_threshold = best.score_threshold;
     write_weights(temporary, weights);
   });

@@ -8,6 +8,7 @@
 #include "core/error.h"
 #include "core/file_io.h"
 #include "perception/checkpoint/tensor_file.h"
+#include "perception/lineage.h"
 #include "perception/yolov13/coco_names.h"
 #include "perception/yolov13/model.h"
 
@@ -151,9 +152,11 @@ ImportedWeights read_official_weights(const ImportOptions& options) {
   weights.input_px = options.input_px;
   weights.score_threshold = options.score_threshold;
   weights.class_names = choose_names(file, options);
-  weights.training = nlohmann::ordered_json{{"imported", options.source.filename().string()},
-                                            {"sha256", core::sha256_hex(file.bytes)}}
-                         .dump();
+  const std::string source = options.source.filename().string();
+  const std::string sha256 = core::sha256_hex(file.bytes);
+  weights.training =
+      with_data(nlohmann::ordered_json{{"imported", source}, {"sha256", sha256}}.dump(),
+                {foreign_data(source, sha256)});
 
   const Model model(scale, static_cast<int>(weights.class_names.size()));
   const std::vector<NamedTensor> wanted = model.tensors();

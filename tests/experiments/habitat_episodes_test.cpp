@@ -1,5 +1,6 @@
 #include "experiments/episodes/habitat_episodes.h"
 
+#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <numbers>
@@ -136,6 +137,55 @@ TEST_F(HabitatFileTest, ViewPointsOfAnotherFloorAreLeftOut) {
   EXPECT_TRUE(again.episodes[0].view_points_m.empty());
 }
 
+/// Two chairs on the ground floor, one upstairs; a bed that no start's floor has.
+Json content_of_two_floors() {
+  const auto goal = [](int id, const std::vector<double>& heights_m) {
+    Json points = Json::array();
+    for (const double y_m : heights_m) {
+      const Json state{{"position", {0.1 * id, y_m, -2}}, {"rotation", {0, 0, 0, 1}}};
+      points.push_back({{"agent_state", state}, {"iou", 0.01 * id}});
+    }
+    return Json{{"position", {0, 0.5, -3}}, {"object_id", id}, {"view_points", points}};
+  };
+  Json content = small_content();
+  content["goals_by_category"] = {
+      {"Room.basis.glb_chair",
+       {goal(1, {0.0, 0.5, 3.0}), goal(2, {3.2, -0.4, 0.1}), goal(3, {9.0})}},
+      {"Room.basis.glb_bed", {goal(4, {6.0, 6.1})}}};
+  const Json episode = content["episodes"][0];
+  content["episodes"] = Json::array();
+  for (const auto& [category, y_m] :
+       {std::pair("chair", 0.1), std::pair("chair", 0.0), std::pair("chair", 3.1),
+        std::pair("chair", 0.1), std::pair("bed", 0.0), std::pair("bed", 0.1)}) {
+    Json next = episode;
+    next["object_category"] = category;
+    next["start_position"] = {1, y_m, 2};
+    content["episodes"].push_back(next);
+  }
+  return content;
+}
+
+TEST_F(HabitatFileTest, ViewPointsAreCountedOncePerGoal) {
+  put(content_of_two_floors());
+  HabitatImportCounts counts;
+  const EpisodeSet set =
+      episodes_from_habitat(read_habitat(file_).scenes[0], "val", std::nullopt, 1, &counts);
+  EXPECT_EQ(counts.episodes, 6);
+  EXPECT_EQ(counts.view_points, 9);                  // 3 + 3 + 1 of chairs, 2 of the bed.
+  EXPECT_EQ(counts.view_points_of_other_floors, 3);  // At 9.0 m, and both of the bed.
+  EXPECT_EQ(counts.other_floor, 2);
+  EXPECT_EQ(counts.goal_sets, 2);  // The chairs of either floor.
+  // In the file's order, whichever episode asked first.
+  const std::vector<std::uint16_t> ground{1, 1, 2, 2}, upstairs{1, 2};
+  for (const std::size_t k : {0U, 1U, 3U}) {
+    EXPECT_EQ(set.episodes[k].view_point_instance, ground);
+    EXPECT_EQ(set.episodes[k].view_points_m[2], glm::dvec2(0.2, 2.0));
+    EXPECT_EQ(set.episodes[k].view_point_iou[2], 0.02F);
+  }
+  EXPECT_EQ(set.episodes[2].view_point_instance, upstairs);
+  EXPECT_TRUE(set.episodes[4].view_points_m.empty());
+}
+
 TEST_F(HabitatFileTest, OlderFilesKeepGoalsInEpisodes) {
   Json content = small_content();
   content["episodes"][0]["goals"] = content["goals_by_category"]["Room.basis.glb_chair"];
@@ -242,8 +292,7 @@ TEST_F(HabitatRoundTrip, GoalsAreThoseOfAllEpisodesOfACategory) {
   const sim::World world = sim::World::load(bundle, sim::RobotModel::jackal_gentle());
   // The first couch episode knows one view point, the second that one and another.
   EpisodeSet set = generate(bundle, world);
-  std::erase_if(set.episodes,
-                [](const sim::Episode& e) { return e.class_name != "couch"; });
+  std::erase_if(set.episodes, [](const sim::Episode& e) { return e.class_name != "couch"; });
   ASSERT_GE(set.episodes.size(), 2U);
   set.episodes.resize(2);
   for (std::size_t n = 0; n < 2; ++n) {
@@ -294,11 +343,19 @@ TEST(HabitatValMini, TheRealFilesLoad) {
   EXPECT_EQ(dataset.scenes[0].name, "TEEsavR23oF");
   EXPECT_EQ(dataset.scenes[1].name, "wcojb4TFT35");
   int episodes = 0;
-  for (const HabitatScene& scene : dataset.scenes) {
+  // Counted by a script of a few lines in another language.
+  const std::array<HabitatImportCounts, 2> expected{
+      {{15, 0, 0, 0, 6191, 1156, 6}, {15, 0, 0, 0, 6117, 807, 7}}};
+  for (std::size_t n = 0; n < dataset.scenes.size(); ++n) {
+    const HabitatScene& scene = dataset.scenes[n];
     EXPECT_EQ(scene.episodes.size(), 15U);
     HabitatImportCounts counts;
     const EpisodeSet set =
         episodes_from_habitat(scene, dataset.split, std::nullopt, 1, &counts);
+    EXPECT_EQ(counts.other_floor, expected[n].other_floor);
+    EXPECT_EQ(counts.view_points, expected[n].view_points);
+    EXPECT_EQ(counts.view_points_of_other_floors, expected[n].view_points_of_other_floors);
+    EXPECT_EQ(counts.goal_sets, expected[n].goal_sets);
     for (std::size_t i = 0; i < set.episodes.size(); ++i) {
       const sim::Episode& episode = set.episodes[i];
       const HabitatEpisode& from = scene.episodes[i];
@@ -309,6 +366,15 @@ TEST(HabitatValMini, TheRealFilesLoad) {
       }
       EXPECT_DOUBLE_EQ(episode.start.x_m, from.start_habitat_m.x);
       EXPECT_DOUBLE_EQ(episode.start.y_m, -from.start_habitat_m.z);
+      // What lies on the start's floor, sought for each episode by itself.
+      std::vector<glm::dvec2> on_floor_m;
+      for (const HabitatGoal& goal : scene.goals.at(from.category)) {
+        for (const HabitatViewPoint& point : goal.view_points) {
+          if (std::abs(point.p_habitat_m.y - from.start_habitat_m.y) > 0.5) continue;
+          on_floor_m.emplace_back(source_from_habitat(point.p_habitat_m));
+        }
+      }
+      EXPECT_EQ(episode.view_points_m, on_floor_m) << episode.id;
       // The straight way is never longer than the file's geodesic to the nearest view point.
       double straight_m = 1e9;
       for (const glm::dvec2& p : episode.view_points_m) {

@@ -56,6 +56,17 @@ TEST(NavigationTable, StandsBesideThePapersRowsAndTheirMissingNumber) {
   EXPECT_THAT(text, HasSubstr("room: LEAKAGE scene"));
 }
 
+TEST(NavigationTable, WhatIsNotKnownIsUnknown) {
+  std::vector<NavigationEntry> runs = entries();
+  ArmRow& after = runs[0].result->arm_rows[1];
+  after.tuned_on.clear();
+  after.exposure = SceneExposure{.known = TrainingDataKnown::kNothing};
+  EXPECT_THAT(format_navigation_table(runs, TableFormat::kMarkdown),
+              HasSubstr("10/10  100 % [72, 100] | unknown |"));
+  const auto json = nlohmann::json::parse(format_navigation_table(runs, TableFormat::kJson));
+  EXPECT_EQ(json["rows"][0]["leakage"], "unknown");
+}
+
 TEST(NavigationTable, EveryFormSaysTheSame) {
   const auto json =
       nlohmann::json::parse(format_navigation_table(entries(), TableFormat::kJson));

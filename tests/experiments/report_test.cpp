@@ -123,7 +123,9 @@ TEST(Report, NamesCannotBecomeMarkup) {
 
 TEST(Report, TheFirstPageHasTheAnswer) {
   const TemporaryFolder folder("report");
-  (void)write_report(a_hostile_run(), into(folder.path() / "r"));
+  StoredRun stored = a_hostile_run();
+  stored.arms[1].exposure = SceneExposure{.known = TrainingDataKnown::kNothing};
+  (void)write_report(stored, into(folder.path() / "r"));
   const std::string index = core::read_file(folder.path() / "r" / "index.html");
   EXPECT_THAT(index, HasSubstr("Yes, it got better."));
   EXPECT_THAT(index, HasSubstr("20 % &rarr; 90 %"));
@@ -132,6 +134,9 @@ TEST(Report, TheFirstPageHasTheAnswer) {
   EXPECT_THAT(index, HasSubstr("trials.html#arm=after&amp;counts=1&amp;fate=false_negative"));
   EXPECT_THAT(index, HasSubstr("change=gained\">7 gained</a>"));
   EXPECT_THAT(index, HasSubstr("1 of 10 failed"));
+  EXPECT_THAT(index, HasSubstr("<li>LEAKAGE unknown: &quot;after&quot; (b.bin): the file does "
+                               "not say what it was trained on.</li>"));
+  EXPECT_THAT(index, HasSubstr("after: b.bin, weights d, leakage: unknown"));
   EXPECT_THAT(core::read_file(folder.path() / "r" / "trials.html"),
               HasSubstr("data-change=\"gained\""));
 }

@@ -47,12 +47,12 @@ inline RunRow a_run() {
 }
 
 inline std::int64_t begin(Store& store) {
-  return store.begin_run(a_run(),
-                         {{"b", "Scene B", "s1", "e1", 2}, {"a", "Scene A", "s2", "e2", 2}},
-                         {{"before", "w.bin", "ff", "", -1, {}},
-                          {"after", "v.bin", "fe", "b", 0.5,
-                           HeldOutPrecision{60, 0.5, 0.25, 0.2, 0.75, 0.625, 0.625, 0.0},
-                           StartLeak{400, 3, 1.0}}});
+  return store.begin_run(
+      a_run(), {{"b", "Scene B", "s1", "e1", 2}, {"a", "Scene A", "s2", "e2", 2}},
+      {{"before", "w.bin", "ff", "", -1, {}},
+       {"after", "v.bin", "fe", "b", 0.5,
+        HeldOutPrecision{60, 0.5, 0.25, 0.2, 0.75, 0.625, 0.625, 0.0}, StartLeak{400, 3, 1.0},
+        SceneExposure{{"b"}, {"b", "a"}, {}, TrainingDataKnown::kPart}}});
 }
 
 inline TrialRow a_trial(const std::string& arm, const std::string& episode, bool success) {

@@ -54,6 +54,11 @@ TEST_F(StoreTest, WhatIsWrittenIsReadBack) {
   EXPECT_EQ(leak->views, 400);
   EXPECT_EQ(leak->near_starts, 3);
   EXPECT_EQ(leak->radius_m, 1.0);
+  EXPECT_FALSE(store.arms(id)[0].exposure.has_value());
+  EXPECT_EQ(store.arms(id)[1].exposure,
+            (SceneExposure{{"b"}, {"b", "a"}, {}, TrainingDataKnown::kPart}));
+  EXPECT_EQ(run.provenance.at("leakage/after"),
+            "partly unknown; trained on b; threshold chosen on b, a");
   ASSERT_EQ(store.trials(id).size(), 1U);
   const TrialRow trial = store.trials(id)[0];
   EXPECT_EQ(trial.episode, "b/chair/00");
@@ -166,6 +171,7 @@ TEST_F(StoreTest, AttributionIsReadBackAndGoesWithItsTrial) {
   trial.why.first_true_tick = 3;
   trial.why.true_clouds = 1;
   trial.why.false_clouds = 2;
+  trial.why.misplaced_clouds = 13;
   trial.why.stopped = true;
   trial.why.final_visible_px = 77;
   trial.why.object_m = 0.0;
@@ -183,12 +189,11 @@ TEST_F(StoreTest, AttributionIsReadBackAndGoesWithItsTrial) {
   const Attribution& why = rows[0].why;
   EXPECT_EQ(why.cause, "false_positive");
   const std::vector<int> numbers{
-      why.inevitable_tick,  why.decisive_tick,   why.visible_frames,
-      why.detected_frames,  why.true_detections, why.false_detections,
-      why.first_true_tick,  why.true_clouds,     why.false_clouds,
-      why.final_visible_px, why.collision_ticks, why.off_navmesh_ticks,
-      why.reached_instance, why.images};
-  EXPECT_EQ(numbers, (std::vector<int>{16, 9, 5, 4, 6, 7, 3, 1, 2, 77, 8, 11, 12, 40}));
+      why.inevitable_tick,  why.decisive_tick,    why.visible_frames,  why.detected_frames,
+      why.true_detections,  why.false_detections, why.first_true_tick, why.true_clouds,
+      why.false_clouds,     why.final_visible_px, why.collision_ticks, why.off_navmesh_ticks,
+      why.reached_instance, why.images,           why.misplaced_clouds};
+  EXPECT_EQ(numbers, (std::vector<int>{16, 9, 5, 4, 6, 7, 3, 1, 2, 77, 8, 11, 12, 40, 13}));
   EXPECT_TRUE(why.stopped);
   EXPECT_EQ(why.object_m, 0.0);
   EXPECT_FALSE(why.planar_m.has_value());

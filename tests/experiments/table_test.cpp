@@ -14,8 +14,10 @@ namespace segsim::experiments {
 namespace {
 
 using testing::Contains;
+using testing::ContainsRegex;
 using testing::HasSubstr;
 using testing::Not;
+using testing::StartsWith;
 
 RunRow a_run(int planned) {
   RunRow run;
@@ -89,6 +91,8 @@ std::vector<TrialRow> ten_attributed_episodes() {
       t.distance_to_goal_m = 0.15;
     }
     t.why.false_detections = 1;
+    t.why.false_clouds = t.success ? 0 : 1;
+    t.why.misplaced_clouds = t.success ? 0 : 2;
   }
   return trials;
 }
@@ -108,10 +112,10 @@ Flat   oracle  0/10    -               -
 )",
         R"(What the detector made of the goal
 
-Scene  Arm     Recall in view  Saw it  Never detected  Delay [ticks]  False per 100 images  False objects
------  ------  --------------  ------  --------------  -------------  --------------------  -------------
-Flat   before  0.40            6/10    2               3.0            2.0                   0.00
-Flat   oracle  0.60            10/10   0               3.0            2.0                   0.00
+Scene  Arm     Recall in view  Saw it  Never detected  Delay [ticks]  False per 100 images  False objects  Misplaced objects
+-----  ------  --------------  ------  --------------  -------------  --------------------  -------------  -----------------
+Flat   before  0.40            6/10    2               3.0            2.0                   0.60           1.20
+Flat   oracle  0.60            10/10   0               3.0            2.0                   0.00           0.00
 )",
         R"(The same trials under named success rules (SR / SPL as that rule defines it)
 
@@ -236,6 +240,109 @@ TEST(Table, TrainingViewsInTheStartRegionAreALeak) {
   const ResultTable plain = summarise(a_run(30), kScenes, arms, ten_episodes());
   EXPECT_THAT(plain.notes, Not(Contains(HasSubstr("tart region"))));
   EXPECT_THAT(plain.notes, Not(Contains(HasSubstr("The paper reports"))));
+}
+
+/// The run's two arms with what they had seen of the scene.
+ResultTable with_exposures(const SceneExposure& before, const SceneExposure& after) {
+  std::vector<ArmRow> arms = kArms;
+  arms[0].exposure = before;
+  arms[1].exposure = after;
+  arms[1].tuned_on.clear();
+  return summarise(a_run(30), kScenes, arms, ten_episodes());
+}
+
+/// What the arm's line of the scene says in the last column.
+std::string csv_leakage(const ResultTable& table, const std::string& arm) {
+  const std::string csv = format_table(table, TableFormat::kCsv);
+  const std::size_t line = csv.find("scene,\"flat\",");
+  const std::size_t begin = csv.find("\"" + arm + "\"", line);
+  const std::string row = csv.substr(begin, csv.find('\n', begin) - begin);
+  return row.substr(row.rfind(',') + 1);
+}
+
+TEST(Table, WhatAFileDoesNotSayIsUnknownInEveryForm) {
+  const SceneExposure unknown{.known = TrainingDataKnown::kNothing};
+  const ResultTable table = with_exposures({}, unknown);
+  for (const TableFormat format :
+       {TableFormat::kText, TableFormat::kMarkdown, TableFormat::kLatex, TableFormat::kJson}) {
+    std::string text = format_table(table, format);
+    for (std::size_t at = text.find("\n  "); at != std::string::npos; at = text.find("\n  "))
+      text.replace(at, 3, " ");  // Lines that were wrapped.
+    EXPECT_THAT(text, HasSubstr("LEAKAGE unknown: "));
+    EXPECT_THAT(text, HasSubstr("the file does not say what it was trained on."));
+  }
+  EXPECT_EQ(csv_leakage(table, "after"), "unknown");
+  EXPECT_EQ(csv_leakage(table, "before"), "none");
+  EXPECT_EQ(csv_leakage(table, "oracle"), "none");
+  const auto json = nlohmann::json::parse(format_table(table, TableFormat::kJson));
+  EXPECT_EQ(json.at("scenes")[0].at("leakage"), "unknown");
+  EXPECT_EQ(json.at("scenes")[0].at("arms").at("before").at("leakage"), "none");
+  EXPECT_EQ(json.at("classes")[0].at("leakage"), "unknown");
+  EXPECT_EQ(json.at("provenance").at("arms").at("after").at("leakage"), "unknown");
+  EXPECT_FALSE(table.scenes[0].leak);
+
+  SceneExposure part = unknown;
+  part.known = TrainingDataKnown::kPart;
+  EXPECT_THAT(
+      with_exposures({}, part).notes,
+      Contains("LEAKAGE unknown: \"after\" (two.bin): the file does not say all that it "
+               "was trained on."));
+  // Results of a version that did not look.
+  EXPECT_THAT(
+      summarise(a_run(30), kScenes, kArms, ten_episodes()).notes,
+      Contains("LEAKAGE unknown: \"before\" (one.bin): these results do not say what it "
+               "was trained on."));
+}
+
+TEST(Table, ArmsThatSawNoSceneSaySo) {
+  const ResultTable table = with_exposures({}, {});
+  EXPECT_THAT(table.notes,
+              Contains("Leakage none: no view of the evaluation scenes is in what \"before\" "
+                       "and \"after\" were trained on."));
+  EXPECT_THAT(table.notes, Not(Contains(HasSubstr("LEAKAGE"))));
+  EXPECT_EQ(csv_leakage(table, "after"), "none");
+  const auto json = nlohmann::json::parse(format_table(table, TableFormat::kJson));
+  EXPECT_EQ(json.at("scenes")[0].at("leakage"), "none");
+}
+
+TEST(Table, AnArmThatSawTheSceneLeaksWhicheverArmItIs) {
+  const SceneExposure seen{.trained_on = {"flat"}};
+  const ResultTable after = with_exposures({}, seen);
+  EXPECT_TRUE(after.scenes[0].leak);
+  EXPECT_THAT(after.notes, Contains(HasSubstr("LEAKAGE scene (*): \"after\" was fine-tuned")));
+  const ResultTable before = with_exposures(seen, {});
+  EXPECT_FALSE(before.scenes[0].leak);
+  EXPECT_THAT(before.notes,
+              Contains("LEAKAGE scene: \"before\" was trained on views of Flat."));
+  EXPECT_EQ(csv_leakage(before, "before"), "scene");
+  EXPECT_EQ(csv_leakage(before, "after"), "none");
+
+  // Without a comparison, too.
+  std::vector<ArmRow> alone{kArms[0]};
+  alone[0].exposure = seen;
+  const ResultTable single = summarise(a_run(10), kScenes, alone, ten_episodes());
+  EXPECT_THAT(single.notes, Contains(HasSubstr("LEAKAGE scene: \"before\" was trained")));
+
+  const SceneExposure alike{.same_name = {"flat"}};
+  const ResultTable hint = with_exposures({}, alike);
+  EXPECT_THAT(hint.notes, Contains(HasSubstr("a scene of the same name as flat but another")));
+  EXPECT_EQ(csv_leakage(hint, "after"), "unknown");
+}
+
+TEST(Table, ThresholdsChosenOnTheScenesAreToldInOneLine) {
+  const SceneExposure chosen{.threshold_on = {"flat"}};
+  EXPECT_THAT(
+      with_exposures(chosen, chosen).notes,
+      Contains("Score thresholds of \"before\" and \"after\" were chosen on other views "
+               "of the same scenes."));
+  EXPECT_THAT(with_exposures({}, {}).notes, Not(Contains(HasSubstr("hreshold"))));
+  std::vector<ArmRow> arms = kArms;
+  arms[0].exposure = arms[1].exposure = chosen;
+  arms[1].score_threshold = 0.4;  // The spec's own.
+  EXPECT_THAT(
+      summarise(a_run(30), kScenes, arms, ten_episodes()).notes,
+      Contains("The score threshold of \"before\" was chosen on other views of the same "
+               "scenes."));
 }
 
 TEST(Table, AnUnfinishedRunIsMarked) {
@@ -482,6 +589,72 @@ TEST(Table, ReconstructionsPoolAndPairWithinThemselves) {
   EXPECT_EQ(table.trainings[2].pairs.both, 2);
   EXPECT_THAT(format_table(table, TableFormat::kText),
               HasSubstr("(3 trainings in 2 reconstructions)"));
+}
+
+/// What all trainings of an arm share is told once, of the arm.
+TEST(Table, LeakageIsThatOfAllTrainings) {
+  Trained run(true);
+  for (ArmRow& arm : run.arms) {
+    arm.tuned_on.clear();
+    arm.exposure = SceneExposure{};
+    arm.exposure->threshold_on = {arm.reconstruction == 1 ? "flat" : "flat.r2"};
+    arm.score_threshold = -1;
+  }
+  const auto table = [&] { return summarise(a_run(20), run.scenes, run.arms, run.trials); };
+  const auto json = [&] {
+    return nlohmann::json::parse(format_table(table(), TableFormat::kJson));
+  };
+  EXPECT_FALSE(table().scenes[0].leak);
+  EXPECT_THAT(table().notes,
+              Contains("Leakage none: no view of the evaluation scenes is in what \"before\" "
+                       "and \"after\" were trained on."));
+  EXPECT_THAT(table().notes,
+              Contains("Score thresholds of \"before\" and \"after\" were chosen on other "
+                       "views of the same scenes."));
+  EXPECT_EQ(csv_leakage(table(), "after"), "none");
+
+  for (ArmRow& arm : run.arms) {
+    if (arm.family != "after") continue;
+    arm.exposure->known = TrainingDataKnown::kPart;
+    arm.exposure->trained_on = arm.exposure->threshold_on;
+  }
+  EXPECT_TRUE(table().scenes[0].leak);
+  EXPECT_THAT(table().notes,
+              Contains(StartsWith("LEAKAGE scene (*): \"after\" was fine-tuned")));
+  EXPECT_THAT(table().notes,
+              Contains("LEAKAGE unknown: \"after\" (3 files): the files do not say all that "
+                       "it was trained on."));
+  EXPECT_THAT(table().notes, Not(Contains(HasSubstr("after.s3"))));
+  // One of the trainings in a comparison of its own: the arm is still told of as a whole.
+  const ResultTable chosen =
+      summarise(a_run(20), run.scenes, run.arms, run.trials, "before", "after.s3");
+  EXPECT_THAT(chosen.notes, Contains(StartsWith("LEAKAGE scene (*): \"after.s3\"")));
+  EXPECT_THAT(chosen.notes,
+              Contains("LEAKAGE scene: \"after\" was trained on views of Flat."));
+
+  // One training that differs from the others is told by itself, and makes the arm's word.
+  for (ArmRow& arm : run.arms) {
+    arm.exposure = SceneExposure{};
+    if (arm.name == "after.r2") arm.exposure->trained_on = {"flat.r2"};
+  }
+  EXPECT_TRUE(table().scenes[0].leak);
+  EXPECT_THAT(
+      table().notes,
+      Contains("LEAKAGE scene: \"after.r2\" (one training) was trained on views of Flat."));
+  EXPECT_THAT(table().notes,
+              Contains("Leakage none: no view of the evaluation scenes is in what \"before\", "
+                       "\"after\" (one training) and \"after.s3\" (one training) were trained "
+                       "on."));
+  EXPECT_EQ(csv_leakage(table(), "after"), "scene");
+  EXPECT_EQ(csv_leakage(table(), "before"), "none");
+  EXPECT_EQ(json().at("scenes")[0].at("leakage"), "scene");
+  EXPECT_EQ(json().at("scenes")[0].at("arms").at("after").at("leakage"), "scene");
+  EXPECT_EQ(json().at("trainings")[0].at("leakage"), "none");
+  EXPECT_EQ(json().at("trainings")[2].at("leakage"), "scene");
+  EXPECT_THAT(format_table(table(), TableFormat::kCsv),
+              ContainsRegex("\ntraining,\"after\\.r2\",[^\n]*,scene\n"));
+  EXPECT_THAT(format_table(table(), TableFormat::kCsv),
+              ContainsRegex("\ntraining,\"after\\.s3\",[^\n]*,none\n"));
 }
 
 TEST(Table, OneTrainingCanBeChosen) {

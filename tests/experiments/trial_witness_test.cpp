@@ -221,6 +221,43 @@ TEST_F(AttributeTest, PlacesOfThePolicysMapAreBroughtIntoTheWorld) {
   EXPECT_EQ(why.false_clouds, 1);
 }
 
+/// An object far from the couch may be the detector's mistake, or that of the depth in its
+/// box.
+TEST_F(AttributeTest, ObjectsElsewhereAreFalseOrMisplacedByWhatTheyAreMadeOf) {
+  const Labels couch = Labels().box(10, 10, 20, 20, kCouch, 1);
+  const core::BoxPx on{10, 10, 20, 20}, beside{30, 10, 39, 20};
+  const core::Detection both[] = {{0, 0.9F, on}, {0, 0.8F, beside}};
+  TrialWitness witness(world_->manifest(), episode_, 0);
+  look(witness, 0, couch.frame(), both);
+  look(witness, 1, couch.frame(), both);
+  look(witness, 2, couch.frame(), {});
+  look(witness, 3, couch.frame(), {});
+  const AttributionContext context{world_, &world_->manifest(), &episode_, &profile_, 0, 60.0};
+  const glm::dvec2 elsewhere_m(0.5, 2.0), at_couch_m(2.5, -2.0);
+  // Of an image that was never decided on (5) and of an unknown box nothing is known.
+  const struct {
+    glm::dvec2 place_m;
+    std::vector<core::DetectionRef> made_of;
+    int is_true, is_misplaced, is_false;
+  } cases[] = {{elsewhere_m, {{0, on}}, 0, 1, 0},
+               {elsewhere_m, {{0, beside}}, 0, 0, 1},
+               {elsewhere_m, {{0, on}, {1, on}, {1, beside}}, 0, 1, 0},
+               {elsewhere_m, {{0, on}, {1, beside}}, 0, 1, 0},
+               {elsewhere_m, {{0, on}, {0, beside}, {1, beside}}, 0, 0, 1},
+               {elsewhere_m, {{0, on}, {5, beside}, {1, {1, 2, 3, 4}}}, 0, 1, 0},
+               {elsewhere_m, {{5, on}}, 0, 0, 1},
+               {elsewhere_m, {}, 0, 0, 1},
+               {at_couch_m, {{0, beside}}, 1, 0, 0},
+               {at_couch_m, {}, 1, 0, 0}};
+  for (const auto& c : cases) {
+    result_.final_view.objects = {{c.place_m, 0, 0.9F, c.made_of}};
+    const Attribution why = attribute(context, result_, witness);
+    EXPECT_EQ(why.true_clouds, c.is_true);
+    EXPECT_EQ(why.misplaced_clouds, c.is_misplaced);
+    EXPECT_EQ(why.false_clouds, c.is_false);
+  }
+}
+
 TEST_F(AttributeTest, TheEndIsWhereTheStopTookEffect) {
   result_.final_pose = {3.0, -0.9, 0.0};  // It rolled on until it stood beside the couch.
   result_.final_goal_pixels = 321;
@@ -298,6 +335,7 @@ TEST(TrialInsights, SumsAndMedians) {
     rows[k].why.visible_frames = static_cast<int>(k);
     rows[k].why.false_detections = 1;
     rows[k].why.false_clouds = 2;
+    rows[k].why.misplaced_clouds = static_cast<int>(k);
   }
   rows[1].first_visible_tick = 10;
   rows[1].why.first_true_tick = 12;
@@ -319,6 +357,9 @@ TEST(TrialInsights, SumsAndMedians) {
   EXPECT_EQ(in.saw_goal, 2);
   EXPECT_EQ(in.never_detected, 0);
   EXPECT_DOUBLE_EQ(in.false_clouds, 2.0);
+  EXPECT_DOUBLE_EQ(in.misplaced_clouds.value(), 1.0);
+  rows[1].why.misplaced_clouds = -1;  // Older: then nothing is known of the group.
+  EXPECT_FALSE(gain_insights(pointers).misplaced_clouds.has_value());
   EXPECT_FALSE(gain_insights({}).recall().has_value());
   EXPECT_TRUE(gain_insights({}).profiles.empty());
 }

@@ -55,6 +55,8 @@ class ViewLabelsTest : public testing::Test {
 TEST_F(ViewLabelsTest, RandomViewsAreReachableDistinctAndNamed) {
   const ViewLabels labels = label(options());
   ASSERT_EQ(labels.dataset.images.size(), 12U);
+  const std::string surfels = core::sha256_of_file(bundle_folder_ / "surfels.ply");
+  EXPECT_EQ(labels.dataset.scenes, (std::vector<perception::ImagedScene>{{"tiny", surfels}}));
   const sim::World place = world();
   for (std::size_t i = 0; i < labels.dataset.images.size(); ++i) {
     const perception::LabeledImage& image = labels.dataset.images[i];

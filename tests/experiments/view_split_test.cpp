@@ -52,10 +52,14 @@ TEST(ViewSplit, NoTrainingViewIsLikeAHeldOutOne) {
 }
 
 TEST(ViewSplit, HeldOutScenesAreWhole) {
-  const auto dataset = views_in({"a", "b", "c"}, 40);
+  auto dataset = views_in({"a", "b", "c"}, 40);
+  const perception::ImagedScene a{"a", "1"}, b{"b", "2"}, c{"c", "3"};
+  dataset.scenes = std::vector{a, b, c};
   ViewSplitOptions options;
   options.val_scenes = {"b"};
   const ViewSplit split = split_views(dataset, options);
+  EXPECT_EQ(split.val_scenes.scenes, std::vector{b});  // Each part says its own places alone.
+  EXPECT_EQ(split.train.scenes, (std::vector{a, c}));
   EXPECT_EQ(split.val_scenes.images.size(), 40U);
   for (const auto& image : split.val_scenes.images) EXPECT_EQ(image.scene, "b");
   for (const auto& image : split.train.images) EXPECT_NE(image.scene, "b");

@@ -206,6 +206,38 @@ TEST(ClassCloud, AClumpIsNoTargetWhileThereIsMore) {
   }
 }
 
+/// Two chairs 2 m apart are two objects, not one in the middle between them.
+TEST(ClassCloud, GroupsAreApartAndKnowTheirDetections) {
+  ClassCloud cloud;
+  Scene scene;
+  EXPECT_TRUE(cloud.groups().empty());
+  const core::BoxPx left{80, 200, 160, 280}, right{480, 200, 560, 280};
+  const auto see = [&](std::uint64_t capture_index, const core::BoxPx& box) {
+    scene.observation.capture_index = capture_index;
+    scene.object(static_cast<int>(box.x0), 200, static_cast<int>(box.x1), 280, 2.11F);
+    ASSERT_TRUE(cloud.add(scene.observation, scene.mask, box));
+  };
+  see(4, left);
+  see(4, right);
+  see(5, right);  // Adds nothing: its voxels are full.
+  const std::vector<CloudGroup> groups = cloud.groups();
+  ASSERT_EQ(groups.size(), 2U);
+  // Pixel 520 lies 200 px right of the middle: 2.11 m x 200 / 388.19.
+  EXPECT_NEAR(groups[0].center_m.y, -2.11 * 200.0 / 388.19, 0.02);
+  EXPECT_NEAR(groups[1].center_m.y, 2.11 * 200.0 / 388.19, 0.02);
+  for (const CloudGroup& group : groups) {
+    EXPECT_NEAR(group.center_m.x, 2.11, 0.02);
+    ASSERT_EQ(group.made_of.size(), 1U);
+    EXPECT_EQ(group.made_of[0].capture_index, 4U);
+  }
+  EXPECT_EQ(groups[0].made_of[0].box.x0, right.x0);
+  EXPECT_EQ(groups[1].made_of[0].box.x0, left.x0);
+  // What connects them makes them one.
+  see(6, {80, 200, 560, 280});
+  ASSERT_EQ(cloud.groups().size(), 1U);
+  EXPECT_EQ(cloud.groups()[0].made_of.size(), 3U);
+}
+
 /// What a first view took for the object, a second one shows beside the box.
 TEST(ClassCloud, CarvingRemovesWhatALaterViewShowsBesideTheBox) {
   for (const double carve_m : {0.0, 1.0}) {

@@ -1,5 +1,7 @@
 #include "nav/object_map.h"
 
+#include <vector>
+
 #include <gmock/gmock.h>
 
 #include "core/check.h"
@@ -109,6 +111,35 @@ TEST(ObjectMap, CutsOffWhatALaterBoxLeavesOut) {
   EXPECT_NEAR(objects.objects()[0].center_m.x, 2.0, 0.1);
 }
 
+TEST(ObjectMap, TheBetterNameOfABoxIsBelieved) {
+  Simulation simulation(room_with(kCabinet), {0, 0, 0}, {});
+  const core::Observation& observation = simulation.observe();
+  core::Detection wanted = simulation.detect().at(0);
+  wanted.score = 0.5F;
+  core::Detection other = wanted;
+  other.class_index = 1;
+  const auto objects_with = [&](float score, float shift_px) {
+    other.score = score;
+    other.box = wanted.box;
+    other.box.x0 += shift_px;
+    other.box.x1 += shift_px;
+    ObjectMap objects;
+    objects.update(observation, std::vector{wanted, other}, 0);
+    return objects.objects().size();
+  };
+  EXPECT_EQ(objects_with(0.6F, 0.0F), 0U);  // The other name is more certain.
+  EXPECT_EQ(objects_with(0.4F, 0.0F), 1U);
+  EXPECT_EQ(objects_with(0.5F, 0.0F), 1U);  // An oracle's boxes all have one score.
+  // Beside it is another thing: half the width away the boxes share a third.
+  EXPECT_EQ(objects_with(0.6F, 0.5F * wanted.box.width_px()), 1U);
+  ObjectMapOptions trusting;
+  trusting.rival_iou = 1.0;
+  ObjectMap objects(trusting);
+  other.box = wanted.box;
+  objects.update(observation, std::vector{wanted, other}, 0);
+  EXPECT_EQ(objects.objects().size(), 1U);
+}
+
 TEST(ObjectMap, OneObjectFromManyViewsIsConfirmed) {
   const ObjectMap objects = drive(room_with(kCabinet), -2.0, 0.5, 12, 1);
   ASSERT_EQ(objects.objects().size(), 1U);
@@ -119,6 +150,33 @@ TEST(ObjectMap, OneObjectFromManyViewsIsConfirmed) {
   // The core of the cabinet's 0.6 m: boxes are cut by 35 % and extents by 10 % a side.
   EXPECT_NEAR(object.low_m.y, -0.3 * 0.65 * 0.8, 0.05);
   EXPECT_NEAR(object.high_m.y, 0.3 * 0.65 * 0.8, 0.05);
+}
+
+/// A much nearer view replaces the cloud, a much farther one adds nothing to it.
+TEST(ObjectMap, SaysWhichDetectionsItsCloudIsMadeOf) {
+  ObjectMap objects;
+  std::vector<std::uint64_t> captures;
+  const auto look_from = [&](double x, std::uint64_t capture_index) {
+    Simulation simulation(room_with(kCabinet), {x, 0, 0}, {});
+    core::Observation observation = simulation.observe();
+    observation.capture_index = capture_index;
+    const std::vector<core::Detection> detections = simulation.detect();
+    objects.update(observation, detections, 0);
+    ASSERT_EQ(objects.objects().size(), 1U);
+    captures.clear();
+    for (const core::DetectionRef& ref : objects.objects()[0].made_of) {
+      captures.push_back(ref.capture_index);
+    }
+    if (captures.back() != capture_index) return;
+    EXPECT_EQ(core::iou(objects.objects()[0].made_of.back().box, detections.at(0).box), 1.0F);
+  };
+  look_from(-2.0, 3);  // 4 m.
+  look_from(-1.8, 7);  // 3.8 m: more of the same.
+  EXPECT_EQ(captures, (std::vector<std::uint64_t>{3, 7}));
+  look_from(0.2, 8);  // 1.8 m, less than 0.6 of 3.8 m.
+  EXPECT_EQ(captures, (std::vector<std::uint64_t>{8}));
+  look_from(-2.0, 9);  // 4 m, more than 1.8 times as far.
+  EXPECT_EQ(captures, (std::vector<std::uint64_t>{8}));
 }
 
 TEST(ObjectMap, OneSightingStaysTentativeAndIsRefutedFromNear) {

@@ -184,7 +184,7 @@ TEST(AveragePrecision, AgreesWithBruteForce) {
 TEST(BestF1, NoOtherThresholdIsBetter) {
   for (std::uint64_t seed = 0; seed < 20; ++seed) {
     const auto images = random_images(seed);
-    const OperatingPoint best = best_f1(images, 2);
+    const OperatingPoint best = best_f1(operating_points(images, 2));
     const auto at = [&images](float threshold) {
       return average_precision(images, 2, threshold).operating;
     };
@@ -196,7 +196,32 @@ TEST(BestF1, NoOtherThresholdIsBetter) {
   }
 }
 
-TEST(BestF1, WithoutTruePositivesItIsHalf) { EXPECT_EQ(best_f1({}, 2).score_threshold, 0.5F); }
+TEST(BestF1, WithoutTruePositivesItIsHalf) { EXPECT_EQ(best_f1({}).score_threshold, 0.5F); }
+
+TEST(MostRecall, FindsMostAmongThePreciseOnes) {
+  int reached = 0;
+  for (std::uint64_t seed = 0; seed < 20; ++seed) {
+    const std::vector<OperatingPoint> points = operating_points(random_images(seed), 2);
+    for (const double wanted : {0.3, 0.6, 0.9}) {
+      const OperatingPoint chosen = most_recall(points, wanted);
+      const bool possible = std::any_of(points.begin(), points.end(), [&](const auto& point) {
+        return point.true_positives > 0 && point.precision() >= wanted;
+      });
+      if (!possible) {
+        EXPECT_EQ(chosen.score_threshold, best_f1(points).score_threshold);
+        continue;
+      }
+      ++reached;
+      EXPECT_GE(chosen.precision(), wanted);
+      for (const OperatingPoint& point : points) {
+        if (point.precision() >= wanted) {
+          EXPECT_LE(point.true_positives, chosen.true_positives);
+        }
+      }
+    }
+  }
+  EXPECT_GT(reached, 20);
+}
 
 TEST(SuppressOverlaps, KeepsTheBestOfEachClassInOrder) {
   const BoxPx a{0, 0, 10, 10}, near_a{0, 0, 10, 9}, b{50, 50, 60, 60};

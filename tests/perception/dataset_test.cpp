@@ -8,6 +8,7 @@
 #include "core/error.h"
 #include "perception/evaluate.h"
 #include "perception/image_file.h"
+#include "tests/error_message.h"
 #include "tests/temporary_folder.h"
 
 namespace segsim::perception {
@@ -39,6 +40,23 @@ CocoDataset some_dataset() {
   first.boxes.push_back(box);
   dataset.images = {first, {8, "rgb/b.png", 64, 48, {}}};
   return dataset;
+}
+
+TEST(Coco, PlacesOfTheImagesAreKept) {
+  const tests::TemporaryFolder folder;
+  CocoDataset dataset = some_dataset();
+  write_coco(folder / "d.json", dataset);
+  EXPECT_FALSE(read_coco(folder / "d.json").scenes.has_value());
+  dataset.scenes =
+      std::vector<ImagedScene>{{"flat-3", std::string(64, 'c')},
+                               {.generator = "rooms/1", .first_seed = 4, .last_seed = 9}};
+  write_coco(folder / "d.json", dataset);
+  EXPECT_EQ(read_coco(folder / "d.json").scenes, dataset.scenes);
+
+  dataset.scenes->front().surfels_sha256 = "C" + std::string(63, 'c');
+  write_coco(folder / "d.json", dataset);
+  EXPECT_THAT(tests::input_error_of([&] { (void)read_coco(folder / "d.json"); }),
+              HasSubstr("segsim_scenes[0].surfels_sha256: expected a SHA-256"));
 }
 
 TEST(Coco, RoundTripKeepsEverything) {

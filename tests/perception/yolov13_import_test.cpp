@@ -8,6 +8,8 @@
 
 #include "checkpoint_writer.h"
 #include "core/error.h"
+#include "core/file_io.h"
+#include "perception/lineage.h"
 #include "perception/yolov13/model.h"
 #include "tests/error_message.h"
 #include "tests/temporary_folder.h"
@@ -96,6 +98,11 @@ TEST(Yolov13Import, ReadsAWholePickledModelOfHalves) {
       ASSERT_EQ(read.tensors[i].values[k], from_half(to_half(tensors[i].values[k])));
     }
   }
+  // What somebody else trained it on is not known.
+  const auto data = data_of(read, folder / "n.weights");
+  ASSERT_EQ(data.size(), 1U);
+  EXPECT_EQ(data[0], foreign_data("n.pt", core::sha256_of_file(folder / "n.pt")));
+  EXPECT_FALSE(data[0].scenes.has_value());
   // Halves stay halves on disk: 2 bytes a parameter and a little more.
   EXPECT_LT(std::filesystem::file_size(folder / "n.weights"), 3 * 2'500'000U);
 }

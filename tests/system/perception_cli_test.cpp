@@ -9,6 +9,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "core/file_io.h"
 #include "segsim_process.h"
 #include "tests/experiments/tiny_scene.h"
 #include "tests/perception/tiny_models.h"
@@ -21,6 +22,15 @@ using ::testing::HasSubstr;
 using tests::expect_input_error;
 using tests::ProcessOutput;
 using tests::run_segsim;
+
+/// A copy whose record of what it was trained on has a purpose of the same length that is
+/// none.
+void damage_record(const std::string& weights, const std::string& copy) {
+  std::string bytes = core::read_file(weights);
+  const std::string purpose = R"("what":"train")";
+  bytes.replace(bytes.find(purpose), purpose.size(), R"("what":"brain")");
+  std::ofstream(copy, std::ios::binary) << bytes;
+}
 
 class PerceptionCli : public ::testing::Test {
  protected:
@@ -58,10 +68,23 @@ TEST_F(PerceptionCli, LabelsTrainTunesAndCompares) {
   const ProcessOutput run = run_segsim(compare + " --on views=" + at("views/val_views.json"));
   expect_success(run);
   EXPECT_THAT(run.text, HasSubstr("Not checked: whether 'after' was trained on views near"));
+  EXPECT_THAT(run.text, HasSubstr("views: after.weights was trained on views of scenes that "
+                                  "the images show: tiny"));
   for (const char* file : {"compare.txt", "compare.md", "compare.csv", "compare.json",
                            "precision-views.png", "confusion-views.png", "misses-views.png"}) {
     EXPECT_TRUE(fs::exists(at("report") + "/" + file)) << file;
   }
+
+  const ProcessOutput judged =
+      run_segsim("detector evaluate --weights " + at("after.weights") + " --on " +
+                 at("views/train.json"));
+  expect_success(judged);
+  EXPECT_THAT(judged.text, ::testing::ContainsRegex(
+                               "warning: after.weights was trained on ([0-9]+) of the"));
+  const ProcessOutput lineage = run_segsim("detector lineage " + at("after.weights"));
+  expect_success(lineage);
+  EXPECT_THAT(lineage.text, ::testing::ContainsRegex("train +[0-9]+ +tiny \\([0-9a-f]+\\)"));
+  EXPECT_THAT(lineage.text, HasSubstr("Every data set is known with its scenes."));
 
   expect_input_error(run_segsim(compare), "--on");
   expect_input_error(run_segsim(compare + " --on views"), "--on");
@@ -71,6 +94,13 @@ TEST_F(PerceptionCli, LabelsTrainTunesAndCompares) {
   expect_input_error(run_segsim("detector finetune --from " + at("cut.weights") + " --out " +
                                 at("x.weights") + options),
                      "cut.weights");
+  damage_record(at("after.weights"), at("damaged.weights"));
+  for (const char* command : {"detector lineage ", "detector finetune --steps 1 --from "}) {
+    std::string line = command + at("damaged.weights");
+    if (line.find("finetune") != std::string::npos)
+      line += " --out " + at("x.weights") + options;
+    expect_input_error(run_segsim(line), "damaged.weights: training.data[0].what");
+  }
 }
 
 TEST_F(PerceptionCli, MasksOfModelsAreWhatAReconstructionReads) {

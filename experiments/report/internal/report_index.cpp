@@ -365,7 +365,8 @@ std::string notes_section(const ReportModel& model) {
   for (const ArmRow& arm : model.table.arm_rows) {
     add("arm", arm.name + ": " + arm.detector +
                    (arm.weights_sha256.empty() ? "" : ", weights " + arm.weights_sha256) +
-                   (arm.tuned_on.empty() ? "" : ", tuned on " + arm.tuned_on));
+                   (arm.tuned_on.empty() ? "" : ", tuned on " + arm.tuned_on) +
+                   (arm.exposure ? ", leakage: " + exposure_text(*arm.exposure) : ""));
   }
   return html + "</dl>\n<details><summary>Spec of the run</summary><pre>" +
          html_escaped(run.spec_text) +

@@ -49,7 +49,7 @@ Grid causes_grid(const std::vector<GroupSummary>& groups) {
 Grid perception_grid(const std::vector<GroupSummary>& groups) {
   Grid grid{"What the detector made of the goal",
             {"Scene", "Arm", "Recall in view", "Saw it", "Never detected", "Delay [ticks]",
-             "False per 100 images", "False objects"},
+             "False per 100 images", "False objects", "Misplaced objects"},
             {}};
   for (const GroupSummary& group : groups) {
     for (const ArmSummary& arm : group.arms) {
@@ -61,7 +61,8 @@ Grid perception_grid(const std::vector<GroupSummary>& groups) {
            std::to_string(in.never_detected),
            in.delay_ticks ? print("%.1f", *in.delay_ticks) : "-",
            in.frames > 0 ? print("%.1f", 100.0 * in.false_detections / in.frames) : "-",
-           print("%.2f", in.false_clouds)});
+           print("%.2f", in.false_clouds),
+           in.misplaced_clouds ? print("%.2f", *in.misplaced_clouds) : "-"});
     }
   }
   return grid;

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "experiments/results/internal/leakage.h"
+
 namespace segsim::experiments::internal {
 namespace {
 
@@ -145,6 +147,7 @@ void note_one_training(ResultTable& table) {
 void note_comparison(ResultTable& table) {
   if (table.before.empty() || table.after.empty()) {
     table.notes.push_back("Rates: Wilson 95 % interval.");
+    note_leakage(table);
     return;
   }
   if (table.trainings.size() > 1) {
@@ -152,14 +155,7 @@ void note_comparison(ResultTable& table) {
   } else {
     note_one_training(table);
   }
-  for (const GroupSummary& scene : table.scenes) {
-    if (!scene.leak) continue;
-    table.notes.push_back(
-        "LEAKAGE scene (*): \"" + table.after +
-        "\" was fine-tuned on views rendered from the scenes marked * (this is "
-        "the adaptation under test; it says nothing about unseen scenes).");
-    break;
-  }
+  note_leakage(table);
   note_start_region(table);
   note_paper(table);
   if (table.scenes.size() < kScenesForClaim) {

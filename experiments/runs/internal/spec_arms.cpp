@@ -46,6 +46,13 @@ FinetuneSpec read_finetune(const ConfigNode& node, const std::vector<SceneSpec>&
   finetune.learning_rate = number_within(node, "learning_rate", 0.0, 0.0, 1.0);
   finetune.mix_share = number_within(node, "mix_share", 0.0, 0.0, 0.9);
   finetune.mix_rooms = count_within(node, "mix_rooms", finetune.mix_rooms, 1, 100000);
+  finetune.facing_share = number_within(node, "facing_share", finetune.facing_share, 0.0, 1.0);
+  finetune.validation_views_per_scene =
+      count_within(node, "validation_views_per_scene", 0, 0, 100000);
+  finetune.validation_facing_share = number_within(node, "validation_facing_share",
+                                                   finetune.validation_facing_share, 0.0, 1.0);
+  finetune.measure_elsewhere = node.boolean_or("measure_elsewhere", true);
+  finetune.precision_target = number_within(node, "precision_target", 0.0, 0.0, 0.99);
   finetune.start_clearance_m = number_within(node, "start_clearance_m", 0.0, 0.0, 10.0);
   finetune.threads = count_within(node, "threads", finetune.threads, 1, 1024);
   node.finish();

@@ -12,7 +12,7 @@ void insert_attribution(Statement& insert, std::int64_t trial_id, const TrialRow
   insert.bind(why.false_clouds).bind(why.stopped ? 1 : 0).bind(why.final_visible_px);
   insert.bind(why.object_m).bind(why.planar_m).bind(why.shortest_object_m);
   insert.bind(why.collision_ticks).bind(why.off_navmesh_ticks).bind(why.reached_instance);
-  insert.bind(trial.log).bind(why.images).step();
+  insert.bind(trial.log).bind(why.images).bind(why.misplaced_clouds).step();
 }
 
 void read_attribution(Statement& row, TrialRow& trial) {
@@ -35,6 +35,7 @@ void read_attribution(Statement& row, TrialRow& trial) {
   }
   trial.log = row.text();
   why.images = row.small_integer();
+  why.misplaced_clouds = row.small_integer();
 }
 
 }  // namespace segsim::experiments

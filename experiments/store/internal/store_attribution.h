@@ -39,12 +39,18 @@ inline constexpr const char* kImagesColumn = R"sql(
 ALTER TABLE attribution ADD COLUMN images INTEGER NOT NULL DEFAULT -1;
 )sql";
 
+/// From version 6 to 7, and after kImagesColumn in a new file: objects of the policy's map
+/// that true detections put elsewhere, apart from those of false ones.
+inline constexpr const char* kMisplacedColumn = R"sql(
+ALTER TABLE attribution ADD COLUMN misplaced_clouds INTEGER NOT NULL DEFAULT -1;
+)sql";
+
 /// The columns that read_attribution() reads, in its order.
 inline constexpr const char* kAttributionColumns =
     "cause, inevitable_tick, decisive_tick, visible_frames, detected_frames, "
     "true_detections, false_detections, first_true_tick, true_clouds, false_clouds, stopped, "
     "final_visible_px, object_m, planar_m, shortest_object_m, collision_ticks, "
-    "off_navmesh_ticks, reached_instance, log, images";
+    "off_navmesh_ticks, reached_instance, log, images, misplaced_clouds";
 
 /// Before the failed trial itself is removed.
 inline constexpr const char* kRemoveAttributionOfFailed =
@@ -52,7 +58,7 @@ inline constexpr const char* kRemoveAttributionOfFailed =
     "AND arm = ? AND episode = ? AND repetition = ? AND outcome = 'error')";
 inline constexpr const char* kInsertAttribution =
     "INSERT INTO attribution VALUES "
-    "(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)";
+    "(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)";
 
 /// Runs kInsertAttribution.
 void insert_attribution(Statement& insert, std::int64_t trial_id, const TrialRow& trial);

@@ -1,0 +1,36 @@
+#!/usr/bin/env bash
+# Runs the quickstart's experiment with several fine-tunings and writes the record that the README's table is made from.
+#
+#   tools/record_quickstart.sh [SEEDS, default 10] [--work DIR, default out/flat-SEEDS]
+#
+# Writes results/quickstart.json (what ran where, and what came out), puts its table into README.md, and adds this
+# machine's processor to experiments/specs/digests/, or says at which stage it departs. What is there is not run again.
+set -euo pipefail
+if [[ ${1:-} == --help || ${1:-} == -h ]]; then
+  sed -n '2,7s/^# \{0,1\}//p' "$0"
+  exit 0
+fi
+source "$(dirname "${BASH_SOURCE[0]}")/setup.sh"
+cd "$root"
+seeds=10
+if [[ ${1:-} =~ ^[0-9]+$ ]]; then
+  seeds=$1
+  shift
+fi
+work=out/flat-$seeds
+if [[ ${1:-} == --work ]]; then
+  work=$2
+fi
+segsim=build/release/experiments/segsim
+[[ -x $segsim ]] || build release segsim
+
+# The shipped spec with more seeds and without pictures.
+mkdir -p "$work"
+spec=$work/flat-$seeds.yaml
+sed -e "s#\${spec}#$root/experiments/specs#" -e "s/finetune_seeds: [0-9]*/finetune_seeds: $seeds/" \
+  -e 's/^videos: first/pictures: false/' experiments/specs/flat.yaml >"$spec"
+grep -q "finetune_seeds: $seeds" "$spec" || fail "experiments/specs/flat.yaml names no finetune_seeds"
+"$segsim" run "$spec" --work "$work" --workers "$(nproc)" || fail "segsim run ended with code $?; run this again to go on"
+
+python3 tools/quickstart_record.py make "$work" results/quickstart.json
+python3 tools/quickstart_record.py readme results/quickstart.json README.md
