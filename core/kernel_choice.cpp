@@ -12,6 +12,8 @@ constexpr LibrarySetting kReproducible[] = {
     {"ATEN_CPU_CAPABILITY", "avx2", false},  // libtorch's own kernels.
     {"ONEDNN_MAX_CPU_ISA", "AVX2", false},
     {"DNNL_MAX_CPU_ISA", "AVX2", false},  // The same for oneDNN inside older libtorch.
+    // Sums are split among libtorch's threads, so their number is part of the result.
+    {"OMP_NUM_THREADS", "1", true},
     {"OPENBLAS_CORETYPE", "Haswell", true},
     {"OPENBLAS_NUM_THREADS", "1", true},
     {"OPENCV_CPU_DISABLE", "AVX512-SKX", true},

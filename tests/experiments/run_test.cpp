@@ -11,6 +11,7 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
+#include "core/kernel_choice.h"
 #include "experiments/episodes/episode_validation.h"
 #include "experiments/episodes/episodes.h"
 #include "experiments/runs/trial_log.h"
@@ -121,6 +122,28 @@ TEST_F(RunTest, AChangedSpecIsRefusedUnlessANewRunIsAskedFor) {
     EXPECT_THAT(error.what(), HasSubstr("--new"));
   }
   EXPECT_EQ(run("changed", 2, 1, text, true).run_id, 2);
+}
+
+TEST_F(RunTest, OtherKernelsAreRefusedAndDigestsWritten) {
+  core::set_environment(core::KernelChoice::kFast);
+  const RunReport began = run("kernels", 1, 1);
+  EXPECT_TRUE(began.trials_left > 0);
+  EXPECT_NE(began.digests.back().stage, "trials");  // Some are missing.
+  core::set_environment(core::KernelChoice::kReproducible);
+  try {
+    run("kernels", 1);
+    ADD_FAILURE() << "continued with other kernels";
+  } catch (const core::InputError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("fast kernels, with which it began"));
+    EXPECT_THAT(error.what(), HasSubstr("found reproducible"));
+  }
+  core::set_environment(core::KernelChoice::kFast);
+  const RunReport ended = run("kernels", 2);
+  EXPECT_EQ(ended.trials_left, 0);
+  const DigestRecord record = read_digests(ended.results / "digests.json");
+  ASSERT_EQ(record.stages.back().stage, "trials");
+  EXPECT_EQ(record.stages.back().sha256, ended.results_sha256);
+  EXPECT_EQ(record.machine.kernels, core::KernelChoice::kFast);
 }
 
 TEST_F(RunTest, AChangedEpisodeFileIsRefused) {
