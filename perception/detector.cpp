@@ -35,6 +35,18 @@ void apply_to_opencv() {
   applied = wanted;
 }
 
+/// OpenBLAS has one count for the process, too: a thread with another one changes it at its
+/// next large product, and frees buffers, which no two threads may do at once. So every thread
+/// takes its count there before it does anything else.
+void apply_to_blas() {
+  constexpr std::int64_t kLarge = 128;  // Smaller products never ask for the count.
+  static std::mutex mutex;
+  const std::lock_guard<std::mutex> lock(mutex);
+  const torch::NoGradGuard no_grad;
+  const torch::Tensor ones = torch::ones({kLarge, kLarge});
+  (void)torch::mm(ones, ones);
+}
+
 class LearnedDetector final : public BatchDetector {
  public:
   LearnedDetector(const DetectorWeights& weights, const std::string& place,
@@ -129,6 +141,7 @@ void apply_thread_count() {
   (void)at::get_num_threads();
   at::set_num_threads(wanted);
   apply_to_opencv();
+  apply_to_blas();
   applied = wanted;
 }
 

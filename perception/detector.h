@@ -65,7 +65,9 @@ void set_threads(int count);
 [[nodiscard]] int threads();
 
 /// A count of the calling thread's own while it lives, so that several threads of a process
-/// can train or detect side by side, each with so many threads of OpenMP below it.
+/// can train or detect side by side, each with so many threads of OpenMP below it. Those at
+/// work at the same time shall have equal counts: OpenBLAS keeps one for the process, and
+/// whichever thread sums by another count than its own gets other last digits.
 class ThreadCountScope {
  public:
   explicit ThreadCountScope(int count);

@@ -113,8 +113,8 @@ struct TrainOptions {
   int patience = 0;  ///< Evaluations without a better one after which it stops; 0: never.
 
   std::uint64_t seed = 1;
-  /// CPU threads below the calling one. Several threads of a process may train at once, each
-  /// with a count of its own; the result is that of one after another.
+  /// CPU threads below the calling one. Several threads of a process may train at once, with
+  /// equal counts; the result is that of one after another.
   int threads = 1;
   TrainDevice device = TrainDevice::kCpu;
   bool mixed_precision = false;  ///< float16 where it is safe; CUDA only.

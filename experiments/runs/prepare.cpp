@@ -358,7 +358,7 @@ void fine_tune(const ExperimentSpec& spec, const std::vector<FineTuning>& steps,
   }
   const int at_once =
       std::clamp(workers / finetune.threads, 1, static_cast<int>(missing.size()));
-  std::printf("fine-tuning the detector: %zu of %d steps, %d side by side\n", missing.size(),
+  std::printf("fine-tuning the detector: %zu x %d steps, %d side by side\n", missing.size(),
               finetune.steps, at_once);
   core::Progress progress("fine-tuning",
                           static_cast<std::int64_t>(missing.size()) * finetune.steps);
@@ -376,12 +376,12 @@ void fine_tune(const ExperimentSpec& spec, const std::vector<FineTuning>& steps,
 
 void print_precision(const std::string& name, const HeldOutPrecision& p) {
   std::printf(
-      "%-8s AP50 %5.1f  AP %5.1f  on %d held-out views; at score >= %.3f: precision %.2f, "
+      "%-9s AP50 %5.1f  AP %5.1f  on %d held-out views; at score >= %.3f: precision %.2f, "
       "recall %.2f\n",
       name.c_str(), 100.0 * p.ap50, 100.0 * p.ap, p.views, p.score_threshold, p.precision,
       p.recall);
   if (p.source_ap50 && p.unseen_ap50) {
-    std::printf("%-8s AP50 %5.1f  in rooms of the source domain, %.1f in homes never seen\n",
+    std::printf("%-9s AP50 %5.1f  in rooms of the source domain, %.1f in homes never seen\n",
                 "", 100.0 * *p.source_ap50, 100.0 * *p.unseen_ap50);
   }
 }

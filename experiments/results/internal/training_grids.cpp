@@ -74,8 +74,8 @@ std::string spread_line(const ResultTable& table) {
                      print("%.1f points", 100.0 * training_rate_sd(table.trainings));
   const GroupSummary& group = headline_group(table);
   if (!group.training) return line + ".";
-  return line + print(" (%.1f of the differences, without the chance of the episodes).",
-                      100.0 * group.training->training_sd);
+  return line + " (" + print("%.1f", 100.0 * group.training->training_sd) +
+         " of the differences, without the chance of single trials).";
 }
 
 }  // namespace
