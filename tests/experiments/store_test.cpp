@@ -214,7 +214,7 @@ TEST_F(StoreTest, ProvenanceIsKeptByRunAndReplaced) {
       store.runs()[0].provenance,
       (Provenance{{"clock", "virtual time"}, {"library/libtorch", "1.13"}, {"shard", "0/2"}}));
   EXPECT_EQ(store.runs()[1].run_id, second);
-  EXPECT_TRUE(store.runs()[1].provenance.empty());
+  EXPECT_EQ(store.runs()[1].provenance.count("clock"), 0U);
 }
 
 TEST_F(StoreTest, AllTrialsOfACallAreAddedOrNone) {
