@@ -3,11 +3,11 @@
 #
 #   tools/record_quickstart.sh [SEEDS, default 10] [--work DIR, default out/flat-SEEDS]
 #
-# Writes results/quickstart.json (what ran where, and what came out), puts its table into README.md, and adds this
-# machine's processor to experiments/specs/digests/, or says at which stage it departs. What is there is not run again.
+# Writes results/quickstart.json (what ran where, and what came out) and puts its table into README.md. What is there is
+# not run again.
 set -euo pipefail
 if [[ ${1:-} == --help || ${1:-} == -h ]]; then
-  sed -n '2,7s/^# \{0,1\}//p' "$0"
+  sed -n '2,6s/^# \{0,1\}//p' "$0"
   exit 0
 fi
 source "$(dirname "${BASH_SOURCE[0]}")/setup.sh"

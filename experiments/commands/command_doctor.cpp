@@ -81,7 +81,7 @@ void add_doctor_command(CLI::App& app) {
       "--digests", flags->digests, "Work folder of `segsim run`, or its digests.json");
   command
       ->add_option("--against", flags->against,
-                   "Another run's, or a recorded file as experiments/specs/digests/flat.json; "
+                   "Another run's, or a record as tests/system/digests/small.json; "
                    "exit code 1 if a stage differs")
       ->needs(digests);
   command
