@@ -27,12 +27,10 @@ bool matches(const std::string& name, const std::string& entry) {
 }
 
 template <class Network>
-TrainableNetwork wrap(Network network, std::uint64_t seed, const AssignerRule& rule,
-                      bool has_dropout) {
+TrainableNetwork wrap(Network network, std::uint64_t seed, const AssignerRule& rule) {
   network->initialize(seed);
   return {network.ptr(),
-          [network](const torch::Tensor& x) mutable { return network->forward(x); }, rule,
-          has_dropout};
+          [network](const torch::Tensor& x) mutable { return network->forward(x); }, rule, {}};
 }
 
 template <class Action>
@@ -47,10 +45,13 @@ void for_each_norm(torch::nn::Module& module, const Action& action) {
 TrainableNetwork make_trainable_network(const std::string& architecture, double width,
                                         int class_count, int input_px, std::uint64_t seed) {
   if (!yolov13::is_architecture(architecture)) {
-    return wrap(TinyDetector(width, class_count, input_px), seed, {}, false);
+    return wrap(TinyDetector(width, class_count, input_px), seed, {});
   }
   const auto scale = yolov13::scale_of_architecture(architecture, "training: model");
-  return wrap(yolov13::Network(scale, class_count), seed, kYoloRule, true);
+  yolov13::Network network(scale, class_count);
+  TrainableNetwork wrapped = wrap(network, seed, kYoloRule);
+  wrapped.seed_dropout = [network](std::uint64_t s) mutable { network->seed_dropout(s); };
+  return wrapped;
 }
 
 bool is_frozen(const std::string& name, const std::vector<std::string>& frozen) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>
@@ -16,7 +17,7 @@ struct TrainableNetwork {
   std::shared_ptr<torch::nn::Module> module;
   std::function<RawOutput(const torch::Tensor&)> forward;
   AssignerRule rule;
-  bool has_dropout = false;  ///< forward() draws from the process's one generator.
+  std::function<void(std::uint64_t)> seed_dropout;  ///< Before forward(); empty without any.
 };
 
 /// At the start of training. @param architecture  As in a weights file; one that exists.

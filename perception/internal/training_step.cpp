@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <mutex>
 #include <string>
 #include <utility>
 
@@ -95,14 +94,10 @@ torch::Tensor TrainingStep::batch_on_device() {
   return staging_.to(device_, /*non_blocking=*/true);
 }
 
-/// Dropout is keyed by seed and step, so that a resumed run draws the same. It draws from the
-/// process's one generator, which another training in it must not seed meanwhile.
+/// Dropout is keyed by seed and step, so that a resumed run draws the same.
 RawOutput TrainingStep::forward(std::int64_t number, const torch::Tensor& input) {
-  static std::mutex generator;
-  std::unique_lock<std::mutex> drawing(generator, std::defer_lock);
-  if (network.has_dropout) {
-    drawing.lock();
-    torch::manual_seed(core::hash64("dropout/" + std::to_string(number), options_.seed));
+  if (network.seed_dropout) {
+    network.seed_dropout(core::hash64("dropout/" + std::to_string(number), options_.seed));
   }
   const AutocastScope autocast(options_.mixed_precision);
   return network.forward(input);

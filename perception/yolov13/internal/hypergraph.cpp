@@ -1,5 +1,7 @@
 #include "perception/yolov13/internal/hypergraph.h"
 
+#include <ATen/CPUGeneratorImpl.h>
+
 #include <cmath>
 
 #include "core/check.h"
@@ -49,7 +51,9 @@ std::shared_ptr<torch::nn::Module> named(const std::string& name, Child child) {
 }  // namespace
 
 HyperedgeGenerator::HyperedgeGenerator(int channels, int hyperedges)
-    : channels_(channels), hyperedges_(hyperedges) {
+    : channels_(channels),
+      hyperedges_(hyperedges),
+      dropout_(at::detail::createCPUGenerator()) {
   prototypes_ = register_parameter("prototype_base", torch::zeros({hyperedges, channels}));
   context_ =
       register_module("context_net", torch::nn::Linear(2 * channels, hyperedges * channels));
@@ -66,7 +70,18 @@ torch::Tensor HyperedgeGenerator::forward(const torch::Tensor& tokens) {
   const auto logits = torch::bmm(run_linear(projection_, folded_projection_, tokens),
                                  prototypes.transpose(1, 2)) /
                       (heads * std::sqrt(double{kHyperHeadChannels}));
-  return torch::dropout(logits, kDropout, is_training()).softmax(1);
+  return (is_training() ? drop_out(logits) : logits).softmax(1);
+}
+
+/// torch::dropout draws from the process's one generator, which whatever else is built or
+/// trained in the process moves meanwhile.
+torch::Tensor HyperedgeGenerator::drop_out(const torch::Tensor& logits) {
+  const auto kept = torch::empty(logits.sizes()).bernoulli_(1.0 - kDropout, dropout_);
+  return logits * (kept / (1.0 - kDropout)).to(logits.options());
+}
+
+void HyperedgeGenerator::seed_dropout(std::uint64_t seed) {
+  dropout_.set_current_seed(seed);
 }
 
 void HyperedgeGenerator::fold() { folded_projection_ = fold_linear(projection_); }

@@ -26,11 +26,16 @@ class HyperedgeGenerator final : public torch::nn::Module {
   /// @param tokens  [batch, tokens, channels]. @returns [batch, tokens, hyperedges], sums to 1
   /// over the tokens.
   torch::Tensor forward(const torch::Tensor& tokens);
+  /// What the dropout of the next forward passes in training mode draws from.
+  void seed_dropout(std::uint64_t seed);
   /// Prepares for inference; cannot be undone.
   void fold();
 
  private:
+  torch::Tensor drop_out(const torch::Tensor& logits);
+
   int channels_, hyperedges_;
+  at::Generator dropout_;
   torch::Tensor prototypes_;  ///< [hyperedges, channels]
   torch::nn::Linear context_{nullptr}, projection_{nullptr};
   FoldedConvolution folded_projection_;

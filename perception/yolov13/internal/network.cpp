@@ -179,4 +179,12 @@ void NetworkImpl::initialize(std::uint64_t seed) {
   head_->initialize_biases();
 }
 
+void NetworkImpl::seed_dropout(std::uint64_t seed) {
+  for (const auto& item : named_modules()) {
+    if (auto* generator = item.value()->as<HyperedgeGenerator>()) {
+      generator->seed_dropout(core::hash64(item.key(), seed));
+    }
+  }
+}
+
 }  // namespace segsim::perception::yolov13

@@ -51,6 +51,8 @@ class NetworkImpl final : public torch::nn::Module {
   /// The start of training, keyed by seed and parameter name: uniform of variance 1 / (3
   /// fan-in), Xavier for the hyperedge prototypes, gates 0, gammas 0.01.
   void initialize(std::uint64_t seed);
+  /// What the dropout of the next forward passes in training mode draws from.
+  void seed_dropout(std::uint64_t seed);
   /// The maps of layers 0 ... 31 of the last forward pass, undefined where a layer keeps none;
   /// only if asked for before it.
   void keep_maps(bool keep) { keep_maps_ = keep; }
