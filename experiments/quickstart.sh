@@ -30,6 +30,10 @@ say "Writing the report"
 build/release/experiments/segsim report "$work" \
   || fail "segsim report ended with code $?; the results themselves are in $work"
 
+say "Are these the numbers of other machines?"
+build/release/experiments/segsim doctor --digests "$work" --against experiments/specs/digests/flat.json \
+  || (($? == 1)) || fail "the digests could not be compared"
+
 say "Done: build $(took $((built - installed))), run $(took $((ran - built))), report $(took $((SECONDS - ran))). Where to look:"
 cat <<TEXT
   table      $work/table.md            success rate before and after, with intervals
