@@ -25,6 +25,13 @@ std::vector<float> flat(const std::vector<std::array<float, kSize>>& rows) {
   return values;
 }
 
+std::vector<float> flat(const std::vector<glm::vec3>& vectors) {
+  std::vector<float> values;
+  values.reserve(vectors.size() * 3);
+  for (const glm::vec3& v : vectors) values.insert(values.end(), {v.x, v.y, v.z});
+  return values;
+}
+
 /// Score of entry `i` of a row; 0 if there is none.
 float score_at(std::span<const SparseScores::Entry> row, std::size_t i) {
   return i < row.size() ? row[i].excess : 0.0F;
@@ -49,7 +56,7 @@ DeviceScene::DeviceScene(const SurfelCloud& cloud, const PanopticField* field) {
     view_.green = keep(component(packed.colour, 1));
     view_.blue = keep(component(packed.colour, 2));
   } else {
-    upload_sh(cloud, packed.surfel);
+    view_.sh = keep(flat(packed.sh));
   }
   std::vector<float> clusters;
   for (const internal::Cluster& c : packed.clusters) {
@@ -77,19 +84,6 @@ DeviceScene::DeviceScene(const SurfelCloud& cloud, const PanopticField* field) {
 const float* DeviceScene::keep(const std::vector<float>& values) {
   floats_.emplace_back(std::span<const float>(values));
   return floats_.back().data();
-}
-
-void DeviceScene::upload_sh(const SurfelCloud& cloud,
-                            const std::vector<std::uint32_t>& surfel) {
-  const std::size_t n = cloud.sh_count();
-  std::vector<float> sh(surfel.size() * n * 3, 0.0F);
-  for (std::size_t m = 0; m < cloud.size(); ++m) {
-    for (std::size_t k = 0; k < n; ++k) {
-      const glm::vec3& c = cloud.sh[surfel[m] * n + k];
-      for (int axis = 0; axis < 3; ++axis) sh[(m * n + k) * 3 + axis] = c[axis];
-    }
-  }
-  view_.sh = keep(sh);
 }
 
 void DeviceScene::upload_features(const SurfelCloud& cloud) {

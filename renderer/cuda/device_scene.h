@@ -29,7 +29,6 @@ class DeviceScene {
   void upload_field(const PanopticField& field);
   PanopticRows upload_rows(const SparseScores& scores);
   void upload_features(const SurfelCloud& cloud);
-  void upload_sh(const SurfelCloud& cloud, const std::vector<std::uint32_t>& surfel);
   const float* keep(const std::vector<float>& values);
 
   std::vector<DeviceArray<float>> floats_;

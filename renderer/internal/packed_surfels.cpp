@@ -87,6 +87,8 @@ PackedSurfels::PackedSurfels(const SurfelCloud& cloud)
   k2.assign(padded, -1.0F);
   normal.resize(padded);
   colour.resize(cloud.sh_degree == 0 ? padded : 0);
+  const std::size_t coefficients = cloud.sh_degree == 0 ? 0 : cloud.sh_count();
+  sh.assign(padded * coefficients, glm::vec3(0.0F));
   label.assign(padded, 0);
   surfel.resize(padded, 0);
   for (std::size_t i = 0; i < n; ++i) {
@@ -102,6 +104,8 @@ PackedSurfels::PackedSurfels(const SurfelCloud& cloud)
     k2[i] = extent_squared(cloud.opacity[s]);
     normal[i] = glm::normalize(R[2]);
     if (!colour.empty()) colour[i] = glm::max(0.5F + kShC0 * cloud.sh[s], glm::vec3(0.0F));
+    std::copy_n(cloud.sh.data() + s * coefficients, coefficients,
+                sh.data() + i * coefficients);
     if (cloud.has_labels()) {
       label[i] = cloud.semantic_id[s] | static_cast<std::uint32_t>(cloud.instance_id[s])
                                             << 16U;

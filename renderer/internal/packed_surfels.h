@@ -31,6 +31,7 @@ struct PackedSurfels {
   std::vector<float> log2_opacity, k2;
   std::vector<glm::vec3> normal;      ///< Unit.
   std::vector<glm::vec3> colour;      ///< >= 0; of degree 0 scenes only.
+  std::vector<glm::vec3> sh;          ///< Of higher degrees: SurfelCloud::sh_count() each.
   std::vector<std::uint32_t> label;   ///< semantic | instance << 16
   std::vector<std::uint32_t> surfel;  ///< Index in the cloud.
   std::vector<Cluster> clusters;

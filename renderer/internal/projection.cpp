@@ -52,7 +52,7 @@ glm::vec3 colour_of(const ProjectionJob& job, std::size_t i) {
   float basis[16];
   sh_basis(job.cloud.sh_degree, Vec3<float>{direction.x, direction.y, direction.z}, basis);
   const std::size_t n = job.cloud.sh_count();
-  const glm::vec3* sh = job.cloud.sh.data() + job.packed.surfel[i] * n;
+  const glm::vec3* sh = job.packed.sh.data() + i * n;
   glm::vec3 sum(0.5F);
   for (std::size_t k = 0; k < n; ++k) sum += basis[k] * sh[k];
   return glm::max(sum, glm::vec3(0.0F));
