@@ -4,12 +4,12 @@
 /// What version 2 added to a scene bundle (docs/bundle.md): who makes or inspects a bundle
 /// needs it, and who wants label distributions; trials do not.
 ///
-///     labels.bin   label distribution of every surfel (renderer/panoptic_field_file.h)
+///     labels.bin   label distribution of every surfel (renderer/files/panoptic_field_file.h)
 ///
 ///     cameras.txt  where the recording's cameras were (core/camera_path.h)
 ///
-/// A bundle of version 1 has none of this: it is read as one without distributions and cameras, of
-/// unknown mesh source, and not levelled.
+/// A bundle of version 1 has none of this: it is read as one without distributions and
+/// cameras, of unknown mesh source, and not levelled.
 
 #include <filesystem>
 #include <string>

@@ -2,7 +2,7 @@
 
 /// @file
 /// Rendered images where the renderer made them: in a GPU's memory. Perception reads them
-/// there (perception/device_frame_tensors.h), without a copy.
+/// there (perception/detector/device_frame_tensors.h), without a copy.
 
 #include <cstdint>
 

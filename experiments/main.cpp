@@ -10,7 +10,7 @@
 #include "core/process_memory.h"
 #include "core/version.h"
 #include "experiments/commands/commands.h"
-#include "renderer/simd_target.h"
+#include "renderer/scene/simd_target.h"
 
 namespace {
 

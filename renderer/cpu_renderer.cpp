@@ -10,16 +10,16 @@
 #include <glm/gtc/quaternion.hpp>
 
 #include "core/check.h"
-#include "renderer/depth_normal.h"
-#include "renderer/internal/compat_projection.h"
-#include "renderer/internal/compat_rules.h"
-#include "renderer/internal/label_resolve.h"
-#include "renderer/internal/packed_surfels.h"
-#include "renderer/internal/parallel.h"
-#include "renderer/internal/projection.h"
-#include "renderer/internal/projection_camera.h"
-#include "renderer/internal/tile_binning.h"
-#include "renderer/internal/tile_raster.h"
+#include "renderer/raster/compat_projection.h"
+#include "renderer/raster/compat_rules.h"
+#include "renderer/raster/label_resolve.h"
+#include "renderer/raster/projection.h"
+#include "renderer/raster/tile_binning.h"
+#include "renderer/raster/tile_raster.h"
+#include "renderer/scene/depth_normal.h"
+#include "renderer/scene/packed_surfels.h"
+#include "renderer/scene/parallel.h"
+#include "renderer/scene/projection_camera.h"
 
 namespace segsim::renderer {
 namespace {

@@ -10,10 +10,10 @@
 #include <glm/geometric.hpp>
 
 #include "core/check.h"
-#include "renderer/depth_normal.h"
-#include "renderer/internal/projection_camera.h"
 #include "renderer/internal/reference_resolve.h"
 #include "renderer/internal/reference_surfels.h"
+#include "renderer/scene/depth_normal.h"
+#include "renderer/scene/projection_camera.h"
 
 namespace segsim::renderer {
 namespace {

@@ -8,9 +8,9 @@
 #include <string>
 
 #include "core/render.h"
-#include "renderer/panoptic_field.h"
-#include "renderer/render_options.h"
-#include "renderer/surfels.h"
+#include "renderer/scene/panoptic_field.h"
+#include "renderer/scene/render_options.h"
+#include "renderer/scene/surfels.h"
 
 namespace segsim::renderer {
 

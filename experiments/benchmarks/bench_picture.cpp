@@ -7,7 +7,7 @@
 
 #include "core/check.h"
 #include "experiments/benchmarks/bench_curves.h"
-#include "experiments/internal/map_canvas.h"
+#include "experiments/drawing/map_canvas.h"
 
 namespace segsim::experiments {
 namespace {

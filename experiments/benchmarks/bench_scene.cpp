@@ -12,9 +12,9 @@
 #include "core/error.h"
 #include "core/random.h"
 #include "core/scene_bundle.h"
-#include "renderer/ply_io.h"
-#include "renderer/room_scene.h"
-#include "sim/navmesh.h"
+#include "renderer/files/ply_io.h"
+#include "renderer/scene/room_scene.h"
+#include "sim/ground/navmesh.h"
 
 namespace segsim::experiments {
 namespace {

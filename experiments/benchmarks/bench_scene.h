@@ -10,7 +10,7 @@
 
 #include "core/camera.h"
 #include "core/frames.h"
-#include "renderer/surfels.h"
+#include "renderer/scene/surfels.h"
 
 namespace segsim::experiments {
 

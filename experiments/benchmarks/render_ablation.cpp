@@ -5,8 +5,8 @@
 
 #include "core/check.h"
 #include "experiments/benchmarks/render_report.h"
-#include "experiments/internal/text_grid.h"
-#include "experiments/results/internal/grid_document.h"
+#include "experiments/support/grid_document.h"
+#include "experiments/support/text_grid.h"
 
 namespace segsim::experiments {
 namespace {

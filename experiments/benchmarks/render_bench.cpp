@@ -9,7 +9,7 @@
 
 #include "core/check.h"
 #include "core/quantile.h"
-#include "experiments/benchmarks/backend_warning.h"
+#include "experiments/reproducibility/backend_warning.h"
 
 namespace segsim::experiments {
 namespace {

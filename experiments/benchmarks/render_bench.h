@@ -12,9 +12,9 @@
 
 #include "core/render.h"
 #include "experiments/benchmarks/bench_scene.h"
-#include "experiments/benchmarks/machine_peaks.h"
-#include "renderer/render_options.h"
+#include "experiments/reproducibility/machine_peaks.h"
 #include "renderer/renderer_backend.h"
+#include "renderer/scene/render_options.h"
 
 namespace segsim::experiments {
 

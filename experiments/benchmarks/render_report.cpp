@@ -9,9 +9,9 @@
 
 #include "core/check.h"
 #include "core/version.h"
-#include "experiments/internal/text_grid.h"
-#include "experiments/store/store.h"
-#include "renderer/simd_target.h"
+#include "experiments/records/store.h"
+#include "experiments/support/text_grid.h"
+#include "renderer/scene/simd_target.h"
 
 namespace segsim::experiments {
 namespace {

@@ -17,8 +17,8 @@
 #include "experiments/benchmarks/bench_curves.h"
 #include "experiments/benchmarks/render_report.h"
 #include "experiments/commands/commands.h"
-#include "perception/image_file.h"
-#include "renderer/simd_target.h"
+#include "perception/data/image_file.h"
+#include "renderer/scene/simd_target.h"
 
 namespace segsim::experiments {
 namespace {

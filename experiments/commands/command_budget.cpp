@@ -13,13 +13,13 @@
 #include "core/file_io.h"
 #include "core/version.h"
 #include "experiments/commands/commands.h"
-#include "experiments/store/store.h"
-#include "experiments/timing/budget_file.h"
-#include "experiments/timing/budget_sweep.h"
-#include "experiments/timing/replay_log.h"
-#include "experiments/timing/timing_report.h"
-#include "perception/image_file.h"
-#include "sim/budget_play.h"
+#include "experiments/records/replay_log.h"
+#include "experiments/records/store.h"
+#include "experiments/results/timing_report.h"
+#include "experiments/runs/budget_sweep.h"
+#include "experiments/specs/budget_file.h"
+#include "perception/data/image_file.h"
+#include "sim/time/budget_play.h"
 
 namespace segsim::experiments {
 namespace {

@@ -9,11 +9,11 @@
 
 #include "core/error.h"
 #include "experiments/commands/commands.h"
-#include "experiments/internal/formatted.h"
-#include "experiments/internal/text_grid.h"
-#include "experiments/results/internal/table_grids.h"
-#include "experiments/results/internal/training_grids.h"
-#include "experiments/store/stored_run.h"
+#include "experiments/results/stored_run.h"
+#include "experiments/results/table_grids.h"
+#include "experiments/results/training_grids.h"
+#include "experiments/support/formatted.h"
+#include "experiments/support/text_grid.h"
 
 namespace segsim::experiments {
 namespace {

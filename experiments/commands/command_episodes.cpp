@@ -11,11 +11,11 @@
 #include "core/bundle_parts.h"
 #include "core/error.h"
 #include "experiments/commands/commands.h"
-#include "experiments/episodes/episode_validation.h"
 #include "experiments/episodes/episodes.h"
 #include "experiments/episodes/habitat_episodes.h"
 #include "experiments/results/statistics.h"
 #include "experiments/scenes/scene_surfels.h"
+#include "experiments/trials/episode_validation.h"
 #include "renderer/cpu_renderer.h"
 
 namespace segsim::experiments {

@@ -7,11 +7,11 @@
 #include "core/error.h"
 #include "core/scene_bundle.h"
 #include "experiments/commands/commands.h"
+#include "experiments/drawing/floor_plan.h"
 #include "experiments/results/explanation.h"
-#include "experiments/scenes/floor_plan.h"
+#include "experiments/results/stored_run.h"
 #include "experiments/scenes/scene_surfels.h"
-#include "experiments/store/stored_run.h"
-#include "perception/image_file.h"
+#include "perception/data/image_file.h"
 #include "renderer/cpu_renderer.h"
 
 namespace segsim::experiments {

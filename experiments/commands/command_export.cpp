@@ -8,7 +8,7 @@
 #include "core/error.h"
 #include "core/file_io.h"
 #include "experiments/commands/commands.h"
-#include "experiments/store/trial_export.h"
+#include "experiments/results/trial_export.h"
 
 namespace segsim::experiments {
 namespace {

@@ -12,15 +12,15 @@
 
 #include "core/error.h"
 #include "core/progress.h"
-#include "experiments/benchmarks/backend_warning.h"
 #include "experiments/commands/commands.h"
-#include "experiments/runs/stop_signal.h"
+#include "experiments/reproducibility/backend_warning.h"
 #include "experiments/scenes/scene_surfels.h"
-#include "renderer/render_options.h"
+#include "experiments/support/stop_signal.h"
 #include "renderer/renderer_backend.h"
-#include "sim/gazebo_bridge.h"
-#include "sim/gazebo_cameras.h"
-#include "sim/gazebo_world.h"
+#include "renderer/scene/render_options.h"
+#include "sim/gazebo/gazebo_bridge.h"
+#include "sim/gazebo/gazebo_cameras.h"
+#include "sim/gazebo/gazebo_world.h"
 
 namespace segsim::experiments {
 namespace {

@@ -11,7 +11,7 @@
 #include "experiments/commands/commands.h"
 #include "experiments/scenes/reconstruct.h"
 #include "experiments/scenes/scene_source.h"
-#include "renderer/training/heads/panoptic_head.h"
+#include "reconstruction/labels/panoptic_head.h"
 
 namespace segsim::experiments {
 namespace {
@@ -99,7 +99,7 @@ void reconstruct(Flags flags) {
     return;
   }
   flags.reconstruct.mesh = parse_mesh_source(flags.mesh, "--mesh");
-  sim::DepthFusionOptions& fusion = flags.reconstruct.surface.fusion;
+  worlds::DepthFusionOptions& fusion = flags.reconstruct.surface.fusion;
   fusion.truncation_m = kTruncationVoxels * fusion.voxel_m;
   flags.reconstruct.name = flags.out.filename().string();
   flags.reconstruct.source = "recording " + flags.sequence.filename().string();
@@ -115,7 +115,7 @@ void add_training_options(CLI::App& command, const std::shared_ptr<Flags>& flags
   command.add_flag("--init-only", flags->init_only, "Lift, do not train");
   command.add_option(
       "--config", flags->config,
-      "Weights and rates (YAML); all keys are in renderer/training/defaults.yaml");
+      "Weights and rates (YAML); all keys are in reconstruction/training/defaults.yaml");
   command
       .add_option("--iterations", flags->iterations,
                   "Images that shape and colour are trained on; default: the "

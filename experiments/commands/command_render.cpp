@@ -13,16 +13,16 @@
 #include "core/error.h"
 #include "core/render.h"
 #include "core/scene_bundle.h"
-#include "experiments/benchmarks/backend_warning.h"
 #include "experiments/commands/commands.h"
-#include "experiments/scenes/frame_picture.h"
+#include "experiments/drawing/frame_picture.h"
+#include "experiments/reproducibility/backend_warning.h"
 #include "experiments/scenes/scene_surfels.h"
-#include "perception/image_file.h"
-#include "renderer/exr_io.h"
-#include "renderer/ply_io.h"
+#include "perception/data/image_file.h"
+#include "renderer/files/exr_io.h"
+#include "renderer/files/ply_io.h"
 #include "renderer/reference_renderer.h"
-#include "renderer/render_options.h"
 #include "renderer/renderer_backend.h"
+#include "renderer/scene/render_options.h"
 
 namespace segsim::experiments {
 namespace {

@@ -10,8 +10,8 @@
 #include "core/error.h"
 #include "core/version.h"
 #include "experiments/commands/commands.h"
+#include "experiments/records/replay_log.h"
 #include "experiments/runs/trial_replay.h"
-#include "experiments/timing/replay_log.h"
 
 namespace segsim::experiments {
 namespace {

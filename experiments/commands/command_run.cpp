@@ -9,9 +9,9 @@
 #include "core/interrupted.h"
 #include "core/kernel_choice.h"
 #include "experiments/commands/commands.h"
+#include "experiments/results/stored_run.h"
 #include "experiments/runs/merge_runs.h"
 #include "experiments/runs/run.h"
-#include "experiments/store/stored_run.h"
 
 namespace segsim::experiments {
 namespace {

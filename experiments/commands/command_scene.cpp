@@ -15,8 +15,8 @@
 #include "experiments/commands/commands.h"
 #include "experiments/scenes/coverage.h"
 #include "experiments/scenes/scene_surfels.h"
-#include "sim/robot.h"
-#include "sim/world.h"
+#include "sim/ground/robot.h"
+#include "sim/ground/world.h"
 
 namespace segsim::experiments {
 namespace {

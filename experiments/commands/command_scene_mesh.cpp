@@ -17,14 +17,14 @@
 #include "experiments/scenes/mesh_accuracy.h"
 #include "experiments/scenes/scene_source.h"
 #include "experiments/scenes/scene_surfels.h"
-#include "renderer/lifting.h"
-#include "renderer/panoptic_field_file.h"
-#include "renderer/ply_io.h"
+#include "reconstruction/lifting/lifting.h"
+#include "renderer/files/panoptic_field_file.h"
+#include "renderer/files/ply_io.h"
 #include "renderer/renderer_backend.h"
-#include "renderer/surfel_transform.h"
-#include "sim/mesh_distance.h"
-#include "sim/mesh_import.h"
-#include "sim/procedural_flat.h"
+#include "renderer/scene/surfel_transform.h"
+#include "worlds/mesh/mesh_import.h"
+#include "worlds/procedural/procedural_flat.h"
+#include "worlds/surface/mesh_distance.h"
 
 namespace segsim::experiments {
 namespace {
@@ -137,7 +137,7 @@ void mesh_error(const ErrorFlags& flags) {
   source.type = flags.flat_given ? SourceType::kFlat : SourceType::kMesh;
   source.seed = flags.flat;
   source.world = flags.mesh;
-  sim::TriangleMesh truth = sim::plain_mesh(load_mesh_source(source));
+  sim::TriangleMesh truth = worlds::plain_mesh(load_mesh_source(source));
   for (glm::vec3& p : truth.positions_m) {
     p = glm::vec3(levelling.R_world_source * glm::dvec3(p) + levelling.p_world_source_m);
   }

@@ -8,13 +8,13 @@
 #include "core/error.h"
 #include "core/scene_bundle.h"
 #include "experiments/commands/commands.h"
-#include "experiments/runs/sensor_picture.h"
-#include "experiments/scenes/floor_plan.h"
+#include "experiments/drawing/floor_plan.h"
 #include "experiments/scenes/scene_surfels.h"
-#include "perception/image_file.h"
+#include "experiments/trials/sensor_picture.h"
+#include "perception/data/image_file.h"
 #include "renderer/cpu_renderer.h"
-#include "sim/robot.h"
-#include "sim/world.h"
+#include "sim/ground/robot.h"
+#include "sim/ground/world.h"
 
 namespace segsim::experiments {
 namespace {

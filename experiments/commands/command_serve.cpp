@@ -8,7 +8,7 @@
 
 #include "experiments/commands/commands.h"
 #include "experiments/dashboard/dashboard.h"
-#include "experiments/runs/stop_signal.h"
+#include "experiments/support/stop_signal.h"
 
 namespace segsim::experiments {
 namespace {

@@ -128,7 +128,7 @@ void add_panoptic_table(CLI::App& table) {
   command->add_flag("--resume", flags->resume,
                     "Keep what is finished in the work folder and go on");
   command->add_option("--config", flags->config,
-                      "Weights and rates (YAML), see renderer/training/defaults.yaml");
+                      "Weights and rates (YAML), see reconstruction/training/defaults.yaml");
   command->add_option("--iterations", flags->iterations, "Of shape and colour")
       ->check(CLI::Range(0, 10'000'000));
   command->add_option("--label-iterations", flags->label_iterations, "Of each head")

@@ -9,7 +9,7 @@
 #include "core/file_io.h"
 #include "experiments/commands/commands.h"
 #include "experiments/results/navigation_table.h"
-#include "experiments/store/stored_run.h"
+#include "experiments/results/stored_run.h"
 
 namespace segsim::experiments {
 namespace {

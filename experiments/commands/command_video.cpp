@@ -9,9 +9,9 @@
 
 #include "core/error.h"
 #include "experiments/commands/commands.h"
-#include "experiments/store/stored_run.h"
-#include "experiments/video/demo_video.h"
-#include "experiments/video/run_video.h"
+#include "experiments/films/demo_video.h"
+#include "experiments/films/run_video.h"
+#include "experiments/results/stored_run.h"
 
 namespace segsim::experiments {
 namespace {

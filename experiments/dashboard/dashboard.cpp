@@ -12,7 +12,7 @@
 #include "experiments/dashboard/internal/run_index.h"
 #include "experiments/dashboard/internal/run_json.h"
 #include "experiments/dashboard/internal/scene_viewer.h"
-#include "experiments/report/internal/report_assets.h"
+#include "experiments/report/report_assets.h"
 #include "experiments/results/explanation.h"
 
 namespace segsim::experiments {

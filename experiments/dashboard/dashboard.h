@@ -8,7 +8,7 @@
 /// address never becomes the name of a file. What it may serve are its own pages, two packaged
 /// libraries, and what it makes of results databases and of the bundles that their logs name.
 /// The one thing that it writes is the time stamp of live/watched beside the results, which
-/// asks running workers for pictures (experiments/runs/live_view.h).
+/// asks running workers for pictures (experiments/trials/live_view.h).
 
 #include <filesystem>
 #include <memory>

@@ -7,8 +7,8 @@
 #include <nlohmann/json.hpp>
 
 #include "core/file_io.h"
-#include "experiments/internal/text_grid.h"
-#include "perception/image_file.h"
+#include "experiments/support/text_grid.h"
+#include "perception/data/image_file.h"
 
 namespace segsim::experiments {
 namespace {

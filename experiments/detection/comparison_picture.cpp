@@ -5,10 +5,10 @@
 
 #include <opencv2/imgproc.hpp>
 
-#include "experiments/detection/box_picture.h"
 #include "experiments/detection/comparison_files.h"
-#include "experiments/internal/map_canvas.h"
-#include "perception/image_file.h"
+#include "experiments/drawing/box_picture.h"
+#include "experiments/drawing/map_canvas.h"
+#include "perception/data/image_file.h"
 
 namespace segsim::experiments {
 namespace {

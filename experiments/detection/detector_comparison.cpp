@@ -10,8 +10,8 @@
 #include "core/progress.h"
 #include "core/quantile.h"
 #include "core/random.h"
-#include "perception/evaluate.h"
-#include "perception/weights_file.h"
+#include "perception/checkpoint/weights_file.h"
+#include "perception/detector/evaluate.h"
 
 namespace segsim::experiments {
 namespace {

@@ -16,9 +16,9 @@
 #include <vector>
 
 #include "experiments/results/statistics.h"
-#include "perception/coco_evaluation.h"
-#include "perception/confusion.h"
-#include "perception/dataset.h"
+#include "perception/data/dataset.h"
+#include "perception/evaluation/coco_evaluation.h"
+#include "perception/evaluation/confusion.h"
 
 namespace segsim::experiments {
 

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "core/quantile.h"
-#include "perception/average_precision.h"
+#include "perception/evaluation/average_precision.h"
 
 namespace segsim::experiments {
 namespace {

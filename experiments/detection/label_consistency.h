@@ -22,7 +22,7 @@
 
 #include "core/render.h"
 #include "core/scene_bundle.h"
-#include "perception/labeled_box.h"
+#include "perception/data/labeled_box.h"
 
 namespace segsim::experiments {
 

@@ -7,10 +7,10 @@
 #include <ostream>
 
 #include "core/file_io.h"
-#include "experiments/detection/box_picture.h"
-#include "experiments/internal/text_grid.h"
-#include "perception/image_file.h"
-#include "perception/yolo_labels.h"
+#include "experiments/drawing/box_picture.h"
+#include "experiments/support/text_grid.h"
+#include "perception/data/image_file.h"
+#include "perception/data/yolo_labels.h"
 
 namespace segsim::experiments {
 namespace {

@@ -10,7 +10,7 @@
 
 #include "experiments/detection/label_consistency.h"
 #include "experiments/detection/view_split.h"
-#include "perception/dataset.h"
+#include "perception/data/dataset.h"
 
 namespace segsim::experiments {
 

@@ -8,7 +8,7 @@
 #include "core/error.h"
 #include "core/progress.h"
 #include "perception/models/object_detector.h"
-#include "renderer/datasets/mask_files.h"
+#include "reconstruction/datasets/mask_files.h"
 
 namespace segsim::experiments {
 namespace {

@@ -6,7 +6,7 @@
 ///     image --detector(prompt)--> boxes --segmenter--> one mask per box --compose-->
 ///     FrameMasks
 ///
-/// in the layout that reconstructions learn from (renderer/datasets/mask_files.h).
+/// in the layout that reconstructions learn from (reconstruction/datasets/mask_files.h).
 
 #include <filesystem>
 #include <optional>
@@ -16,7 +16,7 @@
 #include "core/frame_masks.h"
 #include "core/scene_bundle.h"
 #include "perception/models/prompt_segmenter.h"
-#include "renderer/datasets/rgbd_sequence.h"
+#include "reconstruction/datasets/rgbd_sequence.h"
 
 namespace segsim::experiments {
 

@@ -8,7 +8,7 @@
 
 #include "core/check.h"
 #include "core/progress.h"
-#include "perception/image_file.h"
+#include "perception/data/image_file.h"
 
 namespace segsim::experiments {
 namespace {

@@ -13,10 +13,10 @@
 #include <string>
 #include <vector>
 
-#include "perception/box_labels.h"
-#include "perception/dataset.h"
-#include "renderer/datasets/box_annotation.h"
-#include "renderer/datasets/rgbd_sequence.h"
+#include "perception/data/box_labels.h"
+#include "perception/data/dataset.h"
+#include "reconstruction/datasets/box_annotation.h"
+#include "reconstruction/datasets/rgbd_sequence.h"
 
 namespace segsim::experiments {
 

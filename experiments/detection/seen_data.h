@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "perception/lineage.h"
+#include "perception/checkpoint/lineage.h"
 
 namespace segsim::experiments {
 

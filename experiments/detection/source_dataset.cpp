@@ -7,15 +7,15 @@
 
 #include "core/file_io.h"
 #include "core/progress.h"
-#include "experiments/runs/step_record.h"
-#include "perception/box_labels.h"
-#include "perception/dataset.h"
-#include "perception/image_file.h"
-#include "sim/capture_plan.h"
-#include "sim/mesh_renderer.h"
-#include "sim/procedural_flat.h"
-#include "sim/procedural_furniture.h"
-#include "sim/source_domain.h"
+#include "experiments/support/step_record.h"
+#include "perception/data/box_labels.h"
+#include "perception/data/dataset.h"
+#include "perception/data/image_file.h"
+#include "worlds/capture/capture_plan.h"
+#include "worlds/capture/mesh_renderer.h"
+#include "worlds/procedural/procedural_flat.h"
+#include "worlds/procedural/procedural_furniture.h"
+#include "worlds/procedural/source_domain.h"
 
 namespace segsim::experiments {
 namespace {
@@ -51,12 +51,12 @@ class SceneViews {
   SceneViews(std::string title, int count, const core::CameraIntrinsics& camera,
              fs::path folder, const perception::ImagedScene& places)
       : camera_(camera), folder_(std::move(folder)), progress_(title, count) {
-    dataset_.class_names = sim::goal_class_names();
+    dataset_.class_names = worlds::goal_class_names();
     dataset_.scenes = std::vector<perception::ImagedScene>{places};
   }
 
   void add(const sim::MeshScene& scene, const std::vector<core::CameraPose>& poses) {
-    const auto renderer = sim::make_mesh_renderer(scene, {});
+    const auto renderer = worlds::make_mesh_renderer(scene, {});
     for (const core::CameraPose& pose : poses) {
       renderer->render(pose, camera_, core::Channels::kAll, frame_);
       perception::LabeledImage image;
@@ -93,11 +93,11 @@ fs::path render_source_dataset(const SourceDatasetOptions& options, const fs::pa
   if (fs::exists(json) && record.is_current()) return json;
 
   SceneViews views("source views", options.rooms * options.views_per_room, options.camera,
-                   folder, generated(kRoomGenerator, options.seed, options.rooms));
+                   folder, generated(worlds::kRoomGenerator, options.seed, options.rooms));
   for (int room = 0; room < options.rooms; ++room) {
     const std::uint64_t seed = options.seed + static_cast<std::uint64_t>(room);
-    views.add(sim::make_source_room(seed),
-              sim::source_viewpoints(seed, options.views_per_room));
+    views.add(worlds::make_source_room(seed),
+              worlds::source_viewpoints(seed, options.views_per_room));
   }
   views.write(json);
   record.mark_done();
@@ -111,17 +111,17 @@ fs::path render_unseen_homes(const UnseenHomesOptions& options, const fs::path& 
 
   SceneViews views("views of unseen homes", options.homes * options.views_per_home,
                    options.camera, folder,
-                   generated(kFlatGenerator, options.seed, options.homes));
+                   generated(worlds::kFlatGenerator, options.seed, options.homes));
   for (int home = 0; home < options.homes; ++home) {
-    sim::FlatOptions flat;
+    worlds::FlatOptions flat;
     flat.seed = options.seed + static_cast<std::uint64_t>(home);
-    const sim::MeshScene scene = sim::make_flat(flat);
-    sim::CapturePlan plan;
+    const sim::MeshScene scene = worlds::make_flat(flat);
+    worlds::CapturePlan plan;
     plan.seed = flat.seed;
     plan.max_views = options.views_per_home;
     plan.heights_m = {options.camera_height_m};
     plan.pitches_down_rad = {options.camera_pitch_down_rad};
-    views.add(scene, sim::plan_capture_trajectory(scene, plan));
+    views.add(scene, worlds::plan_capture_trajectory(scene, plan));
   }
   views.write(json);
   record.mark_done();

@@ -11,11 +11,6 @@
 
 namespace segsim::experiments {
 
-/// What made the places of these data sets, in the data sets' own record of their places. The
-/// version is raised when a seed no longer makes the same place.
-inline constexpr const char* kRoomGenerator = "source_rooms/1";
-inline constexpr const char* kFlatGenerator = "procedural_flats/1";
-
 struct SourceDatasetOptions {
   std::uint64_t seed = 1;
   int rooms = 250;
@@ -23,9 +18,9 @@ struct SourceDatasetOptions {
   core::CameraIntrinsics camera = core::CameraIntrinsics::from_fov(256, 256, 1.2);
 };
 
-/// Renders views of rooms seed, seed + 1, ... (sim/source_domain.h) into `folder`/images and
-/// writes `folder`/labels.json. Skipped if that file exists and was made with the same
-/// options.
+/// Renders views of rooms seed, seed + 1, ... (worlds/procedural/source_domain.h) into
+/// `folder`/images and writes `folder`/labels.json. Skipped if that file exists and was made
+/// with the same options.
 /// @return  The JSON file.
 std::filesystem::path render_source_dataset(const SourceDatasetOptions& options,
                                             const std::filesystem::path& folder);
@@ -38,8 +33,8 @@ struct UnseenHomesOptions {
   double camera_height_m = 1.2, camera_pitch_down_rad = 0.0;  ///< The robot's.
 };
 
-/// The same for furnished flats seed, seed + 1, ... (sim/procedural_flat.h), from places all
-/// over their free floor.
+/// The same for furnished flats seed, seed + 1, ... (worlds/procedural/procedural_flat.h),
+/// from places all over their free floor.
 std::filesystem::path render_unseen_homes(const UnseenHomesOptions& options,
                                           const std::filesystem::path& folder);
 

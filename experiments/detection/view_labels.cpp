@@ -11,10 +11,10 @@
 #include "core/progress.h"
 #include "core/render.h"
 #include "experiments/scenes/scene_surfels.h"
-#include "perception/image_file.h"
+#include "perception/data/image_file.h"
 #include "renderer/cpu_renderer.h"
-#include "renderer/ply_io.h"
-#include "sim/world.h"
+#include "renderer/files/ply_io.h"
+#include "sim/ground/world.h"
 
 namespace segsim::experiments {
 namespace {

@@ -15,11 +15,11 @@
 #include "core/camera.h"
 #include "core/scene_bundle.h"
 #include "experiments/detection/label_consistency.h"
-#include "experiments/detection/view_sampler.h"
-#include "perception/box_labels.h"
-#include "perception/class_map.h"
-#include "perception/dataset.h"
-#include "sim/robot.h"
+#include "experiments/scenes/view_sampler.h"
+#include "perception/data/box_labels.h"
+#include "perception/data/class_map.h"
+#include "perception/data/dataset.h"
+#include "sim/ground/robot.h"
 
 namespace segsim::experiments {
 

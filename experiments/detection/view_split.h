@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "experiments/detection/view_sampler.h"
-#include "perception/dataset.h"
+#include "experiments/scenes/view_sampler.h"
+#include "perception/data/dataset.h"
 
 namespace segsim::experiments {
 

@@ -9,7 +9,7 @@
 
 #include "core/scene_bundle.h"
 #include "experiments/episodes/episodes.h"
-#include "sim/world.h"
+#include "sim/ground/world.h"
 
 namespace segsim::experiments {
 

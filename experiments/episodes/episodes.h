@@ -13,9 +13,9 @@
 #include "core/camera.h"
 #include "core/render.h"
 #include "core/scene_bundle.h"
-#include "sim/episode_sampling.h"
-#include "sim/trial.h"
-#include "sim/world.h"
+#include "sim/ground/world.h"
+#include "sim/trial/episode_sampling.h"
+#include "sim/trial/trial.h"
 
 namespace segsim::experiments {
 

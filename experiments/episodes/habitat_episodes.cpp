@@ -16,8 +16,8 @@
 #include "core/error.h"
 #include "core/random.h"
 #include "core/version.h"
-#include "experiments/episodes/gzip_file.h"
-#include "perception/class_map.h"
+#include "experiments/support/gzip_file.h"
+#include "perception/data/class_map.h"
 
 namespace segsim::experiments {
 namespace {

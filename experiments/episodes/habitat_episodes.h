@@ -12,8 +12,8 @@
 ///
 ///     (x, y, z)_source = (x, -z, y)_habitat,    yaw_source = angle about +y + 90 degrees
 ///
-/// which is how sim/mesh_import.h turns a mesh with y up. A bundle that was levelled moved its
-/// source; its transform is applied as well.
+/// which is how worlds/mesh/mesh_import.h turns a mesh with y up. A bundle that was levelled
+/// moved its source; its transform is applied as well.
 
 #include <filesystem>
 #include <map>

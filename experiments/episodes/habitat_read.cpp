@@ -6,8 +6,8 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
-#include "experiments/episodes/gzip_file.h"
 #include "experiments/episodes/habitat_episodes.h"
+#include "experiments/support/gzip_file.h"
 
 namespace segsim::experiments {
 namespace {

@@ -13,13 +13,13 @@
 #include "core/version.h"
 #include "experiments/scenes/reconstruct.h"
 #include "experiments/scenes/scene_source.h"
+#include "experiments/support/step_record.h"
 #include "experiments/training/mask_quality.h"
-#include "experiments/runs/step_record.h"
 #include "experiments/training/training_run.h"
+#include "reconstruction/datasets/label_map.h"
+#include "reconstruction/datasets/mask_files.h"
 #include "renderer/cpu_renderer.h"
-#include "renderer/datasets/label_map.h"
-#include "renderer/datasets/mask_files.h"
-#include "renderer/ply_io.h"
+#include "renderer/files/ply_io.h"
 
 namespace segsim::experiments {
 namespace {

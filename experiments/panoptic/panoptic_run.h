@@ -19,8 +19,8 @@
 
 #include "experiments/panoptic/panoptic_scenes.h"
 #include "experiments/panoptic/scene_figures.h"
-#include "renderer/training/geometry_training.h"
-#include "renderer/training/training_config.h"
+#include "reconstruction/training/geometry_training.h"
+#include "reconstruction/training/training_config.h"
 
 namespace segsim::experiments {
 

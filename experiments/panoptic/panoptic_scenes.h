@@ -18,7 +18,7 @@
 #include <string>
 #include <vector>
 
-#include "experiments/runs/spec.h"
+#include "experiments/specs/spec.h"
 
 namespace segsim::experiments {
 

@@ -9,9 +9,9 @@
 
 #include "core/config.h"
 #include "core/error.h"
-#include "experiments/internal/text_grid.h"
-#include "experiments/results/internal/grid_document.h"
-#include "renderer/training/heads/panoptic_head.h"
+#include "experiments/support/grid_document.h"
+#include "experiments/support/text_grid.h"
+#include "reconstruction/labels/panoptic_head.h"
 
 namespace segsim::experiments {
 namespace {

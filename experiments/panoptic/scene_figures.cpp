@@ -8,7 +8,7 @@
 #include "core/check.h"
 #include "core/error.h"
 #include "core/file_io.h"
-#include "renderer/evaluation/panoptic_report.h"
+#include "reconstruction/evaluation/panoptic_report.h"
 
 namespace segsim::experiments {
 namespace {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "core/scene_bundle.h"
-#include "renderer/evaluation/contingency.h"
+#include "reconstruction/evaluation/contingency.h"
 
 namespace segsim::experiments {
 

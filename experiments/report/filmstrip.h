@@ -7,9 +7,9 @@
 #include "core/image.h"
 #include "core/render.h"
 #include "core/scene_bundle.h"
-#include "experiments/runs/trial_log.h"
-#include "experiments/scenes/floor_plan.h"
-#include "experiments/store/store.h"
+#include "experiments/drawing/floor_plan.h"
+#include "experiments/records/store.h"
+#include "experiments/records/trial_log.h"
 
 namespace segsim::experiments {
 

@@ -7,11 +7,11 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
+#include "experiments/records/failure_cause.h"
 #include "experiments/report/internal/html.h"
-#include "experiments/report/internal/report_assets.h"
 #include "experiments/report/internal/report_model.h"
-#include "experiments/results/failure_cause.h"
-#include "experiments/results/internal/table_grids.h"
+#include "experiments/report/report_assets.h"
+#include "experiments/results/table_grids.h"
 
 namespace segsim::experiments {
 namespace {

@@ -20,7 +20,7 @@
 #include <string>
 #include <vector>
 
-#include "experiments/store/stored_run.h"
+#include "experiments/results/stored_run.h"
 
 namespace segsim::experiments {
 

@@ -9,15 +9,15 @@
 
 #include "core/file_io.h"
 #include "core/random.h"
-#include "experiments/benchmarks/machine_peaks.h"
-#include "perception/library_versions.h"
-#include "perception/numeric_fingerprints.h"
+#include "experiments/reproducibility/machine_peaks.h"
+#include "perception/detector/library_versions.h"
+#include "perception/detector/numeric_fingerprints.h"
 #include "renderer/cpu_renderer.h"
-#include "renderer/room_scene.h"
-#include "renderer/simd_target.h"
-#include "sim/library_versions.h"
-#include "sim/procedural_flat.h"
-#include "sim/ray_scene.h"
+#include "renderer/scene/room_scene.h"
+#include "renderer/scene/simd_target.h"
+#include "sim/ground/ray_scene.h"
+#include "worlds/mesh/library_versions.h"
+#include "worlds/procedural/procedural_flat.h"
 
 namespace segsim::experiments {
 namespace {
@@ -60,9 +60,9 @@ std::string surfel_renderer_fingerprint() {
 }
 
 std::string ray_fingerprint() {
-  sim::FlatOptions options;
+  worlds::FlatOptions options;
   options.seed = 1;
-  const sim::MeshScene flat = sim::make_flat(options);
+  const sim::MeshScene flat = worlds::make_flat(options);
   const sim::RayScene rays(flat);
   core::RandomStream random(1, "fingerprint of the rays");
   std::vector<float> values;
@@ -99,7 +99,7 @@ MachineRecord describe_machine() {
   record.processor = cpu_model();
   record.features = processor_features();
   record.libraries = perception::library_versions();
-  record.libraries.merge(sim::library_versions());
+  record.libraries.merge(worlds::library_versions());
   record.libraries["C library"] = std::string("glibc ") + gnu_get_libc_version();
   record.libraries["compiler"] = __VERSION__;
   record.libraries["SIMD"] = renderer::simd_target();

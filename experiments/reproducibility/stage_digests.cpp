@@ -11,8 +11,8 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
-#include "perception/dataset.h"
-#include "perception/weights_file.h"
+#include "perception/checkpoint/weights_file.h"
+#include "perception/data/dataset.h"
 
 namespace segsim::experiments {
 namespace {

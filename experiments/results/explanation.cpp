@@ -7,7 +7,7 @@
 #include <numbers>
 
 #include "core/frames.h"
-#include "experiments/results/failure_cause.h"
+#include "experiments/records/failure_cause.h"
 
 namespace segsim::experiments {
 namespace {

@@ -4,10 +4,10 @@
 #include <limits>
 #include <map>
 
-#include "experiments/detection/box_picture.h"
-#include "experiments/report/internal/goal_boxes.h"
+#include "experiments/drawing/box_picture.h"
+#include "experiments/drawing/goal_boxes.h"
+#include "experiments/drawing/trial_picture.h"
 #include "experiments/results/explanation.h"
-#include "experiments/runs/trial_picture.h"
 
 namespace segsim::experiments {
 namespace {

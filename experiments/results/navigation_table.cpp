@@ -6,9 +6,9 @@
 #include <nlohmann/json.hpp>
 
 #include "core/check.h"
-#include "experiments/internal/text_grid.h"
-#include "experiments/results/internal/leakage.h"
-#include "experiments/results/internal/table_grids.h"
+#include "experiments/results/leakage.h"
+#include "experiments/results/table_grids.h"
+#include "experiments/support/text_grid.h"
 
 namespace segsim::experiments {
 namespace {

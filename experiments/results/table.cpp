@@ -11,8 +11,8 @@
 
 #include "core/config.h"
 #include "core/error.h"
-#include "experiments/results/internal/leakage.h"
-#include "experiments/results/internal/table_notes.h"
+#include "experiments/results/leakage.h"
+#include "experiments/results/table_notes.h"
 
 namespace segsim::experiments {
 namespace {

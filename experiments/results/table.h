@@ -8,10 +8,11 @@
 #include <string>
 #include <vector>
 
+#include "experiments/records/store.h"
 #include "experiments/results/statistics.h"
 #include "experiments/results/training_statistics.h"
 #include "experiments/results/trial_insights.h"
-#include "experiments/store/store.h"
+#include "experiments/support/grid_document.h"
 
 namespace segsim::experiments {
 
@@ -106,7 +107,6 @@ struct ResultTable {
                                     const std::string& after = {});
 
 /// LaTeX: a tabular of the package booktabs for each part.
-enum class TableFormat : std::uint8_t { kText, kMarkdown, kCsv, kJson, kLatex };
 /// @throws core::InputError for another word than text, md, csv, json, tex.
 [[nodiscard]] TableFormat table_format_from(const std::string& word);
 /// Every form, with the ending of its file: ".txt", ".md", ".csv", ".json", ".tex".

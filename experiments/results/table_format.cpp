@@ -1,13 +1,13 @@
 // Text, Markdown, LaTeX, CSV and JSON forms of a ResultTable.
 #include <cstdio>
 
-#include "experiments/internal/text_grid.h"
-#include "experiments/results/internal/grid_document.h"
-#include "experiments/results/internal/insight_grids.h"
-#include "experiments/results/internal/leakage.h"
-#include "experiments/results/internal/table_grids.h"
-#include "experiments/results/internal/table_notes.h"
+#include "experiments/results/insight_grids.h"
+#include "experiments/results/leakage.h"
 #include "experiments/results/table.h"
+#include "experiments/results/table_grids.h"
+#include "experiments/results/table_notes.h"
+#include "experiments/support/grid_document.h"
+#include "experiments/support/text_grid.h"
 
 namespace segsim::experiments {
 namespace {

@@ -1,12 +1,12 @@
 // JSON form of a ResultTable.
 #include <nlohmann/json.hpp>
 
-#include "experiments/results/internal/insight_grids.h"
-#include "experiments/results/internal/leakage.h"
-#include "experiments/results/internal/table_grids.h"
-#include "experiments/results/internal/table_notes.h"
-#include "experiments/results/internal/training_grids.h"
+#include "experiments/results/insight_grids.h"
+#include "experiments/results/leakage.h"
 #include "experiments/results/table.h"
+#include "experiments/results/table_grids.h"
+#include "experiments/results/table_notes.h"
+#include "experiments/results/training_grids.h"
 
 namespace segsim::experiments::internal {
 namespace {

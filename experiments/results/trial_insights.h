@@ -10,8 +10,8 @@
 #include <utility>
 #include <vector>
 
-#include "experiments/store/store.h"
-#include "sim/success_profile.h"
+#include "experiments/records/store.h"
+#include "sim/trial/success_profile.h"
 
 namespace segsim::experiments {
 

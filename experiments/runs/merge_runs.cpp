@@ -8,11 +8,11 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
-#include "experiments/internal/formatted.h"
-#include "experiments/runs/folder_lock.h"
+#include "experiments/records/results_digest.h"
+#include "experiments/results/stored_run.h"
 #include "experiments/runs/run.h"
-#include "experiments/store/results_digest.h"
-#include "experiments/store/stored_run.h"
+#include "experiments/support/folder_lock.h"
+#include "experiments/support/formatted.h"
 
 namespace segsim::experiments {
 namespace {

@@ -14,19 +14,19 @@
 #include "core/progress.h"
 #include "core/random.h"
 #include "core/scene_bundle.h"
-#include "experiments/detection/arm_weights.h"
 #include "experiments/detection/label_report.h"
 #include "experiments/detection/source_dataset.h"
 #include "experiments/detection/view_labels.h"
-#include "experiments/internal/formatted.h"
-#include "experiments/internal/side_by_side.h"
-#include "experiments/runs/step_record.h"
-#include "perception/dataset.h"
-#include "perception/detector.h"
-#include "perception/training.h"
-#include "perception/weights_file.h"
-#include "sim/procedural_furniture.h"
-#include "sim/robot.h"
+#include "experiments/records/arm_weights.h"
+#include "experiments/support/formatted.h"
+#include "experiments/support/side_by_side.h"
+#include "experiments/support/step_record.h"
+#include "perception/checkpoint/weights_file.h"
+#include "perception/data/dataset.h"
+#include "perception/detector/detector.h"
+#include "perception/training/training.h"
+#include "sim/ground/robot.h"
+#include "worlds/procedural/procedural_furniture.h"
 
 namespace segsim::experiments {
 namespace {
@@ -201,7 +201,7 @@ StartLeak start_leak(const fs::path& train_json, const std::vector<LabelScene>& 
 
 /// Procedural rooms and homes can judge a detector that knows every class they have.
 bool shares_classes_of_procedural_homes(const std::vector<std::string>& class_names) {
-  return std::all_of(sim::goal_class_names().begin(), sim::goal_class_names().end(),
+  return std::all_of(worlds::goal_class_names().begin(), worlds::goal_class_names().end(),
                      [&](const std::string& name) {
                        return std::find(class_names.begin(), class_names.end(), name) !=
                               class_names.end();

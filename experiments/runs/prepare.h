@@ -6,17 +6,13 @@
 /// on.
 
 #include <filesystem>
-#include <map>
-#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
-#include <glm/vec2.hpp>
-
-#include "experiments/detection/arm_weights.h"
-#include "experiments/runs/spec.h"
-#include "experiments/runs/stage_times.h"
+#include "experiments/specs/spec.h"
+#include "experiments/support/stage_times.h"
+#include "experiments/trials/prepared_detectors.h"
 
 namespace segsim::experiments {
 
@@ -34,18 +30,6 @@ std::filesystem::path prepare_scene(const ExperimentSpec& spec, const SceneSpec&
 std::vector<std::filesystem::path> prepare_scenes(const ExperimentSpec& spec,
                                                   const std::filesystem::path& work,
                                                   int workers, StageTimes& times);
-
-struct PreparedWeights {
-  std::filesystem::path file;                ///< Empty if no arm needs them.
-  std::optional<HeldOutPrecision> held_out;  ///< None if nothing was fine-tuned here.
-  std::optional<StartLeak> start_leak;       ///< None if these were not fine-tuned here.
-};
-
-/// Starts of a scene's evaluation episodes [m].
-using Starts = std::vector<glm::dvec2>;
-
-/// By the name of the arm: those with detectors 'before' and 'after'.
-using PreparedDetectors = std::map<std::string, PreparedWeights>;
 
 /// Makes the weights that the arms of the spec need: pre-training, then fine-tuning on views
 /// rendered from the bundles of `spec.detectors.finetune->scenes`, once for each

@@ -7,12 +7,12 @@
 #include "core/file_io.h"
 #include "core/progress.h"
 #include "core/scene_bundle.h"
-#include "experiments/internal/side_by_side.h"
 #include "experiments/runs/prepare.h"
-#include "experiments/runs/step_record.h"
 #include "experiments/scenes/reconstruct.h"
 #include "experiments/scenes/scene_source.h"
-#include "perception/detector.h"
+#include "experiments/support/side_by_side.h"
+#include "experiments/support/step_record.h"
+#include "perception/detector/detector.h"
 
 namespace segsim::experiments {
 namespace {

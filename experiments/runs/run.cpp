@@ -16,15 +16,15 @@
 #include "core/kernel_choice.h"
 #include "core/progress.h"
 #include "core/version.h"
-#include "experiments/internal/side_by_side.h"
+#include "experiments/records/results_digest.h"
 #include "experiments/reproducibility/stage_digests.h"
-#include "experiments/runs/folder_lock.h"
 #include "experiments/runs/prepare.h"
 #include "experiments/runs/run_provenance.h"
-#include "experiments/runs/step_record.h"
-#include "experiments/runs/stop_signal.h"
-#include "experiments/runs/trial_runner.h"
-#include "experiments/store/results_digest.h"
+#include "experiments/support/folder_lock.h"
+#include "experiments/support/side_by_side.h"
+#include "experiments/support/step_record.h"
+#include "experiments/support/stop_signal.h"
+#include "experiments/trials/trial_runner.h"
 
 namespace segsim::experiments {
 namespace {

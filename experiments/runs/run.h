@@ -13,8 +13,8 @@
 #include "experiments/reproducibility/stage_digests.h"
 #include "experiments/results/table.h"
 #include "experiments/runs/shard.h"
-#include "experiments/runs/spec.h"
-#include "experiments/runs/stage_times.h"
+#include "experiments/specs/spec.h"
+#include "experiments/support/stage_times.h"
 
 namespace segsim::experiments {
 

@@ -11,11 +11,11 @@
 #include "core/error.h"
 #include "core/file_io.h"
 #include "core/kernel_choice.h"
-#include "experiments/benchmarks/machine_peaks.h"
-#include "experiments/timing/clock_spec.h"
-#include "perception/library_versions.h"
-#include "renderer/simd_target.h"
-#include "sim/library_versions.h"
+#include "experiments/reproducibility/machine_peaks.h"
+#include "experiments/specs/clock_spec.h"
+#include "perception/detector/library_versions.h"
+#include "renderer/scene/simd_target.h"
+#include "worlds/mesh/library_versions.h"
 
 namespace segsim::experiments {
 namespace {
@@ -106,7 +106,7 @@ std::map<std::string, std::string> run_provenance(const ExperimentSpec& spec,
     for (const auto& [name, version] : versions) rows["library/" + name] = version;
   };
   add_libraries(perception::library_versions());
-  add_libraries(sim::library_versions());
+  add_libraries(worlds::library_versions());
   add_libraries({{"SQLite", sqlite3_libversion()},
                  {"zlib", zlibVersion()},
                  {"compiler", __VERSION__},

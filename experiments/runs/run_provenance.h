@@ -10,11 +10,11 @@
 #include <string>
 #include <vector>
 
+#include "experiments/records/store.h"
 #include "experiments/runs/prepare.h"
 #include "experiments/runs/shard.h"
-#include "experiments/runs/spec.h"
-#include "experiments/runs/trial_runner.h"
-#include "experiments/store/store.h"
+#include "experiments/specs/spec.h"
+#include "experiments/trials/trial_runner.h"
 
 namespace segsim::experiments {
 

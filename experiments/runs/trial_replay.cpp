@@ -9,7 +9,7 @@
 
 #include "core/error.h"
 #include "experiments/runs/prepare.h"
-#include "experiments/runs/trial_runner.h"
+#include "experiments/trials/trial_runner.h"
 
 namespace segsim::experiments {
 namespace {

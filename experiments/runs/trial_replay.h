@@ -7,9 +7,9 @@
 #include <filesystem>
 #include <memory>
 
-#include "experiments/runs/spec.h"
-#include "experiments/runs/trial_viewer.h"
-#include "experiments/timing/replay_log.h"
+#include "experiments/records/replay_log.h"
+#include "experiments/specs/spec.h"
+#include "experiments/trials/trial_viewer.h"
 
 namespace segsim::experiments {
 

@@ -4,8 +4,8 @@
 
 #include "core/error.h"
 #include "core/progress.h"
-#include "sim/bundle_files.h"
-#include "sim/mesh_cleaning.h"
+#include "worlds/surface/bundle_files.h"
+#include "worlds/surface/mesh_cleaning.h"
 
 namespace segsim::experiments {
 
@@ -27,7 +27,7 @@ SceneShape fuse_rendered_depth(core::Renderer& renderer,
                             std::max(1, static_cast<int>(camera.height_px * scale + 0.5)));
   }
   SceneShape shape;
-  sim::DepthFusion fusion(options.fusion);
+  worlds::DepthFusion fusion(options.fusion);
   core::Progress progress("fuse depth", 2 * static_cast<std::int64_t>(poses.size()));
   core::Frame frame;
   std::int64_t done = 0;
@@ -35,7 +35,7 @@ SceneShape fuse_rendered_depth(core::Renderer& renderer,
   for (const bool adding : {false, true}) {
     for (const core::CameraPose& pose : poses) {
       renderer.render(pose, camera, core::Channels::kDepth | core::Channels::kNormal, frame);
-      const sim::DepthView view{camera, pose, &frame.depth_m, &frame.normal};
+      const worlds::DepthView view{camera, pose, &frame.depth_m, &frame.normal};
       adding ? fusion.add(view) : fusion.reserve(view);
       progress.update(++done);
     }
@@ -45,8 +45,8 @@ SceneShape fuse_rendered_depth(core::Renderer& renderer,
   }
   progress.finish();
   shape.surface = fusion.surface();
-  const std::size_t pieces = sim::remove_small_pieces(shape.surface, options.min_piece_m2);
-  const sim::EdgeCounts edges = sim::count_edges(shape.surface);
+  const std::size_t pieces = worlds::remove_small_pieces(shape.surface, options.min_piece_m2);
+  const worlds::EdgeCounts edges = worlds::count_edges(shape.surface);
   shape.source = "fused depth of " + std::to_string(poses.size()) + " rendered views";
   shape.statistics = {
       {"surface_voxel_m", options.fusion.voxel_m},
@@ -59,10 +59,10 @@ SceneShape fuse_rendered_depth(core::Renderer& renderer,
   return shape;
 }
 
-core::SceneLevelling level_shape(SceneShape& shape, const sim::LevellingOptions& options) {
+core::SceneLevelling level_shape(SceneShape& shape, const worlds::LevellingOptions& options) {
   const auto found = shape.points_m.empty()
-                         ? sim::find_levelling(shape.surface, options)
-                         : sim::find_levelling(shape.points_m, shape.normals, options);
+                         ? worlds::find_levelling(shape.surface, options)
+                         : worlds::find_levelling(shape.points_m, shape.normals, options);
   if (!found) return {};
   shape.statistics.emplace_back("levelled_from_height_m", found->height_m);
   shape.statistics.emplace_back("levelled_from_tilt_rad", found->tilt_rad);
@@ -88,15 +88,15 @@ void move_cameras(const core::SceneLevelling& levelling, core::CameraPath& camer
 
 void decimate_shape(SceneShape& shape, double max_error_m) {
   if (shape.surface.triangles.empty()) return;
-  shape.surface = sim::decimated(shape.surface, max_error_m);
+  shape.surface = worlds::decimated(shape.surface, max_error_m);
   shape.statistics.emplace_back("surface_triangles_decimated",
                                 static_cast<double>(shape.surface.triangles.size()));
 }
 
-sim::CollisionMeshResult write_shape(const std::filesystem::path& folder,
-                                     const SceneShape& shape, const sim::RobotModel& robot,
-                                     const sim::CollisionMeshOptions& options,
-                                     core::SceneManifest& manifest) {
+worlds::CollisionMeshResult write_shape(const std::filesystem::path& folder,
+                                        const SceneShape& shape, const sim::RobotModel& robot,
+                                        const worlds::CollisionMeshOptions& options,
+                                        core::SceneManifest& manifest) {
   manifest.statistics.insert(manifest.statistics.end(), shape.statistics.begin(),
                              shape.statistics.end());
   if (shape.surface.triangles.empty()) {
@@ -104,11 +104,11 @@ sim::CollisionMeshResult write_shape(const std::filesystem::path& folder,
       throw core::InputError::expected(manifest.name, "a surface that several views agree on",
                                        "none in " + shape.source);
     }
-    return sim::write_collision_files(folder, shape.points_m, shape.normals,
-                                      shape.camera_positions_m, robot, options, manifest);
+    return worlds::write_collision_files(folder, shape.points_m, shape.normals,
+                                         shape.camera_positions_m, robot, options, manifest);
   }
-  return sim::write_collision_files(folder, shape.surface, shape.camera_positions_m, robot,
-                                    options, manifest);
+  return worlds::write_collision_files(folder, shape.surface, shape.camera_positions_m, robot,
+                                       options, manifest);
 }
 
 }  // namespace segsim::experiments

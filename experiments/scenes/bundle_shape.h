@@ -18,11 +18,11 @@
 #include "core/frames.h"
 #include "core/render.h"
 #include "core/scene_bundle.h"
-#include "sim/collision_mesh.h"
-#include "sim/depth_fusion.h"
-#include "sim/levelling.h"
-#include "sim/robot.h"
-#include "sim/triangle_mesh.h"
+#include "sim/ground/robot.h"
+#include "sim/ground/triangle_mesh.h"
+#include "worlds/surface/collision_mesh.h"
+#include "worlds/surface/depth_fusion.h"
+#include "worlds/surface/levelling.h"
 
 namespace segsim::experiments {
 
@@ -40,7 +40,7 @@ enum class MeshSource : unsigned char {
 inline constexpr double kTruncationVoxels = 8.0 / 3.0;
 
 struct SurfaceOptions {
-  sim::DepthFusionOptions fusion;
+  worlds::DepthFusionOptions fusion;
   double min_piece_m2 = 0.1;  ///< Smaller connected pieces are floaters.
   double max_error_m = 0.01;  ///< Of decimation; 0: none.
   int max_width_px = 320;     ///< Views are rendered no wider.
@@ -63,7 +63,8 @@ struct SceneShape {
 
 /// Brings the floor of the shape to z = 0, if one is found and it is not there already.
 /// @return  What the rest of the scene must follow; the identity if nothing was moved.
-core::SceneLevelling level_shape(SceneShape& shape, const sim::LevellingOptions& options = {});
+core::SceneLevelling level_shape(SceneShape& shape,
+                                 const worlds::LevellingOptions& options = {});
 
 /// The cameras go along.
 void move_cameras(const core::SceneLevelling& levelling, core::CameraPath& cameras);
@@ -73,9 +74,9 @@ void decimate_shape(SceneShape& shape, double max_error_m);
 
 /// collision.ply and navmesh.bin, and the shape's statistics in the manifest.
 /// @throws core::InputError if there is neither surface nor point, no floor, or no room.
-sim::CollisionMeshResult write_shape(const std::filesystem::path& folder,
-                                     const SceneShape& shape, const sim::RobotModel& robot,
-                                     const sim::CollisionMeshOptions& options,
-                                     core::SceneManifest& manifest);
+worlds::CollisionMeshResult write_shape(const std::filesystem::path& folder,
+                                        const SceneShape& shape, const sim::RobotModel& robot,
+                                        const worlds::CollisionMeshOptions& options,
+                                        core::SceneManifest& manifest);
 
 }  // namespace segsim::experiments

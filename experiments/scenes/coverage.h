@@ -12,7 +12,7 @@
 
 #include "core/render.h"
 #include "core/scene_bundle.h"
-#include "sim/world.h"
+#include "sim/ground/world.h"
 
 namespace segsim::experiments {
 

@@ -7,8 +7,8 @@
 
 #include "core/config.h"
 #include "core/error.h"
-#include "experiments/detection/view_sampler.h"
-#include "renderer/datasets/labels_file.h"
+#include "experiments/scenes/view_sampler.h"
+#include "reconstruction/datasets/labels_file.h"
 
 namespace segsim::experiments {
 namespace {

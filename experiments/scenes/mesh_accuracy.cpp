@@ -5,11 +5,11 @@
 #include <vector>
 
 #include "core/error.h"
-#include "sim/ground_grid.h"
-#include "sim/mesh_cleaning.h"
-#include "sim/mesh_distance.h"
-#include "sim/navmesh.h"
-#include "sim/world.h"
+#include "sim/ground/ground_grid.h"
+#include "sim/ground/navmesh.h"
+#include "sim/ground/world.h"
+#include "worlds/surface/mesh_cleaning.h"
+#include "worlds/surface/mesh_distance.h"
 
 namespace segsim::experiments {
 namespace {
@@ -26,9 +26,9 @@ bool on_largest_island(const sim::Navmesh& navmesh, const glm::dvec2& p_m) {
 
 void measure_distance(const sim::TriangleMesh& found, const sim::TriangleMesh& truth,
                       const MeshAccuracyOptions& options, MeshAccuracy& result) {
-  const sim::MeshDistance distance(truth);
+  const worlds::MeshDistance distance(truth);
   std::vector<double> distances_m;
-  for (const glm::vec3& p : sim::sample_surface(found, options.spacing_m).points_m) {
+  for (const glm::vec3& p : worlds::sample_surface(found, options.spacing_m).points_m) {
     const auto z_m = static_cast<double>(p.z);
     if (z_m >= options.z_lo_m && z_m <= options.z_hi_m)
       distances_m.push_back(distance.to_m(p));

@@ -7,8 +7,8 @@
 #include <cstddef>
 #include <string>
 
-#include "sim/robot.h"
-#include "sim/triangle_mesh.h"
+#include "sim/ground/robot.h"
+#include "sim/ground/triangle_mesh.h"
 
 namespace segsim::experiments {
 

@@ -3,9 +3,9 @@
 /// @file
 /// The background of pictures for a world of meshes that has no surfels.
 
-#include "experiments/scenes/floor_plan.h"
-#include "sim/mesh_scene.h"
-#include "sim/world.h"
+#include "experiments/drawing/floor_plan.h"
+#include "sim/ground/mesh_scene.h"
+#include "sim/ground/world.h"
 
 namespace segsim::experiments {
 

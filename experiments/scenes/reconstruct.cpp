@@ -16,15 +16,15 @@
 #include "core/version.h"
 #include "experiments/scenes/coverage.h"
 #include "experiments/scenes/robot_pictures.h"
-#include "perception/image_file.h"
-#include "renderer/cloud_start.h"
+#include "perception/data/image_file.h"
+#include "reconstruction/lifting/cloud_start.h"
+#include "reconstruction/training/training_pack.h"
 #include "renderer/cpu_renderer.h"
-#include "renderer/panoptic_field_file.h"
-#include "renderer/ply_io.h"
+#include "renderer/files/panoptic_field_file.h"
+#include "renderer/files/ply_io.h"
 #include "renderer/renderer_backend.h"
-#include "renderer/surfel_transform.h"
-#include "renderer/training/training_pack.h"
-#include "sim/world.h"
+#include "renderer/scene/surfel_transform.h"
+#include "sim/ground/world.h"
 
 namespace segsim::experiments {
 namespace {
@@ -242,7 +242,7 @@ core::SceneBundle reconstruct_bundle(const renderer::RgbdSequence& sequence,
       parts.labels.name = renderer::kPanopticFieldFileName;
       renderer::write_panoptic_field(temporary / parts.labels.name, *scene.field);
     }
-    const sim::CollisionMeshResult collision =
+    const worlds::CollisionMeshResult collision =
         write_shape(temporary, shape, options.robot, options.collision, manifest);
     for (const std::string& warning : collision.warnings) {
       std::fprintf(stderr, "warning: %s\n", warning.c_str());

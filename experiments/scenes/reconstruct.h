@@ -11,11 +11,11 @@
 #include "core/scene_bundle.h"
 #include "experiments/scenes/bundle_shape.h"
 #include "experiments/training/training_run.h"
-#include "renderer/datasets/point_cloud_file.h"
-#include "renderer/datasets/rgbd_sequence.h"
-#include "renderer/lifting.h"
-#include "sim/collision_mesh.h"
-#include "sim/robot.h"
+#include "reconstruction/datasets/point_cloud_file.h"
+#include "reconstruction/datasets/rgbd_sequence.h"
+#include "reconstruction/lifting/lifting.h"
+#include "sim/ground/robot.h"
+#include "worlds/surface/collision_mesh.h"
 
 namespace segsim::experiments {
 
@@ -24,7 +24,8 @@ struct ReconstructOptions {
   std::string source;         ///< Where the recording comes from, in words.
   std::string source_sha256;  ///< Of the recipe that made the recording; may be empty.
   renderer::LiftOptions lift;
-  /// Surfels begin with this cloud (renderer/cloud_start.h) instead of the frames' depth.
+  /// Surfels begin with this cloud (reconstruction/lifting/cloud_start.h) instead of the
+  /// frames' depth.
   std::optional<renderer::PointCloud> start;
   /// None: lifting alone. Its `set` decides about held-out frames; `lift` follows it. Its
   /// `work` is filled in (<folder>.training) if empty.
@@ -35,7 +36,7 @@ struct ReconstructOptions {
   std::filesystem::path pictures;  ///< robot_pictures() of the result (PNG); empty: none.
   MeshSource mesh = MeshSource::kAuto;
   SurfaceOptions surface;  ///< For MeshSource::kDepth.
-  sim::CollisionMeshOptions collision;
+  worlds::CollisionMeshOptions collision;
   sim::RobotModel robot = sim::RobotModel::jackal_gentle();
   double camera_height_m = 1.2;  ///< Mast height that suits the recording.
   /// Where the world origin is put on the earth. The default is the origin that the Jackal's
@@ -59,7 +60,8 @@ core::SceneBundle reconstruct_bundle(const renderer::RgbdSequence& sequence,
                                      const std::filesystem::path& folder);
 
 /// Lifts, loads the frames as `options.training` says, and writes both to a training pack
-/// (renderer/training/training_pack.h), to be trained on another machine. Makes no bundle.
+/// (reconstruction/training/training_pack.h), to be trained on another machine. Makes no
+/// bundle.
 /// @throws core::InputError if frames have no depth or no labels.
 void export_training_pack(const renderer::RgbdSequence& sequence,
                           const ReconstructOptions& options,

@@ -12,10 +12,10 @@
 #include <glm/vec2.hpp>
 
 #include "core/random.h"
-#include "experiments/internal/map_canvas.h"
-#include "experiments/internal/text_grid.h"
+#include "experiments/drawing/frame_picture.h"
+#include "experiments/drawing/map_canvas.h"
 #include "experiments/scenes/coverage.h"
-#include "experiments/scenes/frame_picture.h"
+#include "experiments/support/text_grid.h"
 
 namespace segsim::experiments {
 namespace {

@@ -11,7 +11,7 @@
 
 #include "core/image.h"
 #include "core/render.h"
-#include "sim/world.h"
+#include "sim/ground/world.h"
 
 namespace segsim::experiments {
 

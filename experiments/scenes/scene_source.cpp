@@ -6,13 +6,13 @@
 
 #include "core/check.h"
 #include "core/progress.h"
-#include "renderer/datasets/box_annotation.h"
-#include "sim/capture.h"
-#include "sim/capture_plan.h"
-#include "sim/gazebo_import.h"
-#include "sim/mesh_import.h"
-#include "sim/mesh_renderer.h"
-#include "sim/procedural_flat.h"
+#include "reconstruction/datasets/box_annotation.h"
+#include "worlds/capture/capture.h"
+#include "worlds/capture/capture_plan.h"
+#include "worlds/capture/mesh_renderer.h"
+#include "worlds/mesh/gazebo_import.h"
+#include "worlds/mesh/mesh_import.h"
+#include "worlds/procedural/procedural_flat.h"
 
 namespace segsim::experiments {
 namespace {
@@ -21,7 +21,7 @@ namespace fs = std::filesystem;
 
 std::vector<core::CameraPose> plan_path(const sim::MeshScene& scene,
                                         const SourceSpec& source) {
-  sim::CapturePlan plan;
+  worlds::CapturePlan plan;
   plan.heights_m = {source.capture.camera_height_m, source.capture.camera_height_m - 0.4,
                     source.capture.camera_height_m + 0.2};
   // Dense places and every pitch: what no frame has seen is a hole in the reconstruction.
@@ -30,7 +30,7 @@ std::vector<core::CameraPose> plan_path(const sim::MeshScene& scene,
   plan.pitches_down_rad = {0.1, 0.45, -0.25, 0.25, 0.7, 0.0};
   plan.max_views = source.capture.frames;
   plan.seed = source.seed;
-  return sim::plan_capture_trajectory(scene, plan);
+  return worlds::plan_capture_trajectory(scene, plan);
 }
 
 }  // namespace
@@ -38,17 +38,17 @@ std::vector<core::CameraPose> plan_path(const sim::MeshScene& scene,
 sim::MeshScene load_mesh_source(const SourceSpec& source) {
   switch (source.type) {
     case SourceType::kFlat: {
-      sim::FlatOptions options;
+      worlds::FlatOptions options;
       options.seed = source.seed;
-      return sim::make_flat(options);
+      return worlds::make_flat(options);
     }
     case SourceType::kGazebo: {
-      sim::GazeboImportOptions options;
+      worlds::GazeboImportOptions options;
       options.add_ceiling = true;
-      return sim::load_gazebo_world(source.world, options);
+      return worlds::load_gazebo_world(source.world, options);
     }
     case SourceType::kMesh:
-      return sim::load_mesh_file(source.world);
+      return worlds::load_mesh_file(source.world);
     case SourceType::kRgbd:
       break;
   }
@@ -90,21 +90,21 @@ void capture_mesh_source(const SourceSpec& source, const fs::path& folder,
   std::printf("%s: %zu instances, %zu triangles, %zu warnings\n", scene.name.c_str(),
               scene.instances.size(), scene.triangle_count(), scene.warnings.size());
   const std::vector<core::CameraPose> path =
-      trajectory.empty() ? plan_path(scene, source) : sim::read_trajectory(trajectory);
-  const auto renderer = sim::make_mesh_renderer(scene, {});
+      trajectory.empty() ? plan_path(scene, source) : worlds::read_trajectory(trajectory);
+  const auto renderer = worlds::make_mesh_renderer(scene, {});
   const auto intrinsics =
       core::CameraIntrinsics::from_fov(source.capture.width_px, source.capture.height_px,
                                        source.capture.hfov_deg * std::numbers::pi / 180.0);
 
   core::Progress progress("capture", static_cast<std::int64_t>(path.size()));
-  sim::CaptureOptions options;
+  worlds::CaptureOptions options;
   options.depth_exr = depth_exr;
   options.overwrite = overwrite;
   options.source = describe_capture(source);
   if (!trajectory.empty()) options.source += ", trajectory " + trajectory.filename().string();
   options.on_frame = [&](int done, int) { progress.update(done); };
-  sim::capture_sequence(*renderer, path, intrinsics, folder, scene.classes, scene.instances,
-                        options);
+  worlds::capture_sequence(*renderer, path, intrinsics, folder, scene.classes, scene.instances,
+                           options);
 }
 
 std::unique_ptr<renderer::RgbdSequence> open_recording(

@@ -7,9 +7,9 @@
 #include <memory>
 #include <string>
 
-#include "experiments/runs/spec.h"
-#include "renderer/datasets/rgbd_sequence.h"
-#include "sim/mesh_scene.h"
+#include "experiments/specs/spec.h"
+#include "reconstruction/datasets/rgbd_sequence.h"
+#include "sim/ground/mesh_scene.h"
 
 namespace segsim::experiments {
 

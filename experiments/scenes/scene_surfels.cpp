@@ -1,8 +1,8 @@
 #include "experiments/scenes/scene_surfels.h"
 
 #include "core/bundle_parts.h"
-#include "renderer/panoptic_field_file.h"
-#include "renderer/ply_io.h"
+#include "renderer/files/panoptic_field_file.h"
+#include "renderer/files/ply_io.h"
 
 namespace segsim::experiments {
 

@@ -6,8 +6,8 @@
 #include <memory>
 
 #include "core/scene_bundle.h"
-#include "renderer/panoptic_field.h"
-#include "renderer/surfels.h"
+#include "renderer/scene/panoptic_field.h"
+#include "renderer/scene/surfels.h"
 
 namespace segsim::experiments {
 

@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <vector>
 
-#include "sim/geodesy.h"
+#include "sim/ground/geodesy.h"
 
 namespace segsim::experiments {
 

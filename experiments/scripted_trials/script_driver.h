@@ -15,9 +15,9 @@
 
 #include "core/stages.h"
 #include "experiments/scripted_trials/scripted_trial.h"
-#include "nav/baseline_policies.h"
-#include "nav/path_follower.h"
-#include "sim/robot.h"
+#include "nav/motion/path_follower.h"
+#include "nav/policies/baseline_policies.h"
+#include "sim/ground/robot.h"
 
 namespace segsim::experiments {
 

@@ -5,8 +5,8 @@
 
 #include <glm/geometric.hpp>
 
-#include "experiments/internal/formatted.h"
 #include "experiments/scripted_trials/internal/script_metrics.h"
+#include "experiments/support/formatted.h"
 
 namespace segsim::experiments {
 namespace {

@@ -5,10 +5,10 @@
 
 #include <opencv2/imgproc.hpp>
 
-#include "experiments/internal/formatted.h"
-#include "experiments/internal/map_canvas.h"
+#include "experiments/drawing/map_canvas.h"
 #include "experiments/scripted_trials/internal/script_metrics.h"
 #include "experiments/scripted_trials/scripted_run.h"
+#include "experiments/support/formatted.h"
 
 namespace segsim::experiments {
 namespace {

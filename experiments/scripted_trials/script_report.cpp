@@ -4,10 +4,10 @@
 #include <nlohmann/json.hpp>
 
 #include "core/version.h"
-#include "experiments/internal/formatted.h"
+#include "experiments/results/timing_report.h"
 #include "experiments/scripted_trials/internal/script_metrics.h"
 #include "experiments/scripted_trials/scripted_run.h"
-#include "experiments/timing/timing_report.h"
+#include "experiments/support/formatted.h"
 
 namespace segsim::experiments {
 namespace {

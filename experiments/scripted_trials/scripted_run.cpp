@@ -11,19 +11,19 @@
 #include "core/progress.h"
 #include "core/random.h"
 #include "experiments/episodes/episodes.h"
-#include "experiments/internal/formatted.h"
-#include "experiments/results/trial_witness.h"
-#include "experiments/runs/frame_recorder.h"
-#include "experiments/runs/sensor_files.h"
-#include "experiments/runs/trial_options.h"
+#include "experiments/records/trial_witness.h"
 #include "experiments/scripted_trials/internal/script_metrics.h"
+#include "experiments/support/formatted.h"
+#include "experiments/trials/frame_recorder.h"
+#include "experiments/trials/sensor_files.h"
+#include "experiments/trials/trial_options.h"
 #include "experiments/video/trial_video.h"
-#include "perception/detector.h"
-#include "perception/image_file.h"
+#include "perception/data/image_file.h"
+#include "perception/detector/detector.h"
 #include "perception/models/object_detector.h"
-#include "sim/geodesy.h"
-#include "sim/oracle_detector.h"
-#include "sim/oracle_way.h"
+#include "sim/ground/geodesy.h"
+#include "sim/trial/oracle_detector.h"
+#include "sim/trial/oracle_way.h"
 
 namespace segsim::experiments {
 namespace {
@@ -31,7 +31,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kVideoSpeed = 2.0;  // As the videos of runs.
-constexpr double kSnap_m = 0.30;  // As sim/trial.cpp: a base may stand beside the disc's room.
+constexpr double kSnap_m =
+    0.30;  // As sim/trial/trial.cpp: a base may stand beside the disc's room.
 
 sim::TrialOptions trial_options(const BoundScript& bound) {
   const ScriptedTrial& script = *bound.script;

@@ -11,11 +11,11 @@
 
 #include "core/render.h"
 #include "core/scene_bundle.h"
-#include "experiments/scenes/floor_plan.h"
+#include "experiments/drawing/floor_plan.h"
 #include "experiments/scripted_trials/script_driver.h"
 #include "experiments/scripted_trials/scripted_trial.h"
-#include "sim/trial.h"
-#include "sim/world.h"
+#include "sim/ground/world.h"
+#include "sim/trial/trial.h"
 
 namespace segsim::experiments {
 

@@ -4,16 +4,16 @@
 #include <numbers>
 
 #include "core/error.h"
-#include "experiments/benchmarks/backend_warning.h"
-#include "experiments/internal/formatted.h"
+#include "experiments/reproducibility/backend_warning.h"
 #include "experiments/scenes/mesh_floor_plan.h"
 #include "experiments/scenes/scene_source.h"
 #include "experiments/scenes/scene_surfels.h"
 #include "experiments/scripted_trials/scripted_run.h"
+#include "experiments/support/formatted.h"
 #include "renderer/renderer_backend.h"
-#include "sim/mesh_distance.h"
-#include "sim/mesh_renderer.h"
-#include "sim/oracle_way.h"
+#include "sim/trial/oracle_way.h"
+#include "worlds/capture/mesh_renderer.h"
+#include "worlds/surface/mesh_distance.h"
 
 namespace segsim::experiments {
 namespace {
@@ -59,10 +59,10 @@ BoundScript load_meshes(const ScriptedTrial& script, const sim::RobotModel& robo
   bundle.manifest.camera_height_m = kUsualCameraHeight_m;
   bundle.manifest.classes = scene.classes;
   bundle.manifest.instances = scene.instances;
-  sim::World world = sim::World::from_mesh(without_ceiling(sim::plain_mesh(scene)), robot,
+  sim::World world = sim::World::from_mesh(without_ceiling(worlds::plain_mesh(scene)), robot,
                                            script.scene.origin);
   world.set_manifest(bundle.manifest);
-  sim::MeshRenderOptions options;
+  worlds::MeshRenderOptions options;
   // Shadows that are a little softer fill the cache five times as fast.
   options.cell_m = 0.08F;
   options.bounce_samples = 49;
@@ -71,7 +71,7 @@ BoundScript load_meshes(const ScriptedTrial& script, const sim::RobotModel& robo
   return {&script,
           std::move(bundle),
           std::move(world),
-          sim::make_mesh_renderer(scene, options),
+          worlds::make_mesh_renderer(scene, options),
           std::move(plan),
           0.0,
           {},

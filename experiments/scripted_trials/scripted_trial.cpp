@@ -5,9 +5,9 @@
 #include <numbers>
 
 #include "core/file_io.h"
-#include "experiments/internal/formatted.h"
 #include "experiments/scripted_trials/internal/script_reader.h"
-#include "sim/robot.h"
+#include "experiments/support/formatted.h"
+#include "sim/ground/robot.h"
 
 namespace segsim::experiments {
 namespace {

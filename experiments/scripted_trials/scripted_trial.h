@@ -28,13 +28,13 @@
 #include <glm/vec2.hpp>
 
 #include "core/frames.h"
-#include "experiments/runs/sensor_spec.h"
-#include "experiments/runs/spec.h"
-#include "experiments/timing/clock_spec.h"
-#include "nav/policy_factory.h"
-#include "sim/geodesy.h"
-#include "sim/success_profile.h"
-#include "sim/trial.h"
+#include "experiments/specs/clock_spec.h"
+#include "experiments/specs/sensor_spec.h"
+#include "experiments/specs/spec.h"
+#include "nav/policies/policy_factory.h"
+#include "sim/ground/geodesy.h"
+#include "sim/trial/success_profile.h"
+#include "sim/trial/trial.h"
 
 namespace segsim::experiments {
 

@@ -6,8 +6,8 @@
 
 #include "core/error.h"
 #include "core/progress.h"
-#include "experiments/internal/text_grid.h"
-#include "renderer/datasets/mask_files.h"
+#include "experiments/support/text_grid.h"
+#include "reconstruction/datasets/mask_files.h"
 
 namespace segsim::experiments {
 namespace {
@@ -41,8 +41,8 @@ std::vector<TrueLabels> sample_views(const renderer::RgbdSequence& recording) {
   return views;
 }
 
-sim::MaskNoise fitted_noise(const MaskSimulation& simulation,
-                            const renderer::RgbdSequence& recording) {
+worlds::MaskNoise fitted_noise(const MaskSimulation& simulation,
+                               const renderer::RgbdSequence& recording) {
   const std::vector<TrueLabels> views = sample_views(recording);
   int round = 0;
   return fit_mask_noise(
@@ -143,18 +143,17 @@ std::string mask_quality_text(const std::string& name, const MaskQuality& qualit
          " with the ids as they are\n";
 }
 
-sim::MaskNoise fit_mask_noise(const sim::MaskNoise& noise,
-                              const std::vector<core::SceneClass>& classes, std::uint64_t seed,
-                              const std::string& scene, std::span<const TrueLabels> views,
-                              const core::CameraIntrinsics& intrinsics,
-                              const renderer::ViewQuality& target, double tolerance,
-                              const std::function<void(const renderer::ViewQuality&)>& note) {
+worlds::MaskNoise fit_mask_noise(
+    const worlds::MaskNoise& noise, const std::vector<core::SceneClass>& classes,
+    std::uint64_t seed, const std::string& scene, std::span<const TrueLabels> views,
+    const core::CameraIntrinsics& intrinsics, const renderer::ViewQuality& target,
+    double tolerance, const std::function<void(const renderer::ViewQuality&)>& note) {
   constexpr int kRounds = 12;
   double misses = 1.0, false_positives = 1.0, shapes = 1.0;
-  sim::MaskNoise fitted = noise;
+  worlds::MaskNoise fitted = noise;
   for (int round = 0; round < kRounds; ++round) {
     fitted = noise.scaled(misses, false_positives, shapes);
-    const sim::MaskSimulator simulator(classes, fitted, seed, scene);
+    const worlds::MaskSimulator simulator(classes, fitted, seed, scene);
     renderer::ContingencyTable table;
     for (const TrueLabels& truth : views) {
       const core::FrameMasks masks = simulator.simulate(truth.view(intrinsics));
@@ -189,11 +188,11 @@ MaskQuality simulate_masks(
     const std::filesystem::path& folder,
     const std::function<void(const TrueLabels&, const core::FrameMasks&)>& on_view) {
   std::filesystem::remove(folder / "masks.yaml");  // Until it is complete again.
-  const sim::MaskNoise noise =
+  const worlds::MaskNoise noise =
       (simulation.fit ? fitted_noise(simulation, recording) : simulation.noise)
           .at_level(simulation.level);
-  const sim::MaskSimulator simulator(recording.classes(), noise, simulation.seed,
-                                     recording.name());
+  const worlds::MaskSimulator simulator(recording.classes(), noise, simulation.seed,
+                                        recording.name());
   const std::size_t step = static_cast<std::size_t>(simulation.frame_step);
   const std::size_t views = (recording.frame_count() + step - 1) / step;
   renderer::ContingencyTable table;

@@ -11,10 +11,10 @@
 #include <vector>
 
 #include "core/frame_masks.h"
-#include "renderer/datasets/rgbd_sequence.h"
-#include "renderer/evaluation/panoptic_quality.h"
-#include "renderer/evaluation/view_quality.h"
-#include "sim/mask_simulator.h"
+#include "reconstruction/datasets/rgbd_sequence.h"
+#include "reconstruction/evaluation/panoptic_quality.h"
+#include "reconstruction/evaluation/view_quality.h"
+#include "worlds/masks/mask_simulator.h"
 
 namespace segsim::experiments {
 
@@ -24,7 +24,7 @@ struct TrueLabels {
   core::CameraPose T_world_camera;
   std::uint32_t frame = 0;
 
-  [[nodiscard]] sim::ExactView view(const core::CameraIntrinsics& intrinsics) const {
+  [[nodiscard]] worlds::ExactView view(const core::CameraIntrinsics& intrinsics) const {
     return {semantic, instance, T_world_camera, intrinsics, frame};
   }
 };
@@ -36,7 +36,8 @@ struct TrueLabels {
 /// Figures of a set of masks.
 struct MaskQuality {
   renderer::ViewQuality views;
-  renderer::PanopticQuality coco, strict;  ///< Of single views at IoU > 0.5; of the scene.
+  renderer::PanopticQuality coco,
+      strict;  ///< Of single views at IoU > 0.5; of the scene.
 
   /// Name and value, for masks.yaml; shares in [0, 1].
   [[nodiscard]] std::vector<std::pair<std::string, double>> listing() const;
@@ -57,15 +58,15 @@ struct MaskQuality {
 /// within `tolerance` of the target, with its balance of recall and precision; at most twelve
 /// rounds.
 /// @param note  Called after each round with what was reached.
-[[nodiscard]] sim::MaskNoise fit_mask_noise(
-    const sim::MaskNoise& noise, const std::vector<core::SceneClass>& classes,
+[[nodiscard]] worlds::MaskNoise fit_mask_noise(
+    const worlds::MaskNoise& noise, const std::vector<core::SceneClass>& classes,
     std::uint64_t seed, const std::string& scene, std::span<const TrueLabels> views,
     const core::CameraIntrinsics& intrinsics, const renderer::ViewQuality& target,
     double tolerance, const std::function<void(const renderer::ViewQuality&)>& note);
 
 /// What noisy masks are made of.
 struct MaskSimulation {
-  sim::MaskNoise noise;  ///< At level 1.
+  worlds::MaskNoise noise;  ///< At level 1.
   double level = 1.0;
   bool fit = false;  ///< First scale the noise until views give the published quality.
   std::uint64_t seed = 1;

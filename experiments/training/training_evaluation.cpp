@@ -9,9 +9,9 @@
 
 #include "core/check.h"
 #include "core/progress.h"
-#include "renderer/depth_normal.h"
-#include "renderer/evaluation/depth_repeatability.h"
-#include "renderer/evaluation/semantic_quality.h"
+#include "reconstruction/evaluation/depth_repeatability.h"
+#include "reconstruction/evaluation/semantic_quality.h"
+#include "renderer/scene/depth_normal.h"
 
 namespace segsim::experiments {
 namespace {

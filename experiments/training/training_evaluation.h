@@ -10,10 +10,10 @@
 #include <vector>
 
 #include "core/render.h"
-#include "renderer/evaluation/contingency.h"
-#include "renderer/evaluation/image_quality.h"
-#include "renderer/evaluation/panoptic_quality.h"
-#include "renderer/training/training_set.h"
+#include "reconstruction/evaluation/contingency.h"
+#include "reconstruction/evaluation/image_quality.h"
+#include "reconstruction/evaluation/panoptic_quality.h"
+#include "reconstruction/training/training_set.h"
 
 namespace segsim::experiments {
 

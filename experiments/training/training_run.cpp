@@ -12,15 +12,15 @@
 #include "core/error.h"
 #include "core/file_io.h"
 #include "core/progress.h"
-#include "experiments/scenes/frame_picture.h"
-#include "perception/image_file.h"
+#include "experiments/drawing/frame_picture.h"
+#include "perception/data/image_file.h"
+#include "reconstruction/datasets/mask_files.h"
+#include "reconstruction/labels/panoptic_training.h"
+#include "reconstruction/training/pose_alignment.h"
+#include "reconstruction/training/surfel_labels.h"
+#include "reconstruction/training/training_memory.h"
+#include "reconstruction/training/training_views.h"
 #include "renderer/cpu_renderer.h"
-#include "renderer/datasets/mask_files.h"
-#include "renderer/training/panoptic_training.h"
-#include "renderer/training/pose_alignment.h"
-#include "renderer/training/surfel_labels.h"
-#include "renderer/training/training_memory.h"
-#include "renderer/training/training_views.h"
 
 namespace segsim::experiments {
 namespace {

@@ -18,12 +18,12 @@
 
 #include "core/scene_bundle.h"
 #include "experiments/training/training_evaluation.h"
-#include "renderer/datasets/rgbd_sequence.h"
-#include "renderer/panoptic_field.h"
-#include "renderer/surfels.h"
-#include "renderer/training/geometry_training.h"
-#include "renderer/training/training_config.h"
-#include "renderer/training/training_set.h"
+#include "reconstruction/datasets/rgbd_sequence.h"
+#include "reconstruction/training/geometry_training.h"
+#include "reconstruction/training/training_config.h"
+#include "reconstruction/training/training_set.h"
+#include "renderer/scene/panoptic_field.h"
+#include "renderer/scene/surfels.h"
 
 namespace segsim::experiments {
 

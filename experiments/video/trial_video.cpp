@@ -1,7 +1,7 @@
 #include "experiments/video/trial_video.h"
 
-#include "experiments/video/internal/trial_page.h"
-#include "experiments/video/internal/video_file.h"
+#include "experiments/video/trial_page.h"
+#include "experiments/video/video_file.h"
 
 namespace segsim::experiments {
 

@@ -12,7 +12,7 @@
 #include "core/render.h"
 #include "core/scene_bundle.h"
 #include "core/stages.h"
-#include "experiments/runs/trial_picture.h"
+#include "experiments/drawing/trial_picture.h"
 
 namespace segsim::experiments {
 

@@ -17,7 +17,7 @@
 #include <string>
 #include <vector>
 
-#include "perception/weights_file.h"
+#include "perception/checkpoint/weights_file.h"
 
 namespace segsim::perception {
 

@@ -8,7 +8,7 @@
 #include "core/error.h"
 #include "perception/models/internal/preprocess.h"
 #include "perception/models/model_description.h"
-#include "perception/models/tokenizer.h"
+#include "perception/models/text/tokenizer.h"
 
 namespace segsim::perception {
 namespace {

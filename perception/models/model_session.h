@@ -50,7 +50,7 @@ struct ModelOutput {
 };
 
 /// One object serves one thread at a time. Equal inputs give equal outputs (for an equal
-/// number of threads, see set_threads() in perception/detector.h).
+/// number of threads, see set_threads() in perception/detector/detector.h).
 class ModelSession {
  public:
   ModelSession() = default;

@@ -1,7 +1,7 @@
 #include "perception/yolov13/head_output.h"
 
 #include "core/check.h"
-#include "perception/internal/detection_loss.h"
+#include "perception/internal/loss/detection_loss.h"
 #include "perception/yolov13/internal/tensor_convert.h"
 
 namespace segsim::perception::yolov13 {

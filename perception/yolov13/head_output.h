@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "perception/labeled_box.h"
+#include "perception/data/labeled_box.h"
 
 namespace segsim::perception::yolov13 {
 

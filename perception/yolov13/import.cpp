@@ -7,8 +7,8 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
+#include "perception/checkpoint/lineage.h"
 #include "perception/checkpoint/tensor_file.h"
-#include "perception/lineage.h"
 #include "perception/yolov13/coco_names.h"
 #include "perception/yolov13/model.h"
 

@@ -3,8 +3,8 @@
 #include <algorithm>
 
 #include "core/check.h"
-#include "perception/internal/thread_count.h"
-#include "perception/yolov13/internal/network.h"
+#include "perception/internal/network/thread_count.h"
+#include "perception/internal/yolov13/network.h"
 #include "perception/yolov13/internal/tensor_convert.h"
 
 namespace segsim::perception::yolov13 {

@@ -2,8 +2,8 @@
 
 /// @file
 /// YOLOv13 as a whole, without torch in the interface: build, load, run, count.
-/// The detector behind core::Detector is load_detector() (perception/detector.h), which takes
-/// weights of this network as well.
+/// The detector behind core::Detector is load_detector() (perception/detector/detector.h),
+/// which takes weights of this network as well.
 
 #include <cstdint>
 #include <memory>
@@ -11,9 +11,9 @@
 #include <string>
 #include <vector>
 
-#include "perception/weights_file.h"
+#include "perception/checkpoint/weights_file.h"
+#include "perception/checkpoint/yolov13_scale.h"
 #include "perception/yolov13/head_output.h"
-#include "perception/yolov13/scale.h"
 
 namespace segsim::perception::yolov13 {
 

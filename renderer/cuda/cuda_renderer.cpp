@@ -12,7 +12,7 @@
 #include "renderer/cuda/device_images.h"
 #include "renderer/cuda/device_scene.h"
 #include "renderer/cuda/kernels.h"
-#include "renderer/internal/projection_camera.h"
+#include "renderer/scene/projection_camera.h"
 
 namespace segsim::renderer {
 namespace {

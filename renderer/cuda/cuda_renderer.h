@@ -27,9 +27,9 @@
 #include "core/device_frames.h"
 #include "core/render.h"
 #include "renderer/cuda/gpu_error.h"
-#include "renderer/panoptic_field.h"
-#include "renderer/render_options.h"
-#include "renderer/surfels.h"
+#include "renderer/scene/panoptic_field.h"
+#include "renderer/scene/render_options.h"
+#include "renderer/scene/surfels.h"
 
 namespace segsim::renderer {
 

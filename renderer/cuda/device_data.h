@@ -7,7 +7,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "renderer/surfel_geometry.h"
+#include "renderer/scene/surfel_geometry.h"
 
 namespace segsim::renderer::cuda {
 

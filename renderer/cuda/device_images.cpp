@@ -3,7 +3,7 @@
 #include <cstring>
 
 #include "core/check.h"
-#include "renderer/depth_normal.h"
+#include "renderer/scene/depth_normal.h"
 
 namespace segsim::renderer::cuda {
 

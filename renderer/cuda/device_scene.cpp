@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <array>
 
-#include "renderer/internal/packed_surfels.h"
+#include "renderer/scene/packed_surfels.h"
 
 namespace segsim::renderer::cuda {
 namespace {

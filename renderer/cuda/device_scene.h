@@ -8,8 +8,8 @@
 
 #include "renderer/cuda/device_data.h"
 #include "renderer/cuda/device_memory.h"
-#include "renderer/panoptic_field.h"
-#include "renderer/surfels.h"
+#include "renderer/scene/panoptic_field.h"
+#include "renderer/scene/surfels.h"
 
 namespace segsim::renderer::cuda {
 

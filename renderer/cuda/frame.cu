@@ -5,7 +5,7 @@
 
 #include "renderer/cuda/kernels.h"
 #include "renderer/cuda/warp.cuh"
-#include "renderer/surfel_geometry.h"
+#include "renderer/scene/surfel_geometry.h"
 
 namespace segsim::renderer::cuda {
 namespace {

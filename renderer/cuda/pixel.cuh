@@ -10,8 +10,8 @@
 #include "renderer/cuda/resolve.cuh"
 #include "renderer/cuda/tile_list.cuh"
 #include "renderer/cuda/warp.cuh"
-#include "renderer/render_options.h"
-#include "renderer/surfel_geometry.h"
+#include "renderer/scene/render_options.h"
+#include "renderer/scene/surfel_geometry.h"
 
 namespace segsim::renderer::cuda {
 

@@ -10,7 +10,7 @@
 #include "renderer/cuda/screen_tiles.cuh"
 #include "renderer/cuda/tile_spans.cuh"
 #include "renderer/cuda/warp.cuh"
-#include "renderer/surfel_geometry.h"
+#include "renderer/scene/surfel_geometry.h"
 
 namespace segsim::renderer::cuda {
 namespace {

@@ -19,10 +19,10 @@ endfunction()
 
 # Adds the GPU's differentiable rasterizer to a library that has the GPU backend.
 #
-# training/cuda/project.cu is compiled as project.cu is, for the same reason. The others are held
+# rasterizer/cuda/project.cu is compiled as project.cu is, for the same reason. The others are held
 # to tolerances of 1e-4: fast intrinsics of exp, roots and quotients do.
 function(segsim_add_cuda_training target)
-  set(folder ${PROJECT_SOURCE_DIR}/renderer/training/cuda)
+  set(folder ${PROJECT_SOURCE_DIR}/reconstruction/rasterizer/cuda)
   target_sources(${target} PRIVATE
     ${folder}/cuda_rasterizer.cpp
     ${folder}/project.cu ${folder}/forward.cu ${folder}/backward.cu ${folder}/gradients.cu

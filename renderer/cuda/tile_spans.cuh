@@ -8,7 +8,7 @@
 
 #include "renderer/cuda/device_data.h"
 #include "renderer/cuda/warp.cuh"
-#include "renderer/surfel_geometry.h"
+#include "renderer/scene/surfel_geometry.h"
 
 namespace segsim::renderer::cuda {
 

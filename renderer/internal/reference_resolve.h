@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "core/render.h"
-#include "renderer/render_options.h"
-#include "renderer/surfels.h"
+#include "renderer/scene/render_options.h"
+#include "renderer/scene/surfels.h"
 
 namespace segsim::renderer::internal {
 

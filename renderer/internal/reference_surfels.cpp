@@ -8,8 +8,8 @@
 #include <glm/geometric.hpp>
 #include <glm/gtc/quaternion.hpp>
 
-#include "renderer/internal/projection_camera.h"
-#include "renderer/surfel_geometry.h"
+#include "renderer/scene/projection_camera.h"
+#include "renderer/scene/surfel_geometry.h"
 
 namespace segsim::renderer::internal {
 namespace {

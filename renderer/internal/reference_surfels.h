@@ -14,9 +14,9 @@
 
 #include "core/camera.h"
 #include "core/frames.h"
-#include "renderer/internal/compat_rules.h"
-#include "renderer/render_options.h"
-#include "renderer/surfels.h"
+#include "renderer/raster/compat_rules.h"
+#include "renderer/scene/render_options.h"
+#include "renderer/scene/surfels.h"
 
 namespace segsim::renderer::internal {
 

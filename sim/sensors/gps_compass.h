@@ -2,7 +2,7 @@
 
 /// @file
 /// Where on earth, and which way: GPS through the geodetic origin of the scene
-/// (sim/geodesy.h), and a compass.
+/// (sim/ground/geodesy.h), and a compass.
 ///
 /// GPS errors are made in the local frame (east, north, up) and then carried to the ellipsoid.
 /// Defaults: Jackal's URDF gives its GPS 40 Hz and a drift of 0.1 mm, which is none; ours are
@@ -15,7 +15,7 @@
 
 #include "core/frames.h"
 #include "core/stages.h"
-#include "sim/geodesy.h"
+#include "sim/ground/geodesy.h"
 #include "sim/sensors/slow_error.h"
 
 namespace segsim::sim {

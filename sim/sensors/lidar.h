@@ -15,8 +15,8 @@
 
 #include "core/frames.h"
 #include "core/stages.h"
-#include "sim/ray_scene.h"
-#include "sim/triangle_mesh.h"
+#include "sim/ground/ray_scene.h"
+#include "sim/ground/triangle_mesh.h"
 
 namespace segsim::sim {
 

@@ -2,7 +2,7 @@
 
 /// @file
 /// Localisation of limited accuracy: what a robot believes that compares its sensors with a
-/// map. Unlike odometry (sim/odometer.h) its error does not grow with the way.
+/// map. Unlike odometry (sim/sensors/odometer.h) its error does not grow with the way.
 
 #include <cstdint>
 

@@ -6,8 +6,8 @@
 /// Reading i of a sensor is taken at phase + i * period, at the true pose of that moment (on
 /// the arc between two steps of the simulation: sensors never change the steps), and is there
 /// `latency` later. The camera has its times elsewhere: `TrialClock::camera` and the stage
-/// "capture" of a budget (sim/clock.h). Random numbers are keyed by the episode's seed, the
-/// sensor's name and the number of the reading, never by the arm.
+/// "capture" of a budget (sim/time/clock.h). Random numbers are keyed by the episode's seed,
+/// the sensor's name and the number of the reading, never by the arm.
 ///
 /// No policy here reads anything but the camera: the other sensors are recorded.
 
@@ -19,15 +19,15 @@
 #include <vector>
 
 #include "core/stages.h"
-#include "sim/clock.h"
-#include "sim/odometer.h"
 #include "sim/sensors/depth_sensor.h"
 #include "sim/sensors/gps_compass.h"
 #include "sim/sensors/imu.h"
 #include "sim/sensors/lidar.h"
+#include "sim/sensors/odometer.h"
 #include "sim/sensors/pose_history.h"
 #include "sim/sensors/render_validity.h"
 #include "sim/sensors/rgb_sensor.h"
+#include "sim/time/clock.h"
 
 namespace segsim::sim {
 

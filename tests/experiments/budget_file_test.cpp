@@ -1,4 +1,4 @@
-#include "experiments/timing/budget_file.h"
+#include "experiments/specs/budget_file.h"
 
 #include <fstream>
 
@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "core/error.h"
-#include "experiments/timing/clock_spec.h"
+#include "experiments/specs/clock_spec.h"
 #include "tests/error_message.h"
 #include "tiny_scene.h"
 

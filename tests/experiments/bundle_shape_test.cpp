@@ -14,7 +14,7 @@
 #include "core/error.h"
 #include "experiments/scenes/mesh_accuracy.h"
 #include "renderer/cpu_renderer.h"
-#include "renderer/surfel_transform.h"
+#include "renderer/scene/surfel_transform.h"
 #include "tests/experiments/surfel_room.h"
 
 namespace segsim::experiments {
@@ -52,7 +52,7 @@ TEST(BundleShape, RenderedDepthOfARoomIsTheRoom) {
   EXPECT_LT(shape.surface.triangles.size(), before / 3);
   const auto robot = sim::RobotModel::jackal_gentle();
   const sim::TriangleMesh made =
-      sim::collision_mesh_of_surface(shape.surface, shape.camera_positions_m).mesh;
+      worlds::collision_mesh_of_surface(shape.surface, shape.camera_positions_m).mesh;
   const MeshAccuracy accuracy = mesh_accuracy(made, room_triangles(), robot);
   EXPECT_LT(accuracy.mean_m, 0.01);
   EXPECT_LT(accuracy.percentile95_m, 0.02);

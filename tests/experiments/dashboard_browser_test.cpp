@@ -8,9 +8,9 @@
 
 #include "browser.h"
 #include "dashboard_fixture.h"
-#include "experiments/runs/live_view.h"
-#include "experiments/runs/stop_signal.h"
-#include "perception/image_file.h"
+#include "experiments/support/stop_signal.h"
+#include "experiments/trials/live_view.h"
+#include "perception/data/image_file.h"
 
 namespace segsim::experiments {
 namespace {

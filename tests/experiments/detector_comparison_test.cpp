@@ -13,7 +13,7 @@
 #include "core/random.h"
 #include "experiments/detection/comparison_files.h"
 #include "experiments/detection/photo_dataset.h"
-#include "perception/image_file.h"
+#include "perception/data/image_file.h"
 #include "tiny_scene.h"
 
 namespace segsim::experiments {

@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "../error_message.h"
-#include "experiments/episodes/gzip_file.h"
+#include "experiments/support/gzip_file.h"
 #include "renderer/cpu_renderer.h"
 #include "tiny_scene.h"
 

@@ -1,4 +1,4 @@
-#include "experiments/results/failure_cause.h"
+#include "experiments/records/failure_cause.h"
 
 #include <limits>
 #include <set>

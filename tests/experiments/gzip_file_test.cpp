@@ -1,4 +1,4 @@
-#include "experiments/episodes/gzip_file.h"
+#include "experiments/support/gzip_file.h"
 
 #include <fstream>
 

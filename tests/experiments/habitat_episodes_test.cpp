@@ -11,7 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/error.h"
-#include "experiments/episodes/gzip_file.h"
+#include "experiments/support/gzip_file.h"
 #include "renderer/cpu_renderer.h"
 #include "tiny_scene.h"
 

@@ -1,4 +1,4 @@
-#include "experiments/runs/live_view.h"
+#include "experiments/trials/live_view.h"
 
 #include <fstream>
 #include <thread>
@@ -10,7 +10,7 @@
 #include "core/file_io.h"
 #include "dashboard_fixture.h"
 #include "experiments/dashboard/internal/live_files.h"
-#include "experiments/store/stored_run.h"
+#include "experiments/results/stored_run.h"
 
 namespace segsim::experiments {
 namespace {

@@ -4,8 +4,8 @@
 #include <gtest/gtest.h>
 
 #include "core/file_io.h"
-#include "experiments/store/results_digest.h"
-#include "experiments/store/stored_run.h"
+#include "experiments/records/results_digest.h"
+#include "experiments/results/stored_run.h"
 #include "tests/error_message.h"
 #include "tests/temporary_folder.h"
 

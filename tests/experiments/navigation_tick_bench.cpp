@@ -1,7 +1,8 @@
 /// What navigation costs on what it is given in `segsim run`: depth rendered from a
 /// reconstructed flat, the boxes that a detector makes in those very images, and the policies
-/// with the value scorer that a spec gives them. Whole trials run (sim/trial.h), but only
-/// Policy::decide() is timed: drawing, detecting and the simulator are not in the figures.
+/// with the value scorer that a spec gives them. Whole trials run (sim/trial/trial.h), but
+/// only Policy::decide() is timed: drawing, detecting and the simulator are not in the
+/// figures.
 ///
 ///     BM_NavigationTick/<place>/<policy>/<detector>    a decision; images of 640 x 480
 ///     BM_ReplayedSearch/...    500 recorded decisions once more; images of the spec's size
@@ -23,12 +24,12 @@
 #include "core/quantile.h"
 #include "core/random.h"
 #include "experiments/runs/prepare.h"
-#include "experiments/runs/trial_options.h"
-#include "experiments/runs/trial_runner.h"
-#include "nav/policy_factory.h"
-#include "perception/detector.h"
+#include "experiments/trials/trial_options.h"
+#include "experiments/trials/trial_runner.h"
+#include "nav/policies/policy_factory.h"
+#include "perception/detector/detector.h"
 #include "renderer/cpu_renderer.h"
-#include "sim/oracle_detector.h"
+#include "sim/trial/oracle_detector.h"
 #include "tests/thread_time.h"
 #include "tiny_scene.h"
 #include "tiny_spec.h"

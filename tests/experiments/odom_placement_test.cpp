@@ -1,11 +1,11 @@
-#include "experiments/internal/odom_placement.h"
+#include "experiments/drawing/odom_placement.h"
 
 #include <cmath>
 
 #include <gtest/gtest.h>
 #include <opencv2/core.hpp>
 
-#include "experiments/internal/map_canvas.h"
+#include "experiments/drawing/map_canvas.h"
 
 namespace segsim::experiments {
 namespace {

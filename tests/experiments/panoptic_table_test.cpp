@@ -247,8 +247,8 @@ scenes:
 }
 
 TEST_F(SceneFiles, ThePapersScenesAreListedAndNeedTheirData) {
-  const std::string message =
-      error_of([] { (void)panoptic_scenes(SEGSIM_SCENE_LISTS "/table1_paper.yaml", "nowhere"); });
+  const std::string message = error_of(
+      [] { (void)panoptic_scenes(SEGSIM_SCENE_LISTS "/table1_paper.yaml", "nowhere"); });
   EXPECT_THAT(message, HasSubstr("ScanNet scene0087_02"));
   const PanopticScenes list = panoptic_scenes("flat-5", "");
   ASSERT_EQ(list.scenes.size(), 1U);

@@ -1,4 +1,4 @@
-#include "experiments/runs/trial_picture.h"
+#include "experiments/drawing/trial_picture.h"
 
 #include <cmath>
 

@@ -15,8 +15,8 @@
 #include "core/bundle_parts.h"
 #include "experiments/scenes/scene_surfels.h"
 #include "renderer/cpu_renderer.h"
-#include "renderer/surfel_transform.h"
-#include "sim/world.h"
+#include "renderer/scene/surfel_transform.h"
+#include "sim/ground/world.h"
 #include "tests/experiments/surfel_room.h"
 
 namespace segsim::experiments {

@@ -11,7 +11,7 @@
 #include "core/error.h"
 #include "core/file_io.h"
 #include "experiments/runs/run.h"
-#include "perception/image_file.h"
+#include "perception/data/image_file.h"
 #include "tiny_scene.h"
 #include "tiny_spec.h"
 

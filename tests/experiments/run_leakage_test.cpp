@@ -4,9 +4,9 @@
 
 #include "core/file_io.h"
 #include "experiments/runs/run.h"
-#include "perception/image_file.h"
-#include "perception/lineage.h"
-#include "perception/training.h"
+#include "perception/checkpoint/lineage.h"
+#include "perception/data/image_file.h"
+#include "perception/training/training.h"
 #include "tiny_scene.h"
 #include "tiny_spec.h"
 

@@ -1,13 +1,15 @@
-#include "experiments/detection/scene_exposure.h"
+#include "experiments/records/scene_exposure.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "experiments/detection/seen_data.h"
 #include "experiments/detection/source_dataset.h"
-#include "perception/lineage.h"
+#include "perception/checkpoint/lineage.h"
 #include "tests/error_message.h"
 #include "tests/temporary_folder.h"
+#include "worlds/procedural/procedural_flat.h"
+#include "worlds/procedural/source_domain.h"
 
 namespace segsim::experiments {
 namespace {
@@ -73,9 +75,9 @@ TEST_F(SceneExposureTest, AFileWithoutARecordMayHaveSeenAnything) {
 }
 
 TEST_F(SceneExposureTest, OtherScenesAreNoLeak) {
-  const SceneExposure clean = exposure(
-      {use_of(DataPurpose::kTrain,
-              std::vector<ImagedScene>{rooms(kRoomGenerator, 1, 250), {"lab", kOtherHash}})});
+  const SceneExposure clean = exposure({use_of(
+      DataPurpose::kTrain,
+      std::vector<ImagedScene>{rooms(worlds::kRoomGenerator, 1, 250), {"lab", kOtherHash}})});
   EXPECT_EQ(exposure_text(clean), "none");
 }
 
@@ -100,9 +102,9 @@ TEST_F(SceneExposureTest, AFlatIsKnownByItsSeedToo) {
     return exposure_text(
         exposure({use_of(DataPurpose::kTrain, std::vector<ImagedScene>{scene})}));
   };
-  EXPECT_EQ(text(rooms(kFlatGenerator, 1, 3)), "trained on flat-3");
-  EXPECT_EQ(text(rooms(kFlatGenerator, 4, 9)), "none");
-  EXPECT_EQ(text(rooms(kRoomGenerator, 1, 9)), "none");
+  EXPECT_EQ(text(rooms(worlds::kFlatGenerator, 1, 3)), "trained on flat-3");
+  EXPECT_EQ(text(rooms(worlds::kFlatGenerator, 4, 9)), "none");
+  EXPECT_EQ(text(rooms(worlds::kRoomGenerator, 1, 9)), "none");
 }
 
 TEST_F(SceneExposureTest, AThresholdIsNotATraining) {

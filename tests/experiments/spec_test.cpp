@@ -1,4 +1,4 @@
-#include "experiments/runs/spec.h"
+#include "experiments/specs/spec.h"
 
 #include <algorithm>
 

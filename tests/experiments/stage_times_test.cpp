@@ -1,4 +1,4 @@
-#include "experiments/runs/stage_times.h"
+#include "experiments/support/stage_times.h"
 
 #include <atomic>
 #include <mutex>
@@ -9,7 +9,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "experiments/internal/side_by_side.h"
+#include "experiments/support/side_by_side.h"
 
 namespace segsim::experiments {
 namespace {

@@ -1,5 +1,5 @@
 // What the store costs: adding a trial, reading a run to go on with it, its table.
-#include "experiments/store/store.h"
+#include "experiments/records/store.h"
 
 #include <map>
 #include <string>
@@ -8,7 +8,7 @@
 #include <sqlite3.h>
 
 #include "core/check.h"
-#include "experiments/store/stored_run.h"
+#include "experiments/results/stored_run.h"
 #include "tests/temporary_folder.h"
 
 namespace segsim::experiments {

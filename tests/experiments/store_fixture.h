@@ -11,7 +11,7 @@
 #include <sqlite3.h>
 
 #include "core/error.h"
-#include "experiments/store/store.h"
+#include "experiments/records/store.h"
 #include "tests/temporary_folder.h"
 
 namespace segsim::experiments {

@@ -1,4 +1,4 @@
-#include "experiments/store/store.h"
+#include "experiments/records/store.h"
 
 #include <filesystem>
 #include <fstream>
@@ -12,7 +12,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/error.h"
-#include "experiments/store/trial_export.h"
+#include "experiments/results/trial_export.h"
 #include "store_fixture.h"
 
 namespace segsim::experiments {

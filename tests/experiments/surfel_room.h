@@ -13,8 +13,8 @@
 #include <glm/gtc/quaternion.hpp>
 
 #include "core/frames.h"
-#include "renderer/surfels.h"
-#include "sim/triangle_mesh.h"
+#include "renderer/scene/surfels.h"
+#include "sim/ground/triangle_mesh.h"
 
 namespace segsim::experiments {
 

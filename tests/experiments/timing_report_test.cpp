@@ -1,13 +1,13 @@
-#include "experiments/timing/timing_report.h"
+#include "experiments/results/timing_report.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "experiments/timing/budget_file.h"
-#include "experiments/timing/budget_sweep.h"
-#include "experiments/store/store.h"
-#include "sim/budget_play.h"
+#include "experiments/records/store.h"
+#include "experiments/runs/budget_sweep.h"
+#include "experiments/specs/budget_file.h"
+#include "sim/time/budget_play.h"
 
 namespace segsim::experiments {
 namespace {

@@ -9,12 +9,12 @@
 #include <string>
 
 #include "core/scene_bundle.h"
-#include "renderer/ply_io.h"
-#include "renderer/surfels.h"
-#include "sim/bundle_files.h"
-#include "sim/robot.h"
-#include "sim/triangle_mesh.h"
+#include "renderer/files/ply_io.h"
+#include "renderer/scene/surfels.h"
+#include "sim/ground/robot.h"
+#include "sim/ground/triangle_mesh.h"
 #include "tests/temporary_folder.h"
+#include "worlds/surface/bundle_files.h"
 
 namespace segsim::experiments {
 
@@ -54,7 +54,7 @@ class TinyScene {
     manifest.instances = {{1, kCouch, "couch_1", {2.0, -2.4, 0.0}, {3.9, -1.5, 0.8}},
                           {2, kChair, "chair_1", {-3.4, 1.6, 0.0}, {-2.9, 2.1, 0.9}}};
     manifest.surfels.name = "surfels.ply";
-    sim::write_collision_files(folder, mesh_, sim::RobotModel::jackal_gentle(), manifest);
+    worlds::write_collision_files(folder, mesh_, sim::RobotModel::jackal_gentle(), manifest);
     core::write_bundle_manifest(folder, manifest);
     return folder;
   }

@@ -18,11 +18,11 @@
 #include "core/file_io.h"
 #include "experiments/scenes/coverage.h"
 #include "experiments/scenes/reconstruct.h"
+#include "reconstruction/labels/panoptic_head.h"
+#include "reconstruction/training/surfel_labels.h"
+#include "reconstruction/training/training_memory.h"
 #include "renderer/cpu_renderer.h"
-#include "renderer/room_scene.h"
-#include "renderer/training/heads/panoptic_head.h"
-#include "renderer/training/surfel_labels.h"
-#include "renderer/training/training_memory.h"
+#include "renderer/scene/room_scene.h"
 #include "tests/error_message.h"
 
 namespace segsim::experiments {
@@ -159,7 +159,8 @@ TEST_F(TrainingRunTest, TooLittleMemoryKeepsTheStateAndSaysWhatToLower) {
   (void)train_scene(set_, start_, options_);
   const std::string state = core::read_file(options_.work / "geometry.state");
   options_.resume = true;
-  set_.intrinsics.width_px = set_.intrinsics.height_px = 20'000'000;  // More than can be addressed.
+  set_.intrinsics.width_px = set_.intrinsics.height_px =
+      20'000'000;  // More than can be addressed.
   EXPECT_THAT(
       tests::input_error_of([&] { (void)train_scene(set_, start_, options_); }),
       ::testing::AllOf(::testing::HasSubstr("training shape and colour: expected memory"),

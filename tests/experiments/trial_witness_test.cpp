@@ -1,4 +1,4 @@
-#include "experiments/results/trial_witness.h"
+#include "experiments/records/trial_witness.h"
 
 #include <cmath>
 #include <map>

@@ -10,7 +10,7 @@
 #include "core/error.h"
 #include "core/file_io.h"
 #include "experiments/detection/label_report.h"
-#include "perception/image_file.h"
+#include "perception/data/image_file.h"
 #include "tiny_scene.h"
 
 namespace segsim::experiments {

@@ -1,4 +1,4 @@
-#include "nav/approach.h"
+#include "nav/planning/approach.h"
 
 #include <cmath>
 

@@ -1,4 +1,4 @@
-#include "nav/baseline_policies.h"
+#include "nav/policies/baseline_policies.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "nav/class_cloud.h"
+#include "nav/objects/class_cloud.h"
 
 #include <algorithm>
 #include <bit>

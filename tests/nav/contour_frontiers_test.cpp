@@ -1,4 +1,4 @@
-#include "nav/contour_frontiers.h"
+#include "nav/mapping/contour_frontiers.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "nav/cost_map.h"
+#include "nav/planning/cost_map.h"
 
 #include <cmath>
 

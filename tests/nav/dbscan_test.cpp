@@ -1,4 +1,4 @@
-#include "nav/dbscan.h"
+#include "nav/objects/dbscan.h"
 
 #include <algorithm>
 #include <numeric>

@@ -1,8 +1,8 @@
-#include "nav/discrete_motion.h"
+#include "nav/motion/discrete_motion.h"
 
 #include <gtest/gtest.h>
 
-#include "nav/path_follower.h"
+#include "nav/motion/path_follower.h"
 #include "tests/nav/test_view.h"
 
 namespace segsim::nav {

@@ -1,9 +1,9 @@
-#include "nav/dwa_follower.h"
+#include "nav/motion/dwa_follower.h"
 
 #include <gmock/gmock.h>
 
 #include "core/check.h"
-#include "nav/path_follower.h"
+#include "nav/motion/path_follower.h"
 #include "tests/nav/text_map.h"
 
 namespace segsim::nav {

@@ -4,8 +4,8 @@
 
 #include <gmock/gmock.h>
 
-#include "nav/frontier_policy.h"
-#include "nav/vlfm_policy.h"
+#include "nav/frontier/frontier_policy.h"
+#include "nav/vlfm/vlfm_policy.h"
 #include "tests/nav/box_world.h"
 #include "tests/nav/test_view.h"
 

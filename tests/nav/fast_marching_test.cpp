@@ -1,11 +1,11 @@
-#include "nav/fast_marching.h"
+#include "nav/planning/fast_marching.h"
 
 #include <cmath>
 
 #include <gtest/gtest.h>
 #include <glm/geometric.hpp>
 
-#include "nav/grid_planner.h"
+#include "nav/planning/grid_planner.h"
 #include "tests/nav/text_map.h"
 
 namespace segsim::nav {

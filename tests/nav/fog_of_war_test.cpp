@@ -1,4 +1,4 @@
-#include "nav/fog_of_war.h"
+#include "nav/mapping/fog_of_war.h"
 
 #include <numeric>
 

@@ -1,4 +1,4 @@
-#include "nav/frontier_choice.h"
+#include "nav/frontier/frontier_choice.h"
 
 #include <algorithm>
 

@@ -1,6 +1,6 @@
 /// Whole episodes in a world of boxes.
 
-#include "nav/frontier_policy.h"
+#include "nav/frontier/frontier_policy.h"
 
 #include <array>
 

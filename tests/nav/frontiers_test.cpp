@@ -1,4 +1,4 @@
-#include "nav/frontiers.h"
+#include "nav/frontier/frontiers.h"
 
 #include <gmock/gmock.h>
 

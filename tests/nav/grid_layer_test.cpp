@@ -1,7 +1,7 @@
 /// Layers of growing maps: what is stored stays where it lies, what was added holds the fill,
 /// and memory that was used before is zero again.
 
-#include "nav/grid_layer.h"
+#include "nav/grid/grid_layer.h"
 
 #include <thread>
 #include <vector>

@@ -1,4 +1,4 @@
-#include "nav/grid_planner.h"
+#include "nav/planning/grid_planner.h"
 
 #include <cmath>
 #include <limits>

@@ -6,8 +6,8 @@
 
 #include <gmock/gmock.h>
 
-#include "nav/frontiers.h"
-#include "nav/obstacle_map.h"
+#include "nav/frontier/frontiers.h"
+#include "nav/mapping/obstacle_map.h"
 #include "tests/nav/box_world.h"
 #include "tests/nav/text_map.h"
 

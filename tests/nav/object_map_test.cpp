@@ -1,4 +1,4 @@
-#include "nav/object_map.h"
+#include "nav/objects/object_map.h"
 
 #include <vector>
 

@@ -1,4 +1,4 @@
-#include "nav/obstacle_horizon.h"
+#include "nav/mapping/obstacle_horizon.h"
 
 #include <algorithm>
 #include <cmath>

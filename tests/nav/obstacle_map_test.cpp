@@ -1,4 +1,4 @@
-#include "nav/obstacle_map.h"
+#include "nav/mapping/obstacle_map.h"
 
 #include <numeric>
 

@@ -2,7 +2,7 @@
 
 #include <benchmark/benchmark.h>
 
-#include "nav/occupancy_map.h"
+#include "nav/mapping/occupancy_map.h"
 #include "tests/nav/box_world.h"
 
 namespace segsim::nav::test {

@@ -1,4 +1,4 @@
-#include "nav/occupancy_map.h"
+#include "nav/mapping/occupancy_map.h"
 
 #include <gmock/gmock.h>
 

@@ -1,4 +1,4 @@
-#include "nav/path_follower.h"
+#include "nav/motion/path_follower.h"
 
 #include <cmath>
 #include <numbers>

@@ -1,4 +1,4 @@
-#include "nav/policy_factory.h"
+#include "nav/policies/policy_factory.h"
 
 #include <gtest/gtest.h>
 

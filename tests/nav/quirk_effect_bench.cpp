@@ -7,7 +7,7 @@
 
 #include <benchmark/benchmark.h>
 
-#include "nav/vlfm_policy.h"
+#include "nav/vlfm/vlfm_policy.h"
 #include "tests/nav/box_world.h"
 
 namespace segsim::nav::test {

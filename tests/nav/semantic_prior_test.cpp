@@ -1,9 +1,9 @@
-#include "nav/semantic_prior.h"
+#include "nav/value/semantic_prior.h"
 
 #include <gtest/gtest.h>
 
 #include "core/error.h"
-#include "nav/policy_factory.h"
+#include "nav/policies/policy_factory.h"
 #include "tests/nav/test_view.h"
 
 namespace segsim::nav {

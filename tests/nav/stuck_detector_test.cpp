@@ -1,4 +1,4 @@
-#include "nav/stuck_detector.h"
+#include "nav/motion/stuck_detector.h"
 
 #include <gmock/gmock.h>
 

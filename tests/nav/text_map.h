@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "core/random.h"
-#include "nav/cost_map.h"
+#include "nav/planning/cost_map.h"
 
 namespace segsim::nav::test {
 

@@ -1,4 +1,4 @@
-#include "nav/value_map.h"
+#include "nav/value/value_map.h"
 
 #include <cmath>
 

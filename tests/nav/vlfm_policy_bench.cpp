@@ -10,8 +10,8 @@
 
 #include <benchmark/benchmark.h>
 
-#include "nav/frontier_policy.h"
-#include "nav/vlfm_policy.h"
+#include "nav/frontier/frontier_policy.h"
+#include "nav/vlfm/vlfm_policy.h"
 #include "tests/nav/box_world.h"
 #include "tests/thread_time.h"
 

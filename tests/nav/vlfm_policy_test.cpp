@@ -1,4 +1,4 @@
-#include "nav/vlfm_policy.h"
+#include "nav/vlfm/vlfm_policy.h"
 
 #include <gmock/gmock.h>
 

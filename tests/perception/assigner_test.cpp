@@ -1,4 +1,4 @@
-#include "perception/internal/assigner.h"
+#include "perception/internal/loss/assigner.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <map>
 
 #include "core/random.h"
-#include "perception/internal/ciou.h"
+#include "perception/internal/loss/ciou.h"
 
 namespace segsim::perception {
 namespace {

@@ -1,8 +1,8 @@
-#include "perception/internal/augmentation.h"
+#include "perception/training/internal/augmentation.h"
 
 #include <gtest/gtest.h>
 
-#include "perception/letterbox.h"
+#include "perception/data/letterbox.h"
 #include "training_pictures.h"
 
 namespace segsim::perception {

@@ -1,4 +1,4 @@
-#include "perception/average_precision.h"
+#include "perception/evaluation/average_precision.h"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,7 @@
 #include <functional>
 
 #include "core/random.h"
-#include "perception/nms.h"
+#include "perception/data/nms.h"
 
 namespace segsim::perception {
 namespace {

@@ -1,4 +1,4 @@
-#include "perception/box_labels.h"
+#include "perception/data/box_labels.h"
 
 #include <gtest/gtest.h>
 

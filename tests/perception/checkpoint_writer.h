@@ -9,8 +9,8 @@
 #include <utility>
 #include <vector>
 
+#include "perception/checkpoint/weights_file.h"
 #include "perception/checkpoint/zip_file.h"
-#include "perception/weights_file.h"
 
 namespace segsim::perception {
 

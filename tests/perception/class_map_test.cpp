@@ -1,4 +1,4 @@
-#include "perception/class_map.h"
+#include "perception/data/class_map.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "perception/coco_evaluation.h"
+#include "perception/evaluation/coco_evaluation.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "perception/confusion.h"
+#include "perception/evaluation/confusion.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "perception/dataset.h"
+#include "perception/data/dataset.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -6,8 +6,8 @@
 #include <fstream>
 
 #include "core/error.h"
-#include "perception/evaluate.h"
-#include "perception/image_file.h"
+#include "perception/data/image_file.h"
+#include "perception/detector/evaluate.h"
 #include "tests/error_message.h"
 #include "tests/temporary_folder.h"
 

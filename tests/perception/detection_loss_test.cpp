@@ -1,4 +1,4 @@
-#include "perception/internal/detection_loss.h"
+#include "perception/internal/loss/detection_loss.h"
 
 #include <gtest/gtest.h>
 
@@ -6,8 +6,8 @@
 
 #include "core/error.h"
 #include "core/random.h"
-#include "perception/internal/assigner.h"
-#include "perception/internal/ciou.h"
+#include "perception/internal/loss/assigner.h"
+#include "perception/internal/loss/ciou.h"
 
 namespace segsim::perception {
 namespace {

@@ -3,10 +3,10 @@
 #include <filesystem>
 
 #include "core/random.h"
-#include "perception/dataset.h"
-#include "perception/detector.h"
-#include "perception/image_file.h"
-#include "perception/training.h"
+#include "perception/data/dataset.h"
+#include "perception/data/image_file.h"
+#include "perception/detector/detector.h"
+#include "perception/training/training.h"
 #include "perception/yolov13/coco_names.h"
 #include "perception/yolov13/model.h"
 

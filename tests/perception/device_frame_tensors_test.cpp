@@ -1,4 +1,4 @@
-#include "perception/device_frame_tensors.h"
+#include "perception/detector/device_frame_tensors.h"
 
 #include <gtest/gtest.h>
 #include <torch/cuda.h>

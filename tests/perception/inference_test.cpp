@@ -1,4 +1,4 @@
-#include "perception/internal/inference.h"
+#include "perception/detector/internal/inference.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -8,10 +8,10 @@
 #include <tuple>
 
 #include "core/random.h"
-#include "perception/detector.h"
-#include "perception/internal/onednn_attention.h"
-#include "perception/internal/trainable_network.h"
-#include "perception/weights_file.h"
+#include "perception/checkpoint/weights_file.h"
+#include "perception/detector/detector.h"
+#include "perception/internal/network/onednn_attention.h"
+#include "perception/training/internal/trainable_network.h"
 #include "tests/error_message.h"
 #include "tests/temporary_folder.h"
 

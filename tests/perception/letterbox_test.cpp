@@ -1,12 +1,12 @@
-#include "perception/letterbox.h"
+#include "perception/data/letterbox.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
 #include "core/error.h"
-#include "perception/image_file.h"
-#include "perception/internal/batch_source.h"
+#include "perception/data/image_file.h"
+#include "perception/training/internal/batch_source.h"
 #include "tests/temporary_folder.h"
 
 namespace segsim::perception {

@@ -1,11 +1,11 @@
-#include "perception/lineage.h"
+#include "perception/checkpoint/lineage.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "core/file_io.h"
-#include "perception/image_file.h"
-#include "perception/training.h"
+#include "perception/data/image_file.h"
+#include "perception/training/training.h"
 #include "tests/error_message.h"
 #include "tests/temporary_folder.h"
 #include "training_pictures.h"

@@ -1,4 +1,4 @@
-#include "perception/internal/loss_targets.h"
+#include "perception/internal/loss/loss_targets.h"
 
 #include <gtest/gtest.h>
 #include <torch/torch.h>

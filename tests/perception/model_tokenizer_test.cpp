@@ -1,11 +1,11 @@
-#include "perception/models/tokenizer.h"
+#include "perception/models/text/tokenizer.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "core/error.h"
 #include "core/file_io.h"
-#include "perception/models/internal/tokenizers.h"
+#include "perception/models/text/internal/tokenizers.h"
 #include "tests/temporary_folder.h"
 
 namespace segsim::perception {

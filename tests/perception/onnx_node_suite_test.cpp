@@ -13,7 +13,7 @@
 #include "core/error.h"
 #include "onnx_builder.h"
 #include "perception/models/internal/host_tensor_convert.h"
-#include "perception/models/internal/onnx_tensor.h"
+#include "perception/models/internal/onnx/onnx_tensor.h"
 #include "perception/models/model_session.h"
 
 namespace segsim::perception {

@@ -1,4 +1,4 @@
-#include "perception/training_config.h"
+#include "perception/training/training_config.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -4,9 +4,9 @@
 /// Pictures of coloured rectangles as a data set, for tests of training.
 
 #include "core/random.h"
-#include "perception/dataset.h"
-#include "perception/image_file.h"
-#include "perception/training.h"
+#include "perception/data/dataset.h"
+#include "perception/data/image_file.h"
+#include "perception/training/training.h"
 #include "tests/temporary_folder.h"
 
 namespace segsim::perception {

@@ -1,9 +1,9 @@
-#include "perception/internal/training_schedule.h"
+#include "perception/training/internal/training_schedule.h"
 
 #include <gtest/gtest.h>
 
-#include "perception/internal/training_inputs.h"
-#include "perception/training_config.h"
+#include "perception/training/internal/training_inputs.h"
+#include "perception/training/training_config.h"
 
 namespace segsim::perception {
 namespace {

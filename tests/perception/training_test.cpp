@@ -1,4 +1,4 @@
-#include "perception/training.h"
+#include "perception/training/training.h"
 
 #include <atomic>
 #include <thread>
@@ -9,11 +9,11 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
-#include "perception/detector.h"
-#include "perception/evaluate.h"
-#include "perception/image_file.h"
-#include "perception/training_config.h"
-#include "perception/weights_file.h"
+#include "perception/checkpoint/weights_file.h"
+#include "perception/data/image_file.h"
+#include "perception/detector/detector.h"
+#include "perception/detector/evaluate.h"
+#include "perception/training/training_config.h"
 #include "tests/error_message.h"
 #include "tests/temporary_folder.h"
 #include "training_pictures.h"

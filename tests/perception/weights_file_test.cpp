@@ -1,4 +1,4 @@
-#include "perception/weights_file.h"
+#include "perception/checkpoint/weights_file.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -10,7 +10,7 @@
 #include "core/error.h"
 #include "core/file_io.h"
 #include "core/random.h"
-#include "perception/detector.h"
+#include "perception/detector/detector.h"
 #include "tests/error_message.h"
 #include "tests/temporary_folder.h"
 

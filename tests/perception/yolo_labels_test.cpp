@@ -1,4 +1,4 @@
-#include "perception/yolo_labels.h"
+#include "perception/data/yolo_labels.h"
 
 #include <gtest/gtest.h>
 

@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "core/random.h"
-#include "perception/internal/ciou.h"
+#include "perception/internal/loss/ciou.h"
 
 namespace segsim::perception::yolov13 {
 namespace {

@@ -9,7 +9,7 @@
 #include "checkpoint_writer.h"
 #include "core/error.h"
 #include "core/file_io.h"
-#include "perception/lineage.h"
+#include "perception/checkpoint/lineage.h"
 #include "perception/yolov13/model.h"
 #include "tests/error_message.h"
 #include "tests/temporary_folder.h"

@@ -6,7 +6,7 @@
 
 #include "core/check.h"
 #include "core/random.h"
-#include "perception/detector.h"
+#include "perception/detector/detector.h"
 #include "tests/temporary_folder.h"
 #include "yolov13_twin.h"
 

@@ -1,4 +1,4 @@
-#include "perception/yolov13/internal/network.h"
+#include "perception/internal/yolov13/network.h"
 
 #include <gtest/gtest.h>
 

@@ -7,9 +7,9 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
-#include "perception/training.h"
-#include "perception/training_config.h"
-#include "perception/weights_file.h"
+#include "perception/checkpoint/weights_file.h"
+#include "perception/training/training.h"
+#include "perception/training/training_config.h"
 #include "perception/yolov13/model.h"
 #include "tests/temporary_folder.h"
 #include "training_pictures.h"

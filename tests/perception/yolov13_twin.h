@@ -13,8 +13,8 @@
 #include <string>
 #include <vector>
 
-#include "perception/weights_file.h"
-#include "perception/yolov13/scale.h"
+#include "perception/checkpoint/weights_file.h"
+#include "perception/checkpoint/yolov13_scale.h"
 
 namespace segsim::perception::yolov13 {
 

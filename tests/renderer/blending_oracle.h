@@ -16,8 +16,8 @@
 #include "core/camera.h"
 #include "core/frames.h"
 #include "renderer/internal/reference_surfels.h"
-#include "renderer/render_options.h"
-#include "renderer/surfels.h"
+#include "renderer/scene/render_options.h"
+#include "renderer/scene/surfels.h"
 
 namespace segsim::renderer::testing {
 

@@ -12,7 +12,7 @@
 #include <glm/geometric.hpp>
 
 #include "core/frames.h"
-#include "renderer/internal/compat_rules.h"
+#include "renderer/raster/compat_rules.h"
 #include "renderer/reference_renderer.h"
 #include "tests/renderer/scenes.h"
 

@@ -12,8 +12,8 @@
 
 #include "core/frames.h"
 #include "renderer/cpu_renderer.h"
-#include "renderer/internal/label_vote.h"
-#include "renderer/internal/tile_state.h"
+#include "renderer/raster/label_vote.h"
+#include "renderer/raster/tile_state.h"
 #include "tests/renderer/scenes.h"
 #include "tests/renderer/view_stages.h"
 

@@ -1,4 +1,4 @@
-#include "renderer/cryptomatte.h"
+#include "renderer/files/cryptomatte.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "renderer/depth_normal.h"
+#include "renderer/scene/depth_normal.h"
 
 #include <gtest/gtest.h>
 

@@ -12,7 +12,7 @@
 #include <tbb/global_control.h>
 
 #include "renderer/cpu_renderer.h"
-#include "renderer/room_scene.h"
+#include "renderer/scene/room_scene.h"
 #include "tests/renderer/panoptic_scenes.h"
 
 namespace segsim::renderer {

@@ -10,7 +10,7 @@
 #include <string>
 
 #include "core/error.h"
-#include "renderer/exr_io.h"
+#include "renderer/files/exr_io.h"
 #include "tests/error_message.h"
 #include "tests/renderer/recorded_frames.h"
 

@@ -9,9 +9,9 @@
 #include <unistd.h>
 
 #include "renderer/cpu_renderer.h"
-#include "renderer/exr_io.h"
-#include "renderer/frame_writer.h"
-#include "renderer/room_scene.h"
+#include "renderer/files/exr_io.h"
+#include "renderer/files/frame_writer.h"
+#include "renderer/scene/room_scene.h"
 
 namespace segsim::renderer {
 namespace {

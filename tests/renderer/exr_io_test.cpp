@@ -1,4 +1,4 @@
-#include "renderer/exr_io.h"
+#include "renderer/files/exr_io.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

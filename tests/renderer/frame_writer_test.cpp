@@ -1,4 +1,4 @@
-#include "renderer/frame_writer.h"
+#include "renderer/files/frame_writer.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -17,7 +17,7 @@
 
 #include "renderer/cpu_renderer.h"
 #include "renderer/reference_renderer.h"
-#include "renderer/simd_target.h"
+#include "renderer/scene/simd_target.h"
 #include "tests/renderer/blending_oracle.h"
 #include "tests/renderer/surfel_weights.h"
 

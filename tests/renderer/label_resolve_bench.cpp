@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "core/random.h"
-#include "renderer/internal/tile_write.h"
+#include "renderer/raster/tile_write.h"
 #include "tests/renderer/panoptic_scenes.h"
 
 namespace segsim::renderer::internal {

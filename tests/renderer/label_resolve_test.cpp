@@ -1,4 +1,4 @@
-#include "renderer/internal/label_resolve.h"
+#include "renderer/raster/label_resolve.h"
 
 #include <gtest/gtest.h>
 

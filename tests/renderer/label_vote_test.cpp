@@ -1,4 +1,4 @@
-#include "renderer/internal/label_vote.h"
+#include "renderer/raster/label_vote.h"
 
 #include <gtest/gtest.h>
 
@@ -13,7 +13,7 @@
 #include <hwy/targets.h>
 
 #include "core/random.h"
-#include "renderer/internal/tile_state.h"
+#include "renderer/raster/tile_state.h"
 
 namespace segsim::renderer::internal {
 namespace {

@@ -1,4 +1,4 @@
-#include "renderer/panoptic_field_file.h"
+#include "renderer/files/panoptic_field_file.h"
 
 #include <unistd.h>
 

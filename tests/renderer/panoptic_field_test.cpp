@@ -1,4 +1,4 @@
-#include "renderer/panoptic_field.h"
+#include "renderer/scene/panoptic_field.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -12,7 +12,7 @@
 #include <gtest/gtest.h>
 
 #include "core/random.h"
-#include "renderer/internal/label_resolve.h"
+#include "renderer/raster/label_resolve.h"
 #include "tests/renderer/panoptic_scenes.h"
 
 namespace segsim::renderer::testing {

@@ -9,7 +9,7 @@
 #include <glm/geometric.hpp>
 
 #include "core/random.h"
-#include "renderer/panoptic_field.h"
+#include "renderer/scene/panoptic_field.h"
 #include "tests/renderer/scenes.h"
 
 namespace segsim::renderer::testing {

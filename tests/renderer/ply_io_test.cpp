@@ -1,4 +1,4 @@
-#include "renderer/ply_io.h"
+#include "renderer/files/ply_io.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -8,7 +8,7 @@
 
 #include "core/check.h"
 #include "core/frames.h"
-#include "renderer/surfel_geometry.h"
+#include "renderer/scene/surfel_geometry.h"
 #include "tests/renderer/scenes.h"
 
 namespace segsim::renderer {

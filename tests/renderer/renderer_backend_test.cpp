@@ -14,7 +14,7 @@
 #include "core/error.h"
 #include "renderer/cpu_renderer.h"
 #include "renderer/cuda/gpu_error.h"
-#include "renderer/room_scene.h"
+#include "renderer/scene/room_scene.h"
 
 namespace segsim::renderer {
 namespace {

@@ -1,4 +1,4 @@
-#include "renderer/room_scene.h"
+#include "renderer/scene/room_scene.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,7 +8,7 @@
 #include <glm/geometric.hpp>
 
 #include "core/check.h"
-#include "renderer/simd_target.h"
+#include "renderer/scene/simd_target.h"
 
 namespace segsim::renderer {
 namespace {

@@ -10,7 +10,7 @@
 #include <glm/gtc/quaternion.hpp>
 
 #include "core/random.h"
-#include "renderer/surfels.h"
+#include "renderer/scene/surfels.h"
 
 namespace segsim::renderer::testing {
 

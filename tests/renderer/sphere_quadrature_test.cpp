@@ -1,4 +1,4 @@
-#include "renderer/internal/sphere_quadrature.h"
+#include "renderer/scene/sphere_quadrature.h"
 
 #include <cmath>
 

@@ -1,4 +1,4 @@
-#include "renderer/surfel_geometry.h"
+#include "renderer/scene/surfel_geometry.h"
 
 #include <gtest/gtest.h>
 

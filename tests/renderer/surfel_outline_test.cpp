@@ -12,7 +12,7 @@
 #include <glm/vec3.hpp>
 
 #include "core/random.h"
-#include "renderer/surfel_geometry.h"
+#include "renderer/scene/surfel_geometry.h"
 #include "tests/renderer/awkward_surfels.h"
 
 namespace segsim::renderer {

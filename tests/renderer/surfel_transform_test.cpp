@@ -1,4 +1,4 @@
-#include "renderer/surfel_transform.h"
+#include "renderer/scene/surfel_transform.h"
 
 #include <algorithm>
 #include <cmath>

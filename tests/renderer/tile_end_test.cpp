@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "core/random.h"
-#include "renderer/internal/tile_write.h"
+#include "renderer/raster/tile_write.h"
 #include "tests/renderer/panoptic_fixture.h"
 
 namespace segsim::renderer::internal {

@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "renderer/room_scene.h"
+#include "renderer/scene/room_scene.h"
 #include "tests/renderer/awkward_surfels.h"
 #include "tests/renderer/blending_oracle.h"
 #include "tests/renderer/scenes.h"

@@ -1,4 +1,4 @@
-#include "sim/clock.h"
+#include "sim/time/clock.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // The swept footprint against a library: FCL's box-mesh test on the triangles themselves,
-// where sim/collision.h works on 2 cm cells.
+// where sim/ground/collision.h works on 2 cm cells.
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -9,10 +9,10 @@
 #include <gtest/gtest.h>
 
 #include "core/random.h"
-#include "sim/collision.h"
-#include "sim/mesh_distance.h"
-#include "sim/procedural_flat.h"
-#include "sim/robot.h"
+#include "sim/ground/collision.h"
+#include "sim/ground/robot.h"
+#include "worlds/procedural/procedural_flat.h"
+#include "worlds/surface/mesh_distance.h"
 
 namespace segsim::sim {
 namespace {
@@ -68,10 +68,10 @@ class Audit {
 };
 
 TriangleMesh flat_without_ceiling() {
-  FlatOptions options;
+  worlds::FlatOptions options;
   options.seed = 1;
   options.ceiling = false;
-  return plain_mesh(make_flat(options));
+  return worlds::plain_mesh(worlds::make_flat(options));
 }
 
 core::Pose2 free_pose(const CollisionWorld& world, core::RandomStream& random) {

@@ -1,4 +1,4 @@
-#include "sim/collision.h"
+#include "sim/ground/collision.h"
 
 #include <algorithm>
 #include <array>

@@ -1,4 +1,4 @@
-#include "sim/distance_field.h"
+#include "sim/ground/distance_field.h"
 
 #include <cmath>
 

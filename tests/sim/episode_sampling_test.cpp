@@ -1,4 +1,4 @@
-#include "sim/episode_sampling.h"
+#include "sim/trial/episode_sampling.h"
 
 #include <cmath>
 

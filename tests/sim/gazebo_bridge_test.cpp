@@ -1,7 +1,7 @@
 // The bridge alone, with a renderer that draws nothing, beside a second process on the real
 // transport. tests/system/gazebo_test.cpp has the whole program.
 
-#include "sim/gazebo_bridge.h"
+#include "sim/gazebo/gazebo_bridge.h"
 
 #include <unistd.h>
 

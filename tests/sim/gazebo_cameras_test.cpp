@@ -1,6 +1,6 @@
 // Camera sensors of SDF worlds: mounting, optics, topics.
 
-#include "sim/gazebo_cameras.h"
+#include "sim/gazebo/gazebo_cameras.h"
 
 #include <cmath>
 #include <filesystem>

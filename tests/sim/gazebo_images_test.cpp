@@ -1,6 +1,6 @@
 // Pixels in the encodings of Gazebo's sensors.
 
-#include "sim/gazebo_images.h"
+#include "sim/gazebo/gazebo_images.h"
 
 #include <cmath>
 #include <cstring>

@@ -1,6 +1,6 @@
 // Streamed poses to camera poses, and which of them are due.
 
-#include "sim/gazebo_pose.h"
+#include "sim/gazebo/gazebo_pose.h"
 
 #include <cmath>
 #include <limits>
@@ -10,7 +10,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "sim/internal/gazebo_inbox.h"
+#include "sim/gazebo/internal/gazebo_inbox.h"
 
 namespace segsim::sim {
 namespace {

@@ -1,7 +1,7 @@
 // Worlds for Gazebo: accepted by libsdformat and by `ign sdf --check`, and meaning what the
 // robot's profile and the bundle say.
 
-#include "sim/gazebo_world.h"
+#include "sim/gazebo/gazebo_world.h"
 
 #include <unistd.h>
 
@@ -21,13 +21,13 @@
 #include <sdf/sdf.hh>
 
 #include "core/file_io.h"
-#include "sim/bundle_files.h"
-#include "sim/gazebo_cameras.h"
-#include "sim/geodesy.h"
-#include "sim/mesh_distance.h"
-#include "sim/mesh_import.h"
-#include "sim/world.h"
+#include "sim/gazebo/gazebo_cameras.h"
+#include "sim/ground/geodesy.h"
+#include "sim/ground/world.h"
 #include "tests/error_message.h"
+#include "worlds/mesh/mesh_import.h"
+#include "worlds/surface/bundle_files.h"
+#include "worlds/surface/mesh_distance.h"
 
 namespace segsim::sim {
 namespace {
@@ -59,7 +59,8 @@ class GazeboWorld : public ::testing::Test {
     manifest.surfels.name = "surfels.ply";
     core::write_file_atomically(folder_ / "bundle" / "surfels.ply",
                                 [](std::ostream& out) { out << "not read here"; });
-    write_collision_files(folder_ / "bundle", mesh_, RobotModel::jackal_gentle(), manifest);
+    worlds::write_collision_files(folder_ / "bundle", mesh_, RobotModel::jackal_gentle(),
+                                  manifest);
     core::write_bundle_manifest(folder_ / "bundle", manifest);
     bundle_ = core::load_bundle(folder_ / "bundle");
   }
@@ -199,11 +200,11 @@ TEST_F(GazeboWorld, ItsCamerasAreReadBackAsTheyWereMeant) {
 
 TEST_F(GazeboWorld, TheMeshKeepsItsShapeAndAxes) {
   export_gazebo_world(bundle_, folder_ / "out", {});
-  MeshFileOptions as_it_is;
-  as_it_is.up = UpAxis::kZ;
+  worlds::MeshFileOptions as_it_is;
+  as_it_is.up = worlds::UpAxis::kZ;
   as_it_is.add_lights = false;
-  const TriangleMesh back =
-      plain_mesh(load_mesh_file(folder_ / "out" / "meshes" / "collision.obj", as_it_is));
+  const TriangleMesh back = worlds::plain_mesh(
+      worlds::load_mesh_file(folder_ / "out" / "meshes" / "collision.obj", as_it_is));
   const TriangleMesh truth = read_mesh_ply(bundle_.collision_mesh_file());
   ASSERT_EQ(back.triangles.size(), truth.triangles.size());
   // The same triangles in the same order, whatever the numbering of their corners.

@@ -1,4 +1,4 @@
-#include "sim/geodesy.h"
+#include "sim/ground/geodesy.h"
 
 #include <cmath>
 #include <numbers>

@@ -1,4 +1,4 @@
-#include "sim/ground_grid.h"
+#include "sim/ground/ground_grid.h"
 
 #include <cmath>
 #include <limits>

@@ -1,4 +1,4 @@
-#include "sim/metrics.h"
+#include "sim/trial/metrics.h"
 
 #include <limits>
 

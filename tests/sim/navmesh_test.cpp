@@ -1,4 +1,4 @@
-#include "sim/navmesh.h"
+#include "sim/ground/navmesh.h"
 
 #include <cmath>
 #include <fstream>

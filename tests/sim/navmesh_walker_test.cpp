@@ -1,4 +1,4 @@
-#include "sim/navmesh_walker.h"
+#include "sim/ground/navmesh_walker.h"
 
 #include <cmath>
 #include <numbers>

@@ -1,10 +1,10 @@
-#include "sim/odometer.h"
+#include "sim/sensors/odometer.h"
 
 #include <cmath>
 
 #include <gtest/gtest.h>
 
-#include "sim/robot.h"
+#include "sim/ground/robot.h"
 
 namespace segsim::sim {
 namespace {

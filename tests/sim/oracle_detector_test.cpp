@@ -1,4 +1,4 @@
-#include "sim/oracle_detector.h"
+#include "sim/trial/oracle_detector.h"
 
 #include <gtest/gtest.h>
 

@@ -1,11 +1,11 @@
-#include "sim/oracle_way.h"
+#include "sim/trial/oracle_way.h"
 
 #include <algorithm>
 
 #include <gtest/gtest.h>
 #include <glm/geometric.hpp>
 
-#include "sim/triangle_mesh.h"
+#include "sim/ground/triangle_mesh.h"
 
 namespace segsim::sim {
 namespace {

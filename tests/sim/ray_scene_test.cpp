@@ -1,4 +1,4 @@
-#include "sim/ray_scene.h"
+#include "sim/ground/ray_scene.h"
 
 #include <tuple>
 

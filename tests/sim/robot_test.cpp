@@ -1,4 +1,4 @@
-#include "sim/robot.h"
+#include "sim/ground/robot.h"
 
 #include <cmath>
 #include <numbers>

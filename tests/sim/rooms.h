@@ -3,7 +3,7 @@
 /// @file
 /// Small rooms with known measures, for the tests of this folder.
 
-#include "sim/triangle_mesh.h"
+#include "sim/ground/triangle_mesh.h"
 
 namespace segsim::sim {
 

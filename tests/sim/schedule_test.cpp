@@ -1,4 +1,4 @@
-#include "sim/schedule.h"
+#include "sim/time/schedule.h"
 
 #include <set>
 

@@ -1,4 +1,4 @@
-#include "sim/success_profile.h"
+#include "sim/trial/success_profile.h"
 
 #include <set>
 

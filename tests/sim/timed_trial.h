@@ -12,7 +12,7 @@
 
 #include <gtest/gtest.h>
 
-#include "sim/trial.h"
+#include "sim/trial/trial.h"
 #include "tests/sim/box_renderer.h"
 #include "tests/sim/rooms.h"
 

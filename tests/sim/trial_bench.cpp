@@ -6,18 +6,18 @@
 #include <benchmark/benchmark.h>
 
 #include "core/random.h"
-#include "sim/procedural_flat.h"
-#include "sim/trial.h"
+#include "sim/trial/trial.h"
+#include "worlds/procedural/procedural_flat.h"
 
 namespace segsim::sim {
 namespace {
 
 TriangleMesh bench_mesh() {
   if (const char* file = std::getenv("SEGSIM_BENCH_MESH")) return read_mesh_ply(file);
-  FlatOptions options;
+  worlds::FlatOptions options;
   options.seed = 3;
   TriangleMesh mesh;
-  for (const SubMesh& part : make_flat(options).meshes) {
+  for (const SubMesh& part : worlds::make_flat(options).meshes) {
     const auto first = static_cast<unsigned>(mesh.positions_m.size());
     mesh.positions_m.insert(mesh.positions_m.end(), part.positions_m.begin(),
                             part.positions_m.end());

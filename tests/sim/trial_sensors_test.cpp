@@ -4,8 +4,8 @@
 
 #include <gtest/gtest.h>
 
-#include "sim/oracle_detector.h"
-#include "sim/trial.h"
+#include "sim/trial/oracle_detector.h"
+#include "sim/trial/trial.h"
 #include "tests/sim/box_renderer.h"
 #include "tests/sim/rooms.h"
 

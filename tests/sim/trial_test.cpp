@@ -1,4 +1,4 @@
-#include "sim/trial.h"
+#include "sim/trial/trial.h"
 
 #include <cmath>
 #include <numbers>
@@ -7,7 +7,7 @@
 #include <glm/geometric.hpp>
 
 #include "core/error.h"
-#include "sim/oracle_detector.h"
+#include "sim/trial/oracle_detector.h"
 #include "tests/sim/box_renderer.h"
 #include "tests/sim/rooms.h"
 

@@ -1,4 +1,4 @@
-#include "sim/triangle_mesh.h"
+#include "sim/ground/triangle_mesh.h"
 
 #include <fstream>
 #include <limits>

@@ -1,4 +1,4 @@
-#include "sim/world.h"
+#include "sim/ground/world.h"
 
 #include <fstream>
 
@@ -6,8 +6,8 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
-#include "sim/bundle_files.h"
 #include "tests/sim/rooms.h"
+#include "worlds/surface/bundle_files.h"
 
 namespace segsim::sim {
 namespace {
@@ -26,7 +26,7 @@ class WorldFromBundle : public testing::Test {
     manifest.origin = {49.9, 8.9, 0.0, 0.0};
     manifest.camera_height_m = 1.2;
     manifest.classes = {{4, "couch", true}};
-    write_collision_files(folder_, make_two_rooms(), robot_, manifest);
+    worlds::write_collision_files(folder_, make_two_rooms(), robot_, manifest);
     EXPECT_NEAR(manifest.robot_radius_m, 0.333, 0.001);
     manifest.surfels.name = "surfels.ply";
     std::ofstream(folder_ / "surfels.ply") << "not read here";

@@ -20,7 +20,7 @@
 #include <utility>
 #include <vector>
 
-#include "sim/robot.h"
+#include "sim/ground/robot.h"
 
 namespace segsim::tests {
 

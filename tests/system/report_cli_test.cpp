@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "core/file_io.h"
-#include "experiments/store/store.h"
+#include "experiments/records/store.h"
 #include "segsim_process.h"
 #include "tests/temporary_folder.h"
 

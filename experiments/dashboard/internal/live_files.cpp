@@ -7,7 +7,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "experiments/runs/live_view.h"
+#include "experiments/trials/live_view.h"
 
 namespace segsim::experiments::internal {
 namespace {

@@ -1,7 +1,7 @@
 #pragma once
 
 /// @file
-/// The other end of experiments/runs/live_view.h: asks workers for pictures and reads them.
+/// The other end of experiments/trials/live_view.h: asks workers for pictures and reads them.
 
 #include <filesystem>
 #include <optional>

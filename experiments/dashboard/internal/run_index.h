@@ -13,8 +13,8 @@
 #include <string>
 #include <vector>
 
+#include "experiments/results/stored_run.h"
 #include "experiments/results/table.h"
-#include "experiments/store/stored_run.h"
 
 namespace segsim::experiments::internal {
 

@@ -9,11 +9,11 @@
 #include <opencv2/imgproc.hpp>
 
 #include "core/error.h"
-#include "experiments/detection/box_picture.h"
-#include "experiments/internal/formatted.h"
-#include "experiments/internal/map_canvas.h"
-#include "experiments/report/internal/goal_boxes.h"
-#include "experiments/scenes/frame_picture.h"
+#include "experiments/drawing/box_picture.h"
+#include "experiments/drawing/frame_picture.h"
+#include "experiments/drawing/goal_boxes.h"
+#include "experiments/drawing/map_canvas.h"
+#include "experiments/support/formatted.h"
 #include "renderer/cpu_renderer.h"
 
 namespace segsim::experiments::internal {

@@ -14,10 +14,10 @@
 
 #include "core/render.h"
 #include "core/scene_bundle.h"
-#include "experiments/runs/trial_log.h"
-#include "experiments/scenes/floor_plan.h"
+#include "experiments/drawing/floor_plan.h"
+#include "experiments/records/trial_log.h"
+#include "experiments/results/stored_run.h"
 #include "experiments/scenes/scene_surfels.h"
-#include "experiments/store/stored_run.h"
 
 namespace segsim::experiments::internal {
 

@@ -1,6 +1,6 @@
 #include "experiments/report/internal/html.h"
 
-#include "experiments/internal/formatted.h"
+#include "experiments/support/formatted.h"
 
 namespace segsim::experiments::internal {
 namespace {

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "experiments/results/internal/grid_document.h"
+#include "experiments/support/grid_document.h"
 
 namespace segsim::experiments::internal {
 

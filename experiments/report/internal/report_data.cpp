@@ -7,12 +7,12 @@
 #include <nlohmann/json.hpp>
 
 #include "core/error.h"
-#include "experiments/internal/formatted.h"
+#include "experiments/records/replay_log.h"
 #include "experiments/report/internal/html.h"
 #include "experiments/report/internal/report_model.h"
-#include "experiments/results/internal/table_grids.h"
-#include "experiments/timing/budget_sweep.h"
-#include "experiments/timing/replay_log.h"
+#include "experiments/results/table_grids.h"
+#include "experiments/runs/budget_sweep.h"
+#include "experiments/support/formatted.h"
 
 namespace segsim::experiments::internal {
 namespace {

@@ -1,7 +1,7 @@
 // Pages of a report about trials: the list of all, and one page per episode.
-#include "experiments/internal/formatted.h"
 #include "experiments/report/internal/html.h"
 #include "experiments/report/internal/report_model.h"
+#include "experiments/support/formatted.h"
 
 namespace segsim::experiments::internal {
 namespace {

@@ -5,12 +5,12 @@
 #include <optional>
 #include <set>
 
-#include "experiments/internal/formatted.h"
 #include "experiments/report/internal/html.h"
 #include "experiments/report/internal/report_model.h"
-#include "experiments/results/internal/insight_grids.h"
-#include "experiments/results/internal/table_grids.h"
-#include "experiments/results/internal/training_grids.h"
+#include "experiments/results/insight_grids.h"
+#include "experiments/results/table_grids.h"
+#include "experiments/results/training_grids.h"
+#include "experiments/support/formatted.h"
 
 namespace segsim::experiments::internal {
 namespace {

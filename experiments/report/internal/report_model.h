@@ -8,8 +8,8 @@
 
 #include <glm/vec2.hpp>
 
+#include "experiments/results/stored_run.h"
 #include "experiments/results/table.h"
-#include "experiments/store/stored_run.h"
 
 namespace segsim::experiments::internal {
 

@@ -11,12 +11,12 @@
 #include "core/error.h"
 #include "core/progress.h"
 #include "core/scene_bundle.h"
-#include "experiments/internal/map_canvas.h"
+#include "experiments/drawing/map_canvas.h"
 #include "experiments/report/filmstrip.h"
 #include "experiments/report/internal/report_model.h"
 #include "experiments/results/explanation.h"
 #include "experiments/scenes/scene_surfels.h"
-#include "perception/image_file.h"
+#include "perception/data/image_file.h"
 #include "renderer/cpu_renderer.h"
 
 namespace segsim::experiments::internal {

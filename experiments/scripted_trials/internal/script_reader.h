@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "core/config.h"
-#include "experiments/internal/numbers_in_range.h"
 #include "experiments/scripted_trials/scripted_trial.h"
+#include "experiments/support/numbers_in_range.h"
 
 namespace segsim::experiments::script {
 

@@ -4,10 +4,10 @@
 
 #include "core/check.h"
 #include "core/error.h"
+#include "perception/data/nms.h"
 #include "perception/models/internal/detectors.h"
 #include "perception/models/internal/preprocess.h"
 #include "perception/models/internal/prompt_tokens.h"
-#include "perception/nms.h"
 
 namespace segsim::perception {
 namespace {

@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "core/error.h"
-#include "perception/detector.h"
+#include "perception/detector/detector.h"
 #include "perception/models/internal/host_tensor_convert.h"
 #include "perception/models/internal/sessions.h"
 

@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "perception/models/tokenizer.h"
+#include "perception/models/text/tokenizer.h"
 
 namespace segsim::perception {
 

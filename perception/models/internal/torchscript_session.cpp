@@ -10,7 +10,7 @@
 #include "core/error.h"
 #include "core/file_io.h"
 #include "perception/checkpoint/zip_file.h"
-#include "perception/internal/thread_count.h"
+#include "perception/internal/network/thread_count.h"
 #include "perception/models/internal/host_tensor_convert.h"
 #include "perception/models/internal/roi_align.h"
 #include "perception/models/internal/sessions.h"

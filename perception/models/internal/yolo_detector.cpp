@@ -4,10 +4,10 @@
 
 #include "core/check.h"
 #include "core/error.h"
-#include "perception/letterbox.h"
+#include "perception/data/letterbox.h"
+#include "perception/data/nms.h"
 #include "perception/models/internal/detectors.h"
 #include "perception/models/internal/preprocess.h"
-#include "perception/nms.h"
 
 namespace segsim::perception {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <torch/torch.h>
 
-#include "perception/internal/network.h"
+#include "perception/internal/network/network.h"
 #include "perception/yolov13/head_output.h"
 
 namespace segsim::perception::yolov13 {

@@ -6,7 +6,7 @@
 
 #include "checks.h"
 #include "core/random.h"
-#include "perception/internal/trainable_network.h"
+#include "perception/training/internal/trainable_network.h"
 
 namespace segsim::perception::checks {
 

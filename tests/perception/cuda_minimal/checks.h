@@ -10,11 +10,11 @@
 #include <string>
 #include <vector>
 
-#include "perception/compute_device.h"
-#include "perception/internal/inference.h"
-#include "perception/labeled_box.h"
-#include "perception/weights_file.h"
-#include "perception/yolov13/scale.h"
+#include "perception/checkpoint/weights_file.h"
+#include "perception/checkpoint/yolov13_scale.h"
+#include "perception/data/compute_device.h"
+#include "perception/data/labeled_box.h"
+#include "perception/detector/internal/inference.h"
 
 namespace segsim::perception::checks {
 

@@ -13,7 +13,7 @@
 #include <string>
 
 #include "checks.h"
-#include "perception/internal/torch_device.h"
+#include "perception/internal/network/torch_device.h"
 
 namespace segsim::perception::checks {
 namespace {

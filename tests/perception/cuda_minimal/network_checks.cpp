@@ -2,8 +2,8 @@
 #include <cmath>
 
 #include "checks.h"
-#include "perception/internal/detection_loss.h"
-#include "perception/internal/trainable_network.h"
+#include "perception/internal/loss/detection_loss.h"
+#include "perception/training/internal/trainable_network.h"
 
 namespace segsim::perception::checks {
 

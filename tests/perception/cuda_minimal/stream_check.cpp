@@ -3,10 +3,10 @@
 #include <memory>
 
 #include "checks.h"
-#include "perception/device_frame_tensors.h"
-#include "perception/internal/frame_stream.h"
+#include "perception/detector/device_frame_tensors.h"
+#include "perception/detector/internal/frame_stream.h"
 #include "renderer/cuda/cuda_renderer.h"
-#include "renderer/room_scene.h"
+#include "renderer/scene/room_scene.h"
 
 namespace segsim::perception::checks {
 

@@ -3,8 +3,8 @@
 #include <cstdio>
 
 #include "checks.h"
-#include "perception/internal/trainable_network.h"
-#include "perception/internal/training_step.h"
+#include "perception/training/internal/trainable_network.h"
+#include "perception/training/internal/training_step.h"
 
 namespace segsim::perception::checks {
 namespace {

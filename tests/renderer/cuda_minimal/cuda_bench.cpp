@@ -19,7 +19,7 @@
 
 #include "core/random.h"
 #include "renderer/cuda/cuda_renderer.h"
-#include "renderer/room_scene.h"
+#include "renderer/scene/room_scene.h"
 
 namespace segsim::renderer {
 namespace {

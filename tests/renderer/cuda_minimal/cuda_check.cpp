@@ -18,7 +18,7 @@
 #include "renderer/internal/reference_resolve.h"
 #include "renderer/internal/reference_surfels.h"
 #include "renderer/reference_renderer.h"
-#include "renderer/room_scene.h"
+#include "renderer/scene/room_scene.h"
 #include "tests/renderer/cuda_minimal/frame_difference.h"
 #include "tests/renderer/panoptic_scenes.h"
 #include "tests/renderer/scenes.h"

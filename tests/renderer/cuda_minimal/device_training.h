@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "renderer/cuda/device_memory.h"
-#include "tests/renderer/training/training_surfels.h"
+#include "tests/reconstruction/training/training_surfels.h"
 
 namespace segsim::renderer::testing {
 

@@ -1,7 +1,7 @@
 /// @file
-/// Training on a bare GPU machine: a training pack (renderer/training/training_pack.h) goes
-/// in, times and the quality on held-out views come out. What `segsim reconstruct --backend
-/// cuda` does, without the libraries that a recording needs.
+/// Training on a bare GPU machine: a training pack (reconstruction/training/training_pack.h)
+/// goes in, times and the quality on held-out views come out. What `segsim reconstruct
+/// --backend cuda` does, without the libraries that a recording needs.
 ///
 ///     train_pack PACK [--geometry 7000] [--labels 15000] [--head query] [--max-surfels N]
 ///                [--masks PACK2]... [--sh 2] [--exposure 0.001] [--pose-rate 0.001]
@@ -24,14 +24,14 @@
 
 #include "core/error.h"
 #include "experiments/training/training_evaluation.h"
+#include "reconstruction/labels/panoptic_training.h"
+#include "reconstruction/rasterizer/cuda/cuda_rasterizer.h"
+#include "reconstruction/training/geometry_training.h"
+#include "reconstruction/training/pose_alignment.h"
+#include "reconstruction/training/training_pack.h"
+#include "reconstruction/training/training_views.h"
 #include "renderer/cuda/cuda_renderer.h"
-#include "renderer/ply_io.h"
-#include "renderer/training/cuda/cuda_rasterizer.h"
-#include "renderer/training/geometry_training.h"
-#include "renderer/training/panoptic_training.h"
-#include "renderer/training/pose_alignment.h"
-#include "renderer/training/training_pack.h"
-#include "renderer/training/training_views.h"
+#include "renderer/files/ply_io.h"
 
 namespace segsim {
 

@@ -11,8 +11,8 @@
 #include <string>
 #include <vector>
 
-#include "renderer/room_scene.h"
-#include "renderer/training/cuda/cuda_rasterizer.h"
+#include "reconstruction/rasterizer/cuda/cuda_rasterizer.h"
+#include "renderer/scene/room_scene.h"
 #include "tests/renderer/cuda_minimal/device_training.h"
 
 namespace segsim::renderer {

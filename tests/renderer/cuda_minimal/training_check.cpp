@@ -14,12 +14,12 @@
 #include <vector>
 
 #include "core/check.h"
-#include "renderer/room_scene.h"
-#include "renderer/training/cuda/cuda_rasterizer.h"
+#include "reconstruction/rasterizer/cuda/cuda_rasterizer.h"
+#include "renderer/scene/room_scene.h"
+#include "tests/reconstruction/training/plain_rasterizer.h"
 #include "tests/renderer/cuda_minimal/device_training.h"
 #include "tests/renderer/cuda_minimal/training_compare.h"
 #include "tests/renderer/scenes.h"
-#include "tests/renderer/training/plain_rasterizer.h"
 
 namespace segsim::renderer {
 namespace {

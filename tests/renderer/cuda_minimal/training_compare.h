@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "core/random.h"
+#include "tests/reconstruction/training/training_surfels.h"
 #include "tests/renderer/scenes.h"
-#include "tests/renderer/training/training_surfels.h"
 
 namespace segsim::renderer::testing {
 

@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "core/check.h"
-#include "sim/robot.h"
+#include "sim/ground/robot.h"
 
 namespace segsim::sim {
 namespace {

@@ -6,7 +6,7 @@
 
 #include "core/check.h"
 #include "core/random.h"
-#include "sim/robot.h"
+#include "sim/ground/robot.h"
 
 namespace segsim::sim {
 namespace {

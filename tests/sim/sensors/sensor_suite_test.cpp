@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "core/check.h"
-#include "sim/robot.h"
+#include "sim/ground/robot.h"
 #include "tests/sim/rooms.h"
 
 namespace segsim::sim {

@@ -3,12 +3,12 @@
 #include <glm/common.hpp>
 
 #include "core/random.h"
-#include "sim/procedural_flat.h"
-#include "sim/robot.h"
+#include "sim/ground/robot.h"
 #include "sim/sensors/depth_sensor.h"
 #include "sim/sensors/lidar.h"
 #include "sim/sensors/rgb_sensor.h"
 #include "sim/sensors/sensor_suite.h"
+#include "worlds/procedural/procedural_flat.h"
 
 namespace segsim::sim {
 namespace {
@@ -102,9 +102,9 @@ BENCHMARK(BM_ExposureMean)->Unit(benchmark::kMillisecond);
 
 /// One scan of 720 beams in flat 3.
 void BM_Scan(benchmark::State& state) {
-  FlatOptions options;
+  worlds::FlatOptions options;
   options.seed = 3;
-  const MeshScene flat = make_flat(options);
+  const MeshScene flat = worlds::make_flat(options);
   const RayScene scene(flat);
   // In the middle of the flat.
   glm::vec2 low(1e9F), high(-1e9F);

@@ -1,0 +1,112 @@
+#include "experiments/records/arm_weights.h"
+
+#include <optional>
+#include <ostream>
+#include <string>
+
+#include <nlohmann/json.hpp>
+
+#include "core/file_io.h"
+#include "perception/checkpoint/lineage.h"
+#include "perception/checkpoint/weights_file.h"
+#include "perception/data/dataset.h"
+#include "perception/detector/evaluate.h"
+
+namespace segsim::experiments {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string describe_inputs(const fs::path& weights, const HeldOutSets& sets,
+                            double precision_target) {
+  std::string text = precision_target > 0.0
+                         ? "precision " + std::to_string(precision_target) + " v1"
+                         : std::string("best F1 v2");
+  text += "; weights " + core::sha256_of_file(weights);
+  for (const fs::path& file : {sets.validation, sets.test, sets.source, sets.unseen}) {
+    text += "; " + (file.empty() ? std::string("none") : core::sha256_of_file(file));
+  }
+  return text;
+}
+
+/// Nothing if the file is missing, unreadable or of other inputs: it is only a shortcut.
+std::optional<HeldOutPrecision> read_measurement(const fs::path& file,
+                                                 const std::string& inputs) {
+  if (!fs::exists(file)) return std::nullopt;
+  const auto json = nlohmann::json::parse(core::read_file(file), nullptr, false);
+  if (json.is_discarded() || json.value("inputs", "") != inputs) return std::nullopt;
+  HeldOutPrecision result;
+  result.views = json.value("views", 0);
+  result.ap50 = json.value("ap50", 0.0);
+  result.ap = json.value("ap", 0.0);
+  result.score_threshold = json.value("score_threshold", 0.0);
+  result.precision = json.value("precision", 0.0);
+  result.recall = json.value("recall", 0.0);
+  if (json.contains("source_ap50")) result.source_ap50 = json.value("source_ap50", 0.0);
+  if (json.contains("unseen_ap50")) result.unseen_ap50 = json.value("unseen_ap50", 0.0);
+  return result;
+}
+
+void write_measurement(const fs::path& file, const std::string& inputs,
+                       const HeldOutPrecision& result) {
+  nlohmann::ordered_json json{{"inputs", inputs},
+                              {"views", result.views},
+                              {"ap50", result.ap50},
+                              {"ap", result.ap},
+                              {"score_threshold", result.score_threshold},
+                              {"precision", result.precision},
+                              {"recall", result.recall}};
+  if (result.source_ap50) json["source_ap50"] = *result.source_ap50;
+  if (result.unseen_ap50) json["unseen_ap50"] = *result.unseen_ap50;
+  core::write_file_atomically(file, [&](std::ostream& out) { out << json.dump(2) << '\n'; });
+}
+
+void choose_threshold(const fs::path& weights_file, const fs::path& validation,
+                      double precision_target, const fs::path& output) {
+  perception::DetectorWeights weights = perception::read_weights(weights_file);
+  perception::CocoDataset dataset = perception::read_coco(validation);
+  perception::add_data(weights, weights_file,
+                       data_use(perception::DataPurpose::kValidation, dataset));
+  perception::match_classes(dataset, weights.class_names, {});
+  const auto results = perception::detect_all(weights_file, dataset);
+  const auto points =
+      perception::operating_points(results, static_cast<int>(weights.class_names.size()));
+  weights.score_threshold =
+      (precision_target > 0.0 ? perception::most_recall(points, precision_target)
+                              : perception::best_f1(points))
+          .score_threshold;
+  perception::write_weights(output, weights);
+}
+
+}  // namespace
+
+HeldOutPrecision prepare_arm_weights(const fs::path& weights, const HeldOutSets& sets,
+                                     double precision_target, const fs::path& output,
+                                     const std::function<void()>& on_measure) {
+  const fs::path record = output.string() + ".precision.json";
+  const std::string inputs = describe_inputs(weights, sets, precision_target);
+  if (fs::exists(output)) {
+    if (const auto known = read_measurement(record, inputs)) return *known;
+  }
+  if (on_measure) on_measure();
+  choose_threshold(weights, sets.validation, precision_target, output);
+  const perception::EvaluationReport report = perception::evaluate(output, sets.test);
+  const perception::OperatingPoint& point = report.precision.operating;
+  HeldOutPrecision result;
+  result.views = report.images;
+  result.ap50 = report.precision.ap50;
+  result.ap = report.precision.ap;
+  result.score_threshold = static_cast<double>(point.score_threshold);
+  result.precision = point.precision();
+  result.recall = point.recall();
+  const auto ap50_on = [&](const fs::path& set) -> std::optional<double> {
+    if (set.empty()) return std::nullopt;
+    return perception::evaluate(output, set).precision.ap50;
+  };
+  result.source_ap50 = ap50_on(sets.source);
+  result.unseen_ap50 = ap50_on(sets.unseen);
+  write_measurement(record, inputs, result);
+  return result;
+}
+
+}  // namespace segsim::experiments

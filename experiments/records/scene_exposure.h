@@ -1,0 +1,52 @@
+#pragma once
+
+/// @file
+/// What an arm's detector has seen of the scenes that it is evaluated in, by the record in its
+/// file (perception/checkpoint/lineage.h). A file without a record may have seen anything.
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/scene_bundle.h"
+
+namespace segsim::experiments {
+
+/// How much of the data that a detector was trained on is known.
+enum class TrainingDataKnown : std::uint8_t { kAll, kPart, kNothing };
+
+/// Lists are names of scenes of the spec, in its order.
+struct SceneExposure {
+  std::vector<std::string> trained_on{};  ///< Views of these were trained on or mixed in.
+  /// The score threshold or the step was chosen on views of these.
+  std::vector<std::string> threshold_on{};
+  /// It learnt from another scene of that name: perhaps another reconstruction of the place.
+  std::vector<std::string> same_name{};
+  TrainingDataKnown known = TrainingDataKnown::kAll;
+
+  bool operator==(const SceneExposure&) const = default;
+  [[nodiscard]] bool is_trained_on(const std::string& scene) const;
+};
+
+/// A scene of an evaluation.
+struct EvaluationScene {
+  std::string name;  ///< In the spec.
+  const core::SceneManifest* manifest = nullptr;
+  std::optional<std::uint64_t> flat_seed{};  ///< If it is a procedural flat.
+};
+
+/// @param weights  Of this program, or a model of others: that says nothing.
+/// @throws core::InputError if the file or its record is damaged.
+[[nodiscard]] SceneExposure exposure_of(const std::filesystem::path& weights,
+                                        std::span<const EvaluationScene> scenes);
+
+/// "none", or parts with "; " between: "unknown" or "partly unknown", "trained on a, b",
+/// "threshold chosen on a", "another scene named b".
+[[nodiscard]] std::string exposure_text(const SceneExposure& exposure);
+/// The inverse; what it does not understand makes it unknown.
+[[nodiscard]] SceneExposure parse_exposure(const std::string& text);
+
+}  // namespace segsim::experiments

@@ -1,0 +1,13 @@
+#include "experiments/reproducibility/backend_warning.h"
+
+#include <cstdio>
+#include <mutex>
+
+namespace segsim::experiments {
+
+void warn_about_backend(const std::string& reason) {
+  static std::once_flag said;
+  std::call_once(said, [&] { std::fprintf(stderr, "segsim: warning: %s\n", reason.c_str()); });
+}
+
+}  // namespace segsim::experiments

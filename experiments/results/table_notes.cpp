@@ -1,0 +1,222 @@
+// Notes below a table of results.
+#include "experiments/results/table_notes.h"
+
+#include <algorithm>
+#include <cstdio>
+
+#include "experiments/results/leakage.h"
+
+namespace segsim::experiments::internal {
+namespace {
+
+constexpr double kOracleExpected = 0.95;
+
+std::string count_of(int count, const std::string& noun) {
+  return std::to_string(count) + " " + noun + (count == 1 ? "" : "s");
+}
+
+void note_state_of_run(ResultTable& table) {
+  if (table.finished_trials < table.run.planned_trials) {
+    table.notes.push_back("INTERIM: " + std::to_string(table.finished_trials) + " of " +
+                          count_of(table.run.planned_trials, "trial") +
+                          " finished; intervals and p-values are not final.");
+  }
+  int failed = 0, dropped = 0;
+  for (const GroupSummary& scene : table.scenes) {
+    for (const ArmSummary& arm : scene.arms) failed += arm.failed_trials;
+    dropped += scene.dropped_pairs;
+  }
+  if (failed > 0) {
+    table.notes.push_back(
+        count_of(failed, "trial") +
+        " failed in the harness and are in no rate; run again to repeat them.");
+  }
+  if (dropped > 0 && !table.before.empty()) {
+    const bool several = table.trainings.size() > 1;
+    table.notes.push_back(
+        count_of(dropped, several ? "pair of an episode and a training" : "episode") +
+        " without a usable trial in both arms are in no pair.");
+  }
+}
+
+/// Episodes that cannot be done are in no rate, but not silently.
+void note_excluded(ResultTable& table, const std::vector<TrialRow>& trials) {
+  constexpr std::size_t kListed = 8;
+  for (const char* outcome : {"infeasible", "trivial"}) {
+    std::vector<std::string> ids;
+    for (const TrialRow& trial : trials) {
+      if (trial.outcome != outcome) continue;
+      if (std::find(ids.begin(), ids.end(), trial.episode) == ids.end()) {
+        ids.push_back(trial.episode);
+      }
+    }
+    if (ids.empty()) continue;
+    std::string list;
+    for (std::size_t i = 0; i < ids.size() && i < kListed; ++i) {
+      list += (list.empty() ? "" : ", ") + ids[i];
+    }
+    if (ids.size() > kListed) list += ", ...";
+    table.notes.push_back(count_of(static_cast<int>(ids.size()), "episode") + " " + outcome +
+                          ", in no rate: " + list + ".");
+  }
+}
+
+/// Whether the sets themselves can be solved (segsim episodes validate).
+void note_validation(ResultTable& table) {
+  for (const SceneRow& scene : table.scene_rows) {
+    if (scene.oracle_episodes <= 0) continue;
+    const double rate = static_cast<double>(scene.oracle_successes) / scene.oracle_episodes;
+    const std::string count =
+        std::to_string(scene.oracle_successes) + "/" + std::to_string(scene.oracle_episodes);
+    table.notes.push_back(
+        rate < kOracleExpected
+            ? "FLAGGED episodes: " + scene.title + ": the oracle-path arm solved " + count +
+                  ", below 0.95; these episodes are part of the failures."
+            : scene.title + ": the oracle-path arm solved " + count + " of the episode set.");
+  }
+}
+
+/// Whether the detector under test was shown what the robot sees where episodes begin.
+void note_start_region(ResultTable& table) {
+  StartLeak leak;
+  for (const TrainingSummary& training : table.trainings) {
+    const ArmRow* after = find_arm(table.arm_rows, training.arm);
+    if (after == nullptr || !after->start_leak) continue;
+    leak.views += after->start_leak->views;
+    leak.near_starts += after->start_leak->near_starts;
+    leak.radius_m = after->start_leak->radius_m;
+  }
+  if (leak.views == 0) return;
+  char radius[16];
+  std::snprintf(radius, sizeof radius, "%g", leak.radius_m);
+  const std::string counts = std::to_string(leak.near_starts) + " of the " +
+                             count_of(leak.views, "view") + " that \"" + table.after +
+                             "\" was fine-tuned on";
+  table.notes.push_back(leak.near_starts > 0
+                            ? "LEAKAGE start region: " + counts + " lie within " + radius +
+                                  " m of the start of an evaluation episode."
+                            : "Start region: " + counts + " lie within " + radius +
+                                  " m of the start of an evaluation episode.");
+}
+
+/// The effect that this comparison is an experiment about.
+void note_paper(ResultTable& table) {
+  const bool tuned = std::any_of(table.scenes.begin(), table.scenes.end(),
+                                 [](const GroupSummary& scene) { return scene.leak; });
+  if (!tuned) return;
+  table.notes.push_back(
+      "The paper reports for this adaptation, in its own scenes, SR 20 % -> 100 % "
+      "(laboratory) "
+      "and 25 % -> 50 % (house). It does not say how many episodes that were, so neither an "
+      "interval nor a p-value can be given for it.");
+}
+
+void note_several_trainings(ResultTable& table) {
+  table.notes.push_back(
+      "SR: successes/(episodes x trainings); where an arm has several trainings, with a 95 % "
+      "interval that counts what differs between reconstructions, trainings and "
+      "episodes, else Wilson's. p: two-sided test of \"" +
+      table.before + "\" against \"" + table.after +
+      "\" over trainings and episodes; pairs +b -c, summed over trainings: b only after, c "
+      "only before. Difference: the interval of the same kind "
+      "(docs/metrics.md).");
+}
+
+void note_one_training(ResultTable& table) {
+  table.notes.push_back(
+      "SR: successes/episodes, Wilson 95 % interval. p: exact two-sided McNemar test of \"" +
+      table.before + "\" against \"" + table.after +
+      "\" on the same episodes; pairs +b -c: b only after, c only before. Difference: "
+      "Newcombe's "
+      "paired 95 % interval; where it disagrees with p, the test decides.");
+  if (table.compares_trainings) {
+    table.notes.push_back(
+        "ONE TRAINING: \"" + table.after +
+        "\" is one draw of its training. The interval knows nothing of how trainings differ "
+        "(`repetitions: {finetune_seeds: N}` in the spec measures it).");
+  }
+  for (const GroupSummary& scene : table.scenes) {
+    if (scene.pairs.discordant() < kMinDiscordantPairs) {
+      table.notes.push_back(scene.title + ": " +
+                            count_of(scene.pairs.discordant(), "discordant pair") +
+                            "; at least 6, all one way, are needed for p < 0.05.");
+    }
+  }
+}
+
+void note_comparison(ResultTable& table) {
+  if (table.before.empty() || table.after.empty()) {
+    table.notes.push_back("Rates: Wilson 95 % interval.");
+    note_leakage(table);
+    return;
+  }
+  if (table.trainings.size() > 1) {
+    note_several_trainings(table);
+  } else {
+    note_one_training(table);
+  }
+  note_leakage(table);
+  note_start_region(table);
+  note_paper(table);
+  if (table.scenes.size() < kScenesForClaim) {
+    table.notes.push_back("Fewer than 5 scenes: no claim beyond these scenes is supported.");
+  }
+}
+
+void note_oracle(ResultTable& table) {
+  if (table.oracle.empty()) {
+    table.notes.push_back("No oracle arm: whether the episodes can be solved is not known.");
+    return;
+  }
+  for (const GroupSummary& scene : table.scenes) {
+    const ArmSummary* oracle = scene.find(table.oracle);
+    if (oracle == nullptr || oracle->success.trials == 0) continue;
+    if (oracle->success.value() >= kOracleExpected) continue;
+    table.notes.push_back(scene.title + ": oracle SR " +
+                          std::to_string(oracle->success.successes) + "/" +
+                          std::to_string(oracle->success.trials) +
+                          " is below 0.95: part of the failures is navigation's, not the "
+                          "detector's.");
+  }
+}
+
+void note_provenance(ResultTable& table) {
+  const RunRow& run = table.run;
+  table.notes.push_back("Success profile: " + run.success_profile + ".");
+  std::string hashes;
+  for (const SceneRow& scene : table.scene_rows) {
+    hashes += (hashes.empty() ? "" : "; ") + scene.name + " scene " +
+              scene.scene_sha256.substr(0, 12) + " episodes " +
+              scene.episodes_sha256.substr(0, 12);
+  }
+  for (const ArmRow& arm : table.arm_rows) {
+    if (arm.weights_sha256.empty()) continue;
+    hashes += "; " + arm.name + " weights " + arm.weights_sha256.substr(0, 12);
+  }
+  table.notes.push_back(
+      "Run " + std::to_string(run.run_id) + " of " + run.name + ", seed " +
+      std::to_string(run.seed) + ", planned n " +
+      (run.planned_n > 0 ? std::to_string(run.planned_n) : std::string("= all")) +
+      ", segsim " + run.code_version + ", spec " + run.spec_sha256.substr(0, 12) +
+      ", started " + run.started + " on " + run.host + ". " + hashes + ".");
+}
+
+}  // namespace
+
+const ArmRow* find_arm(const std::vector<ArmRow>& arms, const std::string& name) {
+  for (const ArmRow& arm : arms) {
+    if (arm.name == name) return &arm;
+  }
+  return nullptr;
+}
+
+void add_notes(ResultTable& table, const std::vector<TrialRow>& trials) {
+  note_state_of_run(table);
+  note_excluded(table, trials);
+  note_validation(table);
+  note_comparison(table);
+  note_oracle(table);
+  note_provenance(table);
+}
+
+}  // namespace segsim::experiments::internal

@@ -1,0 +1,70 @@
+#include "experiments/support/stage_times.h"
+
+#include <algorithm>
+#include <cstdlib>
+#include <utility>
+
+#include "experiments/support/formatted.h"
+#include "experiments/support/text_grid.h"
+
+namespace segsim::experiments {
+
+StageTimes::Timer::Timer(StageTimes& times, std::string stage)
+    : times_(times), stage_(std::move(stage)) {
+  const std::lock_guard<std::mutex> lock(times_.mutex_);
+  (void)times_.stage(stage_);
+}
+
+StageTimes::Timer::~Timer() {
+  const std::lock_guard<std::mutex> lock(times_.mutex_);
+  StageTime& time = times_.stage(stage_);
+  if (time.made) time.wall_s += std::chrono::duration<double>(Clock::now() - start_).count();
+}
+
+void StageTimes::Timer::working() {
+  const std::lock_guard<std::mutex> lock(times_.mutex_);
+  times_.stage(stage_).made = true;
+}
+
+StageTime& StageTimes::stage(const std::string& name) {
+  const auto found = std::find_if(stages_.begin(), stages_.end(),
+                                  [&](const StageTime& time) { return time.stage == name; });
+  if (found != stages_.end()) return *found;
+  stages_.push_back({name});
+  return stages_.back();
+}
+
+std::vector<StageTime> StageTimes::all() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return stages_;
+}
+
+std::string in_words(const StageTime& time) {
+  return time.made ? print("%.1f s", time.wall_s) : "0 s (was there)";
+}
+
+std::string stage_times_text(const std::vector<StageTime>& times, double total_s) {
+  internal::TextGrid grid{{"Stage", "Wall time"}, {}};
+  for (const StageTime& time : times) grid.rows.push_back({time.stage, in_words(time)});
+  grid.rows.push_back({"all", print("%.1f s", total_s)});
+  return internal::text_of(grid);
+}
+
+std::map<std::string, std::string> stage_time_rows(
+    const std::vector<StageTime>& times, const std::map<std::string, std::string>& known) {
+  std::map<std::string, std::string> rows;
+  for (const StageTime& time : times) {
+    const std::string name = "time/" + time.stage;
+    const auto found = known.find(name);
+    if (found == known.end()) {
+      rows[name] = in_words(time);
+    } else if (time.made) {
+      StageTime sum = time;
+      sum.wall_s += std::strtod(found->second.c_str(), nullptr);
+      rows[name] = in_words(sum);
+    }
+  }
+  return rows;
+}
+
+}  // namespace segsim::experiments

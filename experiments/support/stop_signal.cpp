@@ -1,0 +1,34 @@
+#include "experiments/support/stop_signal.h"
+
+#include <atomic>
+#include <csignal>
+
+namespace segsim::experiments {
+namespace {
+
+std::atomic<bool> stop_requested{false};
+static_assert(std::atomic<bool>::is_always_lock_free, "set from a signal handler");
+
+void request_stop(int signal_number) {
+  stop_requested = true;
+  std::signal(signal_number, SIG_DFL);  // The second signal ends the process at once.
+}
+
+}  // namespace
+
+StopOnSignal::StopOnSignal() {
+  stop_requested = false;
+  old_interrupt_ = std::signal(SIGINT, request_stop);
+  old_terminate_ = std::signal(SIGTERM, request_stop);
+}
+
+StopOnSignal::~StopOnSignal() {
+  std::signal(SIGINT, old_interrupt_);
+  std::signal(SIGTERM, old_terminate_);
+}
+
+bool StopOnSignal::requested() { return stop_requested; }
+
+void StopOnSignal::request() { stop_requested = true; }
+
+}  // namespace segsim::experiments

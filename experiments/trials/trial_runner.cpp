@@ -1,0 +1,353 @@
+#include "experiments/trials/trial_runner.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "core/error.h"
+#include "core/random.h"
+#include "core/version.h"
+#include "experiments/drawing/trial_picture.h"
+#include "experiments/reproducibility/backend_warning.h"
+#include "experiments/trials/internal/trial_outputs.h"
+#include "experiments/trials/trial_options.h"
+#include "nav/policies/policy_factory.h"
+#include "perception/detector/detector.h"
+#include "perception/models/object_detector.h"
+#include "renderer/renderer_backend.h"
+#include "sim/trial/oracle_way.h"
+
+namespace segsim::experiments {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kSnap_m = 0.30;  // As sim/trial/trial.cpp measures the distance to the goal.
+
+/// What is searched for in a scene, by the spec or by its episodes.
+std::vector<std::string> goal_names(const LoadedScene& scene) {
+  if (!scene.spec->goals.empty()) return scene.spec->goals;
+  std::vector<std::string> names;
+  for (const sim::Episode& episode : scene.episodes.episodes) {
+    names.push_back(episode.class_name);
+  }
+  std::sort(names.begin(), names.end());
+  names.erase(std::unique(names.begin(), names.end()), names.end());
+  return names;
+}
+
+/// Whether the arm's detector is asked for the goals of each scene.
+bool is_prompted(const ArmSpec& arm) {
+  return arm.detector == ArmDetector::kFile && perception::is_foreign_detector(arm.weights) &&
+         perception::needs_prompt(arm.weights);
+}
+
+/// Weights of this program, or a model of others (docs/models.md).
+std::unique_ptr<core::Detector> load_arm_detector(const fs::path& file, const ArmSpec& arm,
+                                                  const LoadedScene& scene) {
+  std::optional<float> threshold;
+  if (arm.score_threshold) threshold = static_cast<float>(*arm.score_threshold);
+  if (!perception::is_foreign_detector(file)) {
+    perception::DetectorOptions options;
+    options.score_threshold = threshold;
+    return perception::load_detector(file, options);
+  }
+  perception::ObjectDetectorOptions options;
+  options.score_threshold = threshold;
+  if (perception::needs_prompt(file)) options.prompts = goal_names(scene);
+  return perception::load_object_detector(file, options);
+}
+
+sim::TrialOptions trial_options(const ExperimentSpec& spec, const LoadedScene& loaded) {
+  const sim::SuccessProfile rule = spec.success.rule();
+  sim::TrialOptions options =
+      base_trial_options(spec, loaded.spec->camera_height_m, loaded.sensors);
+  // Rules of another kind are applied to the end of the trial, in judge_trial().
+  const bool by_view_point = rule.rule == sim::SuccessRule::kViewPoint;
+  options.success_distance_m =
+      by_view_point ? rule.distance_m : sim::SuccessProfile{}.distance_m;
+  options.require_visible = by_view_point && rule.require_visible;
+  options.visible_pixels = spec.success.visible_pixels;
+  return options;
+}
+
+/// A repetition differs from the first trial in its random numbers.
+sim::Episode episode_of(const TrialTask& task) {
+  sim::Episode episode = *task.episode;
+  if (task.repetition > 0) {
+    episode.seed = core::hash64("repetition " + std::to_string(task.repetition), episode.seed);
+  }
+  return episode;
+}
+
+/// @param episode  Outlives what is returned.
+TrialScene scene_of(const TrialTask& task, const sim::Episode& episode, int goal_index) {
+  TrialScene scene;
+  scene.plan = &task.scene->plan;
+  scene.manifest = &task.scene->bundle.manifest;
+  scene.episode = &episode;
+  scene.scene_title = task.scene->spec->title;
+  scene.arm = task.arm->name;
+  scene.goal_index = goal_index;
+  const auto to_goal = std::make_shared<sim::DistanceField>(
+      task.scene->world.distance_to(episode.view_points_m));
+  scene.shortest_path_m = to_goal->path_from({episode.start.x_m, episode.start.y_m});
+  scene.distance_m = [to_goal](const glm::dvec2& p_m) { return to_goal->at(p_m, kSnap_m); };
+  return scene;
+}
+
+/// How time passes; a trial that measured time is repeated with the times that it recorded.
+sim::TrialClock clock_for(const ExperimentSpec& spec, const TrialTask& task) {
+  sim::TrialClock clock = trial_clock(spec.clock, task.arm->clock);
+  if (task.replay == nullptr || !clock.measures()) return clock;
+  clock.budget = sim::with_trace(clock.played_budget(),
+                                 std::make_shared<sim::LatencyTrace>(task.replay->trace));
+  clock.mode = sim::ClockMode::kVirtual;
+  return clock;
+}
+
+ReplayLog start_log(const ExperimentSpec& spec, const TrialTask& task) {
+  ReplayLog log;
+  log.spec_text = spec.text;
+  log.spec_file = spec.file.string();
+  log.scene = task.scene->spec->name;
+  log.arm = task.arm->name;
+  log.episode = task.episode->id;
+  log.repetition = task.repetition;
+  log.scene_sha256 = task.scene->bundle.scene_sha256;
+  log.code_version = core::version();
+  log.clock_mode = sim::to_string(spec.clock.mode);
+  log.images = task.replay_log && spec.replays.images;
+  return log;
+}
+
+void copy_result(const sim::TrialResult& result, TrialRow& row) {
+  row.outcome = sim::to_string(result.outcome);
+  row.success = result.success;
+  row.stop_reason = result.stop_reason;
+  row.spl = result.spl;
+  row.soft_spl = result.soft_spl;
+  row.path_m = result.path_m;
+  row.shortest_path_m = result.shortest_path_m;
+  if (std::isfinite(result.distance_to_goal_m))
+    row.distance_to_goal_m = result.distance_to_goal_m;
+  row.sim_s = result.sim_s;
+  row.wall_s = result.wall_s;
+  row.ticks = result.ticks;
+  row.contacts = result.contacts;
+  row.contact_s = result.contact_s;
+  row.first_visible_tick = result.first_visible_tick;
+  row.first_detected_tick = result.first_detected_tick;
+  row.invalid_pixel_fraction = result.invalid_pixel_fraction;
+  row.state_hash = result.state_hash;
+  row.render_ms = result.render_ms;
+  row.detect_ms = result.detect_ms;
+  row.policy_ms = result.policy_ms;
+}
+
+/// What people who watch are told of the trial.
+LiveTrial live_trial(const TrialTask& task, const TrialScene& scene,
+                     const std::vector<std::string>& detector_classes, double time_limit_s) {
+  return {task.scene->spec->name,
+          scene.scene_title,
+          scene.arm,
+          task.episode->id,
+          task.episode->class_name,
+          task.repetition,
+          scene.goal_index,
+          detector_classes,
+          fs::absolute(task.scene->bundle.folder).lexically_normal(),
+          time_limit_s,
+          task.episode->start,
+          scene.shortest_path_m};
+}
+
+int index_of(const std::vector<std::string>& names, const std::string& name) {
+  const auto found = std::find(names.begin(), names.end(), name);
+  return found == names.end() ? -1 : static_cast<int>(found - names.begin());
+}
+
+}  // namespace
+
+Starts starts_of(const LoadedScene& scene) {
+  Starts starts_m;
+  for (const sim::Episode& episode : scene.episodes.episodes) {
+    starts_m.emplace_back(episode.start.x_m, episode.start.y_m);
+  }
+  return starts_m;
+}
+
+PreparedWeights weights_of(const ArmSpec& arm, const PreparedDetectors& detectors) {
+  if (arm.detector == ArmDetector::kFile) return {arm.weights, std::nullopt, std::nullopt};
+  const auto found = detectors.find(arm.name);
+  return found == detectors.end() ? PreparedWeights{} : found->second;
+}
+
+TrialRunner::TrialRunner(const ExperimentSpec& spec, PreparedDetectors detectors,
+                         fs::path work)
+    : spec_(spec), detectors_(std::move(detectors)), work_(std::move(work)), live_(work_) {}
+
+void TrialRunner::set_renderer(const std::string& scene,
+                               std::unique_ptr<core::Renderer> renderer) {
+  renderers_[scene] = std::move(renderer);
+}
+
+core::Renderer& TrialRunner::renderer_for(const LoadedScene& scene) {
+  std::unique_ptr<core::Renderer>& renderer = renderers_[scene.spec->name];
+  if (renderer == nullptr) {
+    // Trials run side by side, so each of them renders on its own thread only.
+    renderer::RenderOptions options;
+    options.threads = 1;
+    renderer = renderer::make_renderer(spec_.camera.backend, scene.surfels, options,
+                                       scene.labels, warn_about_backend);
+  }
+  return *renderer;
+}
+
+TrialRunner::ArmDetectorSlot& TrialRunner::detector_for(const LoadedScene& scene,
+                                                        const ArmSpec& arm) {
+  const bool oracle = arm.detector == ArmDetector::kOracle;
+  // A prompted detector looks for the goals of its scene.
+  const bool per_scene = oracle || is_prompted(arm);
+  ArmDetectorSlot& slot = slots_[per_scene ? scene.spec->name + "/" + arm.name : arm.name];
+  if (slot.detector != nullptr) return slot;
+  if (oracle) {
+    std::vector<std::string> names;
+    for (const core::SceneClass& c : scene.bundle.manifest.classes) {
+      if (c.thing) names.push_back(c.name);
+    }
+    sim::OracleDetectorOptions options;
+    options.min_pixels = spec_.success.visible_pixels;
+    options.seed = spec_.seed;
+    auto detector =
+        std::make_unique<sim::OracleDetector>(scene.bundle.manifest.classes, names, options);
+    slot.truth = detector.get();
+    slot.detector = std::move(detector);
+  } else {
+    slot.detector = load_arm_detector(weights_of(arm, detectors_).file, arm, scene);
+  }
+  return slot;
+}
+
+/// The arm's policy; only "oracle-path" is handed the way to the goal.
+std::unique_ptr<core::Policy> TrialRunner::policy_for(const TrialTask& task,
+                                                      const ArmDetectorSlot& slot) const {
+  const nav::PolicySettings& settings = task.arm->policy ? *task.arm->policy : spec_.policy;
+  nav::PolicyContext context;
+  context.class_names = slot.detector->class_names();
+  context.camera_height_m = task.scene->spec->camera_height_m;
+  if (settings.type == "oracle-path") {
+    // Odom equals World with perfect localisation.
+    context.oracle = [way = std::make_shared<sim::OracleWay>(task.scene->world,
+                                                             task.episode->view_points_m)](
+                         const glm::dvec2& from_m) { return way->from(from_m); };
+  }
+  return nav::make_policy(settings, context);
+}
+
+TrialRow TrialRunner::run(const TrialTask& task) {
+  TrialRow row;
+  row.arm = task.arm->name;
+  row.scene = task.scene->spec->name;
+  row.episode = task.episode->id;
+  row.goal_class = task.episode->class_name;
+  row.repetition = task.repetition;
+  row.shortest_path_m = task.episode->shortest_path_m;
+  if (!std::isfinite(row.shortest_path_m)) {
+    row.shortest_path_m = 0.0;
+    row.outcome = row.why.cause = to_string(Cause::kInfeasible);
+    return row;
+  }
+  if (row.shortest_path_m <= 0.0 && !task.scene->spec->allow_trivial) {
+    row.outcome = row.why.cause = to_string(Cause::kTrivial);
+    return row;
+  }
+  try {
+    run_checked(task, row);
+  } catch (const std::exception& error) {
+    row.outcome = "error";
+    row.success = false;
+    row.why = {};
+    row.why.cause = to_string(Cause::kHarnessError);
+    row.error = error.what();
+  }
+  return row;
+}
+
+void TrialRunner::run_checked(const TrialTask& task, TrialRow& row) {
+  const sim::Episode episode = episode_of(task);
+  // Of a trial that is played again, perception may come from its log.
+  ReplayRenderer replayed_images(task.replay_images);
+  ArmDetectorSlot replayed;
+  if (task.replay_perception) {
+    replayed.detector = std::make_unique<ReplayDetector>(*task.replay);
+  }
+  core::Renderer& renderer =
+      task.replay_images.empty() ? renderer_for(*task.scene) : replayed_images;
+  ArmDetectorSlot& slot =
+      task.replay_perception ? replayed : detector_for(*task.scene, *task.arm);
+  const std::vector<std::string>& classes = slot.detector->class_names();
+  const std::unique_ptr<core::Policy> policy = policy_for(task, slot);
+  sim::TrialOptions options = trial_options(spec_, *task.scene);
+  options.clock = clock_for(spec_, task);
+
+  const TrialScene scene = scene_of(task, episode, index_of(classes, episode.class_name));
+  TrialWitness witness(task.scene->bundle.manifest, episode, scene.goal_index);
+  TrialOutputs outputs(spec_, task, scene, classes, work_, renderer);
+  const sim::TickObserver observer = [&](const sim::TickRecord& tick, const core::Frame& frame,
+                                         const std::vector<core::Detection>& detections,
+                                         const core::Policy& of) {
+    const double tick_index = core::seconds(tick.time_ns) / spec_.control_period_s;
+    const auto image = static_cast<std::uint64_t>(tick.capture_index);
+    witness.add(static_cast<int>(std::lround(tick_index)), frame,
+                tick.fresh ? std::optional(image) : std::nullopt);
+    outputs.add(tick, frame, detections, of);
+    live_.add(tick, frame, detections, of);
+  };
+
+  ReplayLog log = start_log(spec_, task);
+  live_.begin(live_trial(task, scene, classes, spec_.time_limit_s));
+  TimedDetector timed(*slot.detector, live_);
+  TimedPolicy timed_policy(*policy, live_);
+  RecordingDetector recorded(timed, log);
+  WitnessedDetector detector(recorded, slot.truth, witness);
+  const fs::path log_file = work_ / "replays" / (file_stem(task) + ".jsonl");
+  std::optional<RecordingRenderer> kept_images;
+  if (log.images) kept_images.emplace(renderer, replay_images(log_file));
+  core::Renderer* const eye = kept_images ? &*kept_images : &renderer;
+  sim::TrialResult result =
+      sim::run_trial(episode, options, task.scene->world, task.scene->world.robot(), *eye,
+                     detector, timed_policy, &detector, observer);
+  if (task.replay_log) write_replay_log(log_file, with_result(std::move(log), result));
+  std::vector<double> distance_m;
+  row.why = judge_trial(task, episode, scene.goal_index, witness, result, distance_m);
+  copy_result(result, row);
+  outputs.finish(result, options, witness, std::move(distance_m), row);
+}
+
+Attribution TrialRunner::judge_trial(const TrialTask& task, const sim::Episode& episode,
+                                     int goal_index, const TrialWitness& witness,
+                                     sim::TrialResult& result,
+                                     std::vector<double>& distance_m) const {
+  const sim::SuccessProfile rule = spec_.success.rule();
+  const AttributionContext context{&task.scene->world, &task.scene->bundle.manifest,
+                                   &episode,           &rule,
+                                   goal_index,         spec_.time_limit_s};
+  Attribution why = attribute(context, result, witness, &distance_m);
+  if (rule.rule == sim::SuccessRule::kViewPoint) return why;
+  const std::optional<double> end_m = std::isfinite(result.distance_to_goal_m)
+                                          ? std::optional(result.distance_to_goal_m)
+                                          : std::nullopt;
+  const sim::TrialEnd end = trial_end(why, end_m, result.contacts, result.sim_s, result.path_m,
+                                      result.shortest_path_m);
+  result.success = sim::succeeded(rule, end);
+  result.spl = sim::profile_spl(rule, end);
+  if (result.success) {
+    result.outcome = sim::Outcome::kSuccess;
+  } else if (result.outcome == sim::Outcome::kSuccess) {
+    result.outcome = sim::Outcome::kStoppedFar;
+  }
+  return attribute(context, result, witness, &distance_m);
+}
+
+}  // namespace segsim::experiments

@@ -1,0 +1,125 @@
+#pragma once
+
+/// @file
+/// The wiring: which renderer, detector and policy stand behind the interfaces of one trial,
+/// and what is kept of it.
+
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <string>
+
+#include "core/render.h"
+#include "core/scene_bundle.h"
+#include "core/stages.h"
+#include "experiments/drawing/floor_plan.h"
+#include "experiments/episodes/episodes.h"
+#include "experiments/records/replay_log.h"
+#include "experiments/records/store.h"
+#include "experiments/records/trial_witness.h"
+#include "experiments/specs/spec.h"
+#include "experiments/trials/live_view.h"
+#include "experiments/trials/prepared_detectors.h"
+#include "experiments/trials/trial_viewer.h"
+#include "renderer/scene/panoptic_field.h"
+#include "renderer/scene/surfels.h"
+#include "sim/ground/world.h"
+#include "sim/trial/oracle_detector.h"
+#include "sim/trial/trial.h"
+
+namespace segsim::experiments {
+
+/// A scene in memory: immutable, shared by all workers.
+struct LoadedScene {
+  const SceneSpec* spec = nullptr;
+  core::SceneBundle bundle;
+  sim::World world;
+  std::shared_ptr<const renderer::SurfelCloud> surfels;
+  std::shared_ptr<const renderer::PanopticField> labels;  ///< nullptr: the surfels' own ids.
+  FloorPlan plan;
+  EpisodeSet episodes;
+  std::string episodes_sha256;
+  bool episodes_made = false;  ///< Now, and not found in a file.
+  /// What the spec says, bound to this scene; nullptr: an exact camera alone.
+  std::shared_ptr<const sim::SensorSettings> sensors;
+};
+
+/// Rules of the spec for one scene's episodes.
+[[nodiscard]] EpisodeRules episode_rules(const ExperimentSpec& spec, const SceneSpec& scene);
+
+/// Loads a bundle and its episodes: those of `scene.episode_file`, or of
+/// ${work}/episodes/<scene>.jsonl if that file was made by the same rules for the same bundle;
+/// else they are generated and written there. Of a given file, lengths are those of the spec's
+/// robot; what cannot be done gets l = infinity.
+///
+/// A second reconstruction of a scene has the episodes of the first, which must be there: the
+/// same names, starts, goals and view points, so that trials pair over reconstructions, with
+/// lengths in this one; what cannot be done here gets l = infinity.
+/// @throws core::InputError if the episode file belongs to another bundle or names a class
+/// that the bundle lacks.
+[[nodiscard]] LoadedScene load_scene(const ExperimentSpec& spec, const SceneSpec& scene,
+                                     const std::filesystem::path& bundle_folder,
+                                     const std::filesystem::path& work);
+
+/// Where its episodes start.
+[[nodiscard]] Starts starts_of(const LoadedScene& scene);
+
+/// One cell of the experiment; what it points to outlives it.
+struct TrialTask {
+  const LoadedScene* scene = nullptr;
+  const sim::Episode* episode = nullptr;
+  const ArmSpec* arm = nullptr;
+  int repetition = 0;
+  bool video = false;
+  bool frames = false;
+  bool replay_log = false;            ///< Write one, see replay_log.h.
+  const ReplayLog* replay = nullptr;  ///< Play this trial again: measured times come from it.
+  bool replay_perception = false;     ///< Detections (and images, if kept) too.
+  std::filesystem::path replay_images{};  ///< Where they are; empty: the renderer draws.
+  bool record = true;             ///< Picture, track and log, where the spec wants them.
+  TrialViewer* viewer = nullptr;  ///< Of this trial; does not change it.
+};
+
+/// Weights of an arm; empty for the oracle.
+[[nodiscard]] PreparedWeights weights_of(const ArmSpec& arm,
+                                         const PreparedDetectors& detectors);
+
+/// Runs trials one after another: one object per thread, with renderers and detectors of its
+/// own.
+class TrialRunner {
+ public:
+  TrialRunner(const ExperimentSpec& spec, PreparedDetectors detectors,
+              std::filesystem::path work);
+
+  /// Draws a scene by something else than the spec's backend.
+  void set_renderer(const std::string& scene, std::unique_ptr<core::Renderer> renderer);
+
+  /// The result depends on the task and the spec only. Writes picture, track, video and
+  /// frames. What a trial throws becomes a row with outcome "error".
+  [[nodiscard]] TrialRow run(const TrialTask& task);
+
+ private:
+  struct ArmDetectorSlot {
+    std::unique_ptr<core::Detector> detector;
+    sim::GroundTruthSink* truth = nullptr;  ///< The oracle itself.
+  };
+  core::Renderer& renderer_for(const LoadedScene& scene);
+  ArmDetectorSlot& detector_for(const LoadedScene& scene, const ArmSpec& arm);
+  std::unique_ptr<core::Policy> policy_for(const TrialTask& task,
+                                           const ArmDetectorSlot& slot) const;
+  void run_checked(const TrialTask& task, TrialRow& row);
+  /// The result under the spec's success rule, and why it failed.
+  Attribution judge_trial(const TrialTask& task, const sim::Episode& episode, int goal_index,
+                          const TrialWitness& witness, sim::TrialResult& result,
+                          std::vector<double>& distance_m) const;
+
+  const ExperimentSpec& spec_;
+  PreparedDetectors detectors_;
+  std::filesystem::path work_;
+  LiveView live_;
+  std::map<std::string, std::unique_ptr<core::Renderer>> renderers_;  ///< By scene.
+  std::map<std::string, ArmDetectorSlot>
+      slots_;  ///< By arm; the oracle's and prompted ones by scene and arm.
+};
+
+}  // namespace segsim::experiments

@@ -1,0 +1,192 @@
+/// Looking around, driving to frontiers, and what is tried when none is left.
+
+#include <algorithm>
+#include <cmath>
+
+#include <glm/geometric.hpp>
+
+#include "nav/frontier/internal/search_policy.h"
+
+namespace segsim::nav::internal {
+namespace {
+
+constexpr double kAtFrontier_m = 0.35;  // A frontier this near to a looked-at one is the same.
+
+}  // namespace
+
+void SearchPolicy::begin_spin(const Now& now) {
+  state_ = State::kSpin;
+  spun_rad_ = 0.0;
+  last_yaw_rad_ = now.pose.yaw_rad;
+  replanned_ns_ = now.time_ns;
+  follower_.clear();
+  stuck_.reset();
+}
+
+core::VelocityCommand SearchPolicy::spin(const Now& now) {
+  spun_rad_ += core::wrap_angle_rad(now.pose.yaw_rad - last_yaw_rad_);
+  if (spun_rad_ >= options_.spin_angle_rad - 0.05) {
+    state_ = sweep_places_m_.empty() ? State::kExplore : State::kSweep;
+    replanned_ns_ = 0;
+    target_.reset();
+    return {};
+  }
+  return {0.0, std::min(options_.spin_rate_radps, options_.follower.max_turn_radps)};
+}
+
+core::VelocityCommand SearchPolicy::look(const Now& now) {
+  const bool all_around = target_->outward == glm::dvec2(0.0);
+  const double yaw_rad =
+      all_around ? now.pose.yaw_rad : std::atan2(target_->outward.y, target_->outward.x);
+  const core::VelocityCommand command = follower_.turn_to(now.pose, yaw_rad, 0.15);
+  const bool late = core::seconds(now.time_ns - target_->since_ns) > options_.target_timeout_s;
+  if (command.turn_radps != 0.0 && !late) return command;
+  if (target_->bold) {
+    selector_.blacklist(target_->position_m);
+  } else {
+    looked_at_m_ = target_->position_m;
+  }
+  target_.reset();
+  state_ = State::kExplore;
+  replanned_ns_ = 0;
+  return {};
+}
+
+core::VelocityCommand SearchPolicy::sweep(const Now& now) {
+  if (replan_due(now)) {
+    replanned_ns_ = now.time_ns;
+    while (!sweep_places_m_.empty() && !drive_to(now, sweep_places_m_.back())) {
+      sweep_places_m_.pop_back();
+    }
+    if (sweep_places_m_.empty()) {
+      state_ = State::kExplore;
+      replanned_ns_ = 0;
+      return {};
+    }
+    track_target(now, sweep_places_m_.back(), glm::dvec2(0.0));
+  }
+  if (hopeless(now) || follower_.arrived(now.pose)) {
+    const bool arrived = follower_.arrived(now.pose);
+    sweep_places_m_.pop_back();
+    target_.reset();
+    replanned_ns_ = 0;
+    if (arrived) {
+      begin_spin(now);
+    } else if (sweep_places_m_.empty()) {
+      state_ = State::kExplore;
+    }
+    return {};
+  }
+  return follower_.follow(now.pose, cost_);
+}
+
+bool SearchPolicy::replan_explore(const Now& now) {
+  replanned_ns_ = now.time_ns;
+  const bool known = field_.begin(cost_, cost_.frame().cell_at(now.position_m));
+  const bool bold = effort_ == Effort::kBold || effort_ == Effort::kBoldAgain;
+  FrontierOptions options = options_.frontiers;
+  if (effort_ != Effort::kNormal) options.min_length_m = 0.0;
+  frontiers_ =
+      known ? find_reachable_frontiers(cost_, field_, options) : std::vector<Frontier>{};
+  while (true) {
+    const std::optional<Frontier> frontier = selector_.select(frontiers_, field_);
+    if (!frontier) return bold && replan_bold(now);
+    const bool seen_it_all =
+        looked_at_m_ && glm::distance(*looked_at_m_, frontier->waypoint_m) <= kAtFrontier_m;
+    if (!seen_it_all && drive_to(now, frontier->waypoint_m)) {
+      track_target(now, frontier->waypoint_m, frontier->outward);
+      return true;
+    }
+    // Looked at from its very edge, or no way there: not worth another try.
+    selector_.blacklist(frontier->waypoint_m);
+  }
+}
+
+bool SearchPolicy::replan_bold(const Now& now) {
+  build_bold_map();
+  const GridFrame& frame = bold_.frame();
+  if (!field_.begin(bold_, frame.cell_at(now.position_m))) return false;
+  const CellBox part = bold_.active();
+  core::Image<std::uint8_t> known(part.width(), part.height());
+  for (int j = 0; j < part.height(); ++j) {
+    const CellState* states = bold_.states().row(j + part.low.y) + part.low.x;
+    for (int i = 0; i < part.width(); ++i) {
+      known(i, j) = states[i] != CellState::kUnknown ? 1 : 0;
+    }
+  }
+  const core::Image<float> depth_m = distance_to_cells_m(known, frame.resolution_m);
+  if (target_ && target_->bold) {  // Stay with it while it is worth it.
+    const Cell cell = frame.cell_at(target_->position_m);
+    if (bold_.state(cell) == CellState::kUnknown && field_.reachable(cell) &&
+        drive_to(now, target_->position_m, bold_)) {
+      track_target(now, target_->position_m, glm::dvec2(0.0));
+      return true;
+    }
+  }
+  std::optional<Cell> best;
+  for (int j = part.low.y; j <= part.high.y; ++j) {
+    for (int i = part.low.x; i <= part.high.x; ++i) {
+      const float in_m = depth_m(i - part.low.x, j - part.low.y);
+      if (static_cast<double>(in_m) < options_.bold_depth_m || !field_.reachable({i, j})) {
+        continue;
+      }
+      const float cost_m = field_.cost_m(i, j);
+      if ((best && cost_m >= field_.cost_m(best->x, best->y)) ||
+          selector_.blacklisted(frame.center_m({i, j}))) {
+        continue;
+      }
+      best = Cell(i, j);
+    }
+  }
+  if (!best || !drive_to(now, frame.center_m(*best), bold_)) return false;
+  track_target(now, frame.center_m(*best), glm::dvec2(0.0));
+  target_->bold = true;
+  return true;
+}
+
+core::VelocityCommand SearchPolicy::explore(const Now& now) {
+  if (replan_due(now)) {
+    if (!replan_explore(now)) {
+      follower_.clear();
+      target_.reset();
+      escalate(now);
+      return {};
+    }
+  }
+  if (hopeless(now)) {
+    selector_.blacklist(target_->position_m);
+    target_.reset();
+    replanned_ns_ = 0;
+    return {};
+  }
+  if (follower_.arrived(now.pose)) {
+    state_ = State::kLook;
+    return look(now);
+  }
+  return follower_.follow(now.pose, cost_);
+}
+
+void SearchPolicy::escalate(const Now& now) {
+  if (const MappedObject* object = best_tentative(now)) {
+    begin_navigate(now, object->id);
+    return;
+  }
+  if (effort_ == Effort::kBoldAgain) {
+    stop("no_frontier_left");
+    return;
+  }
+  effort_ = static_cast<Effort>(static_cast<int>(effort_) + 1);
+  cost_fresh_ = false;
+  replanned_ns_ = 0;
+  selector_.clear_blacklist();
+  looked_at_m_.reset();
+  if (effort_ == Effort::kSweep) {
+    if (field_.begin(cost_, cost_.frame().cell_at(now.position_m))) {
+      sweep_places_m_ = spread_places(cost_, field_, options_.sweep_places);
+      std::reverse(sweep_places_m_.begin(), sweep_places_m_.end());
+    }
+    if (!sweep_places_m_.empty()) state_ = State::kSweep;
+  }
+}
+
+}  // namespace segsim::nav::internal

@@ -1,0 +1,192 @@
+#include "nav/objects/dbscan.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <numeric>
+#include <unordered_map>
+
+#include <glm/common.hpp>
+
+#include "core/check.h"
+
+namespace segsim::nav {
+namespace {
+
+/// Points sorted into cells; neighbours lie at most two cells away.
+class Cells {
+ public:
+  Cells(const std::vector<glm::vec3>& points, double side_m) : points_(points) {
+    for (std::size_t k = 0; k < points.size(); ++k) {
+      const glm::ivec3 cell(glm::floor(glm::dvec3(points[k]) / side_m));
+      const auto [entry, added] = index_.try_emplace(key(cell), members_.size());
+      if (added) {
+        members_.emplace_back();
+        at_.push_back(cell);
+      }
+      members_[entry->second].push_back(k);
+    }
+    neighbours_.resize(members_.size());
+    for (std::size_t c = 0; c < members_.size(); ++c) find_neighbours(c);
+  }
+  [[nodiscard]] std::size_t count() const { return members_.size(); }
+  [[nodiscard]] const std::vector<std::size_t>& members(std::size_t c) const {
+    return members_[c];
+  }
+  /// Other cells that may hold neighbours, ascending.
+  [[nodiscard]] const std::vector<std::size_t>& neighbours(std::size_t c) const {
+    return neighbours_[c];
+  }
+
+ private:
+  static std::uint64_t key(const glm::ivec3& cell) {
+    const auto part = [](int v) {
+      return static_cast<std::uint64_t>(v + (1 << 20)) & 0x1FFFFF;
+    };
+    return part(cell.x) << 42 | part(cell.y) << 21 | part(cell.z);
+  }
+  void find_neighbours(std::size_t c) {
+    for (int dx = -2; dx <= 2; ++dx) {
+      for (int dy = -2; dy <= 2; ++dy) {
+        for (int dz = -2; dz <= 2; ++dz) {
+          if (dx == 0 && dy == 0 && dz == 0) continue;
+          const auto found = index_.find(key(at_[c] + glm::ivec3(dx, dy, dz)));
+          if (found != index_.end()) neighbours_[c].push_back(found->second);
+        }
+      }
+    }
+    std::sort(neighbours_[c].begin(), neighbours_[c].end());
+  }
+
+  const std::vector<glm::vec3>& points_;
+  std::unordered_map<std::uint64_t, std::size_t> index_;
+  std::vector<std::vector<std::size_t>> members_, neighbours_;
+  std::vector<glm::ivec3> at_;
+};
+
+double distance2(const glm::vec3& a, const glm::vec3& b) {
+  const glm::dvec3 d = glm::dvec3(a) - glm::dvec3(b);
+  return d.x * d.x + d.y * d.y + d.z * d.z;
+}
+
+/// Which points are core points.
+std::vector<std::uint8_t> find_cores(const std::vector<glm::vec3>& points, const Cells& cells,
+                                     double eps2, int min_points) {
+  std::vector<std::uint8_t> core(points.size(), 0);
+  const auto enough = static_cast<std::size_t>(min_points);
+  for (std::size_t c = 0; c < cells.count(); ++c) {
+    for (const std::size_t k : cells.members(c)) {
+      std::size_t count = cells.members(c).size();
+      for (const std::size_t other : cells.neighbours(c)) {
+        if (count >= enough) break;
+        for (const std::size_t n : cells.members(other)) {
+          count += distance2(points[k], points[n]) <= eps2 ? 1 : 0;
+          if (count >= enough) break;
+        }
+      }
+      core[k] = count >= enough ? 1 : 0;
+    }
+  }
+  return core;
+}
+
+/// Union-find over cells.
+class Groups {
+ public:
+  explicit Groups(std::size_t count) : parent_(count) {
+    std::iota(parent_.begin(), parent_.end(), std::size_t{0});
+  }
+  std::size_t root(std::size_t c) {
+    while (parent_[c] != c) c = parent_[c] = parent_[parent_[c]];
+    return c;
+  }
+  void join(std::size_t a, std::size_t b) {
+    a = root(a);
+    b = root(b);
+    parent_[std::max(a, b)] = std::min(a, b);
+  }
+
+ private:
+  std::vector<std::size_t> parent_;
+};
+
+}  // namespace
+
+std::vector<int> dbscan(const std::vector<glm::vec3>& points, double eps_m, int min_points) {
+  SEGSIM_CHECK(eps_m > 0.0 && min_points > 0, "eps_m, min_points");
+  std::vector<int> cluster(points.size(), -1);
+  if (points.empty()) return cluster;
+  const double eps2 = eps_m * eps_m;
+  // A hair smaller, so that rounding cannot put two far points of a cell beyond eps.
+  const Cells cells(points, eps_m / std::sqrt(3.0) * (1.0 - 1e-6));
+  const std::vector<std::uint8_t> core = find_cores(points, cells, eps2, min_points);
+
+  // Cells with core points that lie within eps of one another belong together.
+  Groups groups(cells.count());
+  const auto touch = [&](std::size_t a, std::size_t b) {
+    for (const std::size_t k : cells.members(a)) {
+      if (core[k] == 0) continue;
+      for (const std::size_t n : cells.members(b)) {
+        if (core[n] != 0 && distance2(points[k], points[n]) <= eps2) return true;
+      }
+    }
+    return false;
+  };
+  for (std::size_t a = 0; a < cells.count(); ++a) {
+    for (const std::size_t b : cells.neighbours(a)) {
+      if (b > a && groups.root(a) != groups.root(b) && touch(a, b)) groups.join(a, b);
+    }
+  }
+  std::vector<std::size_t> cell_of(points.size());
+  for (std::size_t c = 0; c < cells.count(); ++c) {
+    for (const std::size_t k : cells.members(c)) cell_of[k] = c;
+  }
+  std::unordered_map<std::size_t, int> number;
+  for (std::size_t k = 0; k < points.size(); ++k) {
+    if (core[k] == 0) continue;
+    const auto next = static_cast<int>(number.size());
+    cluster[k] = number.try_emplace(groups.root(cell_of[k]), next).first->second;
+  }
+  // Border points.
+  for (std::size_t k = 0; k < points.size(); ++k) {
+    if (core[k] != 0) continue;
+    std::size_t best = points.size();
+    double best2 = eps2;
+    const auto look_into = [&](std::size_t c) {
+      for (const std::size_t n : cells.members(c)) {
+        if (core[n] == 0) continue;
+        const double d2 = distance2(points[k], points[n]);
+        if (d2 < best2 || (d2 == best2 && n < best)) {
+          best2 = d2;
+          best = n;
+        }
+      }
+    };
+    look_into(cell_of[k]);
+    for (const std::size_t c : cells.neighbours(cell_of[k])) look_into(c);
+    if (best != points.size()) cluster[k] = cluster[best];
+  }
+  return cluster;
+}
+
+std::vector<glm::vec3> largest_dbscan_cluster(const std::vector<glm::vec3>& points_m,
+                                              double eps_m, int min_points) {
+  const std::vector<int> cluster = dbscan(points_m, eps_m, min_points);
+  std::vector<std::size_t> sizes;
+  for (const int c : cluster) {
+    if (c < 0) continue;
+    sizes.resize(std::max(sizes.size(), static_cast<std::size_t>(c) + 1), 0);
+    ++sizes[static_cast<std::size_t>(c)];
+  }
+  std::vector<glm::vec3> points;
+  if (sizes.empty()) return points;
+  const auto best =
+      static_cast<int>(std::max_element(sizes.begin(), sizes.end()) - sizes.begin());
+  for (std::size_t k = 0; k < points_m.size(); ++k) {
+    if (cluster[k] == best) points.push_back(points_m[k]);
+  }
+  return points;
+}
+
+}  // namespace segsim::nav

@@ -1,0 +1,215 @@
+#include "nav/policies/policy_factory.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <limits>
+
+#include "nav/frontier/frontier_policy.h"
+#include "nav/frontier/value_search.h"
+#include "nav/policies/internal/semantic_prior_data.h"
+
+namespace segsim::nav {
+namespace {
+
+using core::ConfigNode;
+using core::one_of;
+
+constexpr int kMostRepeats = 10'000;
+
+Rule read_rule(const ConfigNode& node) {
+  return one_of(node, node.as_text(), {"vlfm", "fixed"}) == 0 ? Rule::kVlfm : Rule::kFixed;
+}
+
+/// "forward", "left*12", ...
+void read_action(const ConfigNode& node, std::vector<DiscreteAction>& actions) {
+  const std::string text = node.as_text();
+  const std::size_t star = text.find('*');
+  int count = 1;
+  if (star != std::string::npos) {
+    const char* end = text.data() + text.size();
+    const auto [stopped, error] = std::from_chars(text.data() + star + 1, end, count);
+    if (error != std::errc() || stopped != end || count < 1 || count > kMostRepeats) {
+      node.fail("a count in [1, " + std::to_string(kMostRepeats) + "] after *",
+                "\"" + text + "\"");
+    }
+  }
+  const auto action = static_cast<DiscreteAction>(
+      one_of(node, text.substr(0, star), {"stop", "forward", "left", "right"}));
+  actions.insert(actions.end(), static_cast<std::size_t>(count), action);
+}
+
+void read_vlfm(const ConfigNode& node, PolicySettings& settings) {
+  if (node.has("parity")) {
+    const Rule rule = read_rule(node.child("parity"));
+    settings.rules = VlfmRules(rule);
+    settings.second_look = settings.approach = settings.sweep = rule == Rule::kFixed;
+  }
+  if (const auto quirks = node.optional_child("quirks")) {
+    for (std::size_t k = 0; k < kQuirks; ++k) {
+      if (quirks->has(quirk_names()[k])) {
+        settings.rules.set(static_cast<Quirk>(k), read_rule(quirks->child(quirk_names()[k])));
+      }
+    }
+    quirks->finish();
+  }
+  if (node.has("motion")) {
+    const std::size_t motion = choice(node, "motion", {"discrete", "pursuit"});
+    settings.motion = motion == 0 ? Motion::kDiscrete : Motion::kPursuit;
+  }
+  if (node.has("follower")) {
+    if (node.has("motion")) node.child("motion").fail("no motion beside follower", "both");
+    const std::size_t follower = choice(node, "follower", {"discrete", "pure-pursuit", "dwa"});
+    settings.motion = follower == 0 ? Motion::kDiscrete : Motion::kPursuit;
+    settings.dynamic_window = follower == 2;
+  }
+  if (node.has("planner")) {
+    settings.planner =
+        static_cast<GridPlanner>(choice(node, "planner", {"astar", "fast-marching"}));
+  }
+  settings.second_look = node.boolean_or("second_look", settings.second_look);
+  settings.approach = node.boolean_or("approach", settings.approach);
+  settings.sweep = node.boolean_or("sweep", settings.sweep);
+  settings.clean_cloud = node.boolean_or("clean_cloud", settings.clean_cloud);
+  settings.give_up_s = node.number_or("give_up_s", settings.give_up_s);
+  if (!(settings.give_up_s >= 0.0 && std::isfinite(settings.give_up_s))) {
+    node.child("give_up_s").fail("seconds, 0 (never) or more", node.text("give_up_s"));
+  }
+  // Both are part of another rule: without it the key would do nothing.
+  if (node.has("clean_cloud") && settings.clean_cloud && !settings.approach) {
+    node.child("clean_cloud").fail("false, or approach: true", "true without approach");
+  }
+  if (node.has("give_up_s") && settings.give_up_s > 0.0 && !settings.sweep) {
+    node.child("give_up_s").fail("0, or sweep: true", node.text("give_up_s"));
+  }
+  settings.min_score = node.number_or("min_score", settings.min_score);
+  if (!(settings.min_score >= 0.0 && settings.min_score <= 1.0)) {
+    node.child("min_score").fail("a number in [0, 1]", node.text("min_score"));
+  }
+  if (node.has("fusion")) {
+    settings.fusion = static_cast<FusionRule>(
+        choice(node, "fusion", {"weighted", "max-confidence", "replace", "equal-weighting"}));
+  }
+}
+
+std::shared_ptr<ImageTextScorer> make_scorer(const PolicySettings& settings,
+                                             const PolicyContext& context) {
+  if (settings.scorer == "constant") return make_constant_scorer();
+  if (settings.scorer == "open-space") return make_open_space_scorer();
+  const SemanticPrior& prior = default_semantic_prior();
+  return make_semantic_scorer(
+      settings.prior.empty() ? prior : SemanticPrior::load(settings.prior),
+      context.class_names);
+}
+
+std::unique_ptr<core::Policy> make_vlfm(const PolicySettings& settings,
+                                        const PolicyContext& context) {
+  VlfmOptions options = vlfm_for_jackal(settings.rules, context.camera_height_m);
+  options.motion = settings.motion.value_or(Motion::kPursuit);
+  options.second_look = settings.second_look;
+  options.approach = options.approach && settings.approach;
+  if (!settings.sweep) options.sweep_places = 0;
+  if (!settings.clean_cloud) {
+    options.approach_floor_m = options.approach_carve_m = options.approach_support_share = 0.0;
+  }
+  options.give_up_s =
+      settings.give_up_s > 0.0 ? settings.give_up_s : std::numeric_limits<double>::infinity();
+  options.min_score = settings.min_score;
+  options.values.fusion = settings.fusion;
+  if (settings.dynamic_window) options.follower.motion = LocalMotion::kDynamicWindow;
+  options.scorer = make_scorer(settings, context);
+  GridLocalOptions local;
+  local.planner = settings.planner;
+  local.actions = options.actions;
+  options.local = make_grid_local_policy(local);
+  return make_vlfm_policy(options);
+}
+
+}  // namespace
+
+const std::vector<std::string>& policy_names() {
+  static const std::vector<std::string> names{"frontier", "frontier-nearest", "frontier-value",
+                                              "vlfm",     "oracle-path",      "random",
+                                              "script"};
+  return names;
+}
+
+const SemanticPrior& default_semantic_prior() {
+  static const SemanticPrior prior = SemanticPrior::parse(
+      internal::kSemanticPriorYaml, "nav/policies/data/semantic_prior.yaml");
+  return prior;
+}
+
+PolicySettings read_policy_settings(
+    const ConfigNode& node,
+    const std::function<std::filesystem::path(const ConfigNode&)>& expand) {
+  PolicySettings settings;
+  const bool only_name = node.is_scalar();
+  const std::string type = only_name ? node.as_text() : node.text("type");
+  (void)one_of(only_name ? node : node.child("type"), type, policy_names());
+  settings.type = type;
+  if (only_name) {
+    if (type == "script") node.fail("{type: script, actions: [...]}", "\"script\" alone");
+    return settings;
+  }
+  if (type == "vlfm") read_vlfm(node, settings);
+  if (type.starts_with("frontier") && node.has("follower")) {
+    settings.dynamic_window = choice(node, "follower", {"pure-pursuit", "dwa"}) == 1;
+  }
+  if (type.starts_with("frontier")) {
+    settings.rival_iou = node.number_or("rival_iou", settings.rival_iou);
+    if (!(settings.rival_iou > 0.0 && settings.rival_iou <= 1.0)) {
+      node.child("rival_iou").fail("a number in (0, 1]", node.text("rival_iou"));
+    }
+  }
+  if (type == "vlfm" || type == "frontier-value") {
+    settings.scorer = node.text_or("scorer", settings.scorer);
+    if (node.has("scorer")) {
+      (void)one_of(node.child("scorer"), settings.scorer,
+                   {"semantic-prior", "constant", "open-space"});
+    }
+    if (node.has("prior")) {
+      settings.prior = expand(node.child("prior"));
+      (void)SemanticPrior::load(settings.prior);  // A mistake is reported before any trial.
+    }
+  }
+  if (type == "script") {
+    for (const ConfigNode& action : node.child("actions").as_list()) {
+      read_action(action, settings.actions);
+    }
+  }
+  if (type == "random") {
+    settings.stop_chance = node.number_or("stop_chance", settings.stop_chance);
+    if (!(settings.stop_chance >= 0.0 && settings.stop_chance <= 1.0)) {
+      node.child("stop_chance").fail("a number in [0, 1]", node.text("stop_chance"));
+    }
+  }
+  node.finish();
+  return settings;
+}
+
+std::unique_ptr<core::Policy> make_policy(const PolicySettings& settings,
+                                          const PolicyContext& context) {
+  if (settings.type == "vlfm") return make_vlfm(settings, context);
+  FrontierPolicyOptions frontier;
+  frontier.objects.rival_iou = settings.rival_iou;
+  if (settings.dynamic_window) frontier.follower.motion = LocalMotion::kDynamicWindow;
+  if (settings.type == "frontier-value") {
+    ValueSearchOptions options;
+    options.frontier = frontier;
+    options.values.min_depth_m = 0.1;
+    options.values.band_max_m = context.camera_height_m + 0.1;
+    options.scorer = make_scorer(settings, context);
+    return make_value_search(options);
+  }
+  if (settings.type == "oracle-path") return make_oracle_path_policy(context.oracle);
+  if (settings.type == "random") {
+    RandomPolicyOptions options;
+    options.stop_chance = settings.stop_chance;
+    return make_random_policy(options);
+  }
+  if (settings.type == "script") return make_script_policy(settings.actions);
+  return make_frontier_policy(frontier);
+}
+
+}  // namespace segsim::nav

@@ -1,0 +1,67 @@
+#include "nav/vlfm/vlfm_policy.h"
+
+#include <algorithm>
+#include <sstream>
+
+#include "nav/vlfm/internal/vlfm_search.h"
+
+namespace segsim::nav {
+
+VlfmOptions published_vlfm() {
+  VlfmOptions options;
+  options.rules = VlfmRules(Rule::kVlfm);
+  options.motion = Motion::kDiscrete;
+  options.second_look = false;
+  options.approach = false;
+  options.sweep_places = 0;
+  options.min_score = 0.8;
+  return options;  // The defaults of the maps are the published ones.
+}
+
+VlfmOptions vlfm_for_jackal(const VlfmRules& rules, double camera_height_m) {
+  VlfmOptions options;
+  options.rules = rules;
+  options.obstacles.robot_radius_m = 0.33;
+  options.obstacles.band_min_m = 0.10;
+  options.obstacles.band_max_m =
+      rules.published(Quirk::kObstaclesStay) ? camera_height_m + 0.05 : 0.60;
+  options.obstacles.occupancy.ray_step_x_px = 2;
+  options.obstacles.occupancy.ray_step_y_px = 3;
+  options.obstacles.occupancy.wall_part_m = 0.2;
+  options.obstacles.depth.min_depth_m = 0.1;  // The renderer's camera measures from there on.
+  options.values.min_depth_m = 0.1;
+  options.values.band_max_m = camera_height_m + 0.1;
+  // Equal values are the rule as long as the prior has nothing to go by.
+  if (!rules.published(Quirk::kVetoFallback)) options.choice.tie_margin = 0.02;
+  options.obstacles.measured_where_enclosed = !rules.published(Quirk::kEmptyCone);
+  // Both belong to the repaired handling of places that cannot be reached.
+  if (rules.published(Quirk::kNoRecovery)) {
+    options.approach = false;
+    options.sweep_places = 0;
+  }
+  return options;
+}
+
+std::unique_ptr<core::Policy> make_vlfm_policy(const VlfmOptions& options) {
+  return std::make_unique<internal::VlfmSearch>(options);
+}
+
+DetectorRoute route_target(const std::string& target,
+                           const std::vector<std::string>& closed_set_names,
+                           const std::vector<std::string>& open_set_targets,
+                           const VlfmRules& rules) {
+  const auto contains = [](const std::vector<std::string>& names, const std::string& name) {
+    return std::find(names.begin(), names.end(), name) != names.end();
+  };
+  std::istringstream text(target);
+  bool any_known = false, any_unknown = false, any_routed = false;
+  for (std::string alias; std::getline(text, alias, '|');) {
+    (contains(closed_set_names, alias) ? any_known : any_unknown) = true;
+    any_routed |= contains(open_set_targets, alias);
+  }
+  if (rules.published(Quirk::kClosedSetRoute)) return {any_known, any_unknown};
+  if (any_routed) return {false, true};
+  return {any_known, any_unknown && !any_known};
+}
+
+}  // namespace segsim::nav

@@ -1,0 +1,250 @@
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include <glm/geometric.hpp>
+
+#include "core/check.h"
+#include "nav/grid/robot_pose.h"
+#include "nav/planning/approach.h"
+#include "nav/vlfm/internal/vlfm_search.h"
+
+namespace segsim::nav::internal {
+namespace {
+
+constexpr double kAtFrontier_m = 0.35;
+constexpr double kVeto_m = 0.5;
+/// Searches until one of the cells is settled: the nearest is among those that are then.
+/// @param cells  Of all frontiers; none where no way leads there.
+/// @return  Position in the list of the nearest one, the first of equals.
+std::size_t nearest_among(const GeodesicField& field,
+                          std::span<const std::optional<Cell>> cells,
+                          std::span<const std::size_t> list) {
+  if (std::none_of(list.begin(), list.end(),
+                   [&](std::size_t k) { return cells[k].has_value(); })) {
+    return 0;
+  }
+  while (true) {
+    std::optional<std::size_t> best;
+    float best_m = std::numeric_limits<float>::infinity();
+    for (std::size_t n = 0; n < list.size(); ++n) {
+      const std::optional<Cell>& cell = cells[list[n]];
+      if (!cell || !field.settled(*cell) || field.cost_m(cell->x, cell->y) >= best_m) continue;
+      best = n;
+      best_m = field.cost_m(cell->x, cell->y);
+    }
+    if (best) return *best;
+    if (!field.settle_more()) return 0;  // Reachable cells are settled before.
+  }
+}
+
+VlfmOptions completed(VlfmOptions options) {
+  if (options.scorer == nullptr) options.scorer = make_constant_scorer();
+  if (options.segmenter == nullptr) options.segmenter = make_depth_segmenter();
+  if (options.local == nullptr) {
+    GridLocalOptions local;
+    local.actions = options.actions;
+    options.local = make_grid_local_policy(local);
+  }
+  SEGSIM_CHECK(options.stop_radius_m > 0.0 && options.spin_turns >= 0, "stop radius, turns");
+  SEGSIM_CHECK(options.give_up_s > 0.0, "give_up_s");
+  if (options.approach) {
+    options.cloud.floor_m = options.approach_floor_m;
+    options.cloud.carve_m = options.approach_carve_m;
+    options.cloud.support_share = options.approach_support_share;
+  }
+  return options;
+}
+
+}  // namespace
+
+VlfmSearch::VlfmSearch(const VlfmOptions& options)
+    : options_(completed(options)),
+      obstacles_(options_.obstacles, options_.rules),
+      values_(options_.values, options_.rules),
+      cloud_(options_.cloud, options_.rules),
+      chooser_(options_.choice, options_.rules),
+      follower_(options_.follower),
+      executor_(options_.actions),
+      stuck_(options_.stuck) {}
+
+void VlfmSearch::reset(const core::ObjectGoal& goal, std::uint64_t seed) {
+  *this = VlfmSearch(options_);
+  goal_ = goal;
+  seed_ = seed;
+  cloud_.reset(seed);
+  options_.local->reset();
+}
+
+core::Decision VlfmSearch::decide(const core::Observation& observation,
+                                  std::span<const core::Detection> detections) {
+  core::Decision decision;
+  // Without a pose nothing can be mapped and no way is known: wait.
+  if (stop_reason_.empty() && finite_pose(observation)) {
+    const core::Pose2 pose = pose_of(observation.T_odom_robot);
+    const core::TimeNs time_ns = observation.capture_time_ns;
+    const double period_s = last_time_ns_ ? core::seconds(time_ns - *last_time_ns_) : 0.1;
+    const Now now{&observation, detections, pose, {pose.x_m, pose.y_m}, time_ns, period_s};
+    if (!last_time_ns_) last_yaw_rad_ = pose.yaw_rad;
+    update_maps(now);
+    decision.command = act(now);
+    last_time_ns_ = time_ns;
+    last_yaw_rad_ = pose.yaw_rad;
+  }
+  decision.mode = mode_;
+  if (!stop_reason_.empty()) {
+    decision.command = {};
+    decision.stop = true;
+    decision.stop_reason = stop_reason_;
+  }
+  return decision;
+}
+
+void VlfmSearch::update_maps(const Now& now) {
+  obstacles_.update(*now.observation);
+  values_.update(*now.observation,
+                 options_.scorer->score(*now.observation, now.detections, goal_.class_name));
+  if (options_.sweep_places > 0) note_near_cells(now);
+  std::vector<core::BoxPx> boxes;
+  for (const core::Detection& detection : now.detections) {
+    if (goal_.class_index < 0 || detection.class_index != goal_.class_index) continue;
+    boxes.push_back(detection.box);
+    if (static_cast<double>(detection.score) < options_.min_score) continue;
+    cloud_.add(*now.observation, options_.segmenter->segment(*now.observation, detection.box),
+               detection.box);
+  }
+  cloud_.carve(*now.observation, boxes);
+  cloud_.refute_second_class(*now.observation);
+}
+
+core::VelocityCommand VlfmSearch::act(const Now& now) {
+  if (obstacles_.exhausted()) {
+    stop("map_exhausted");
+    return {};
+  }
+  if (nothing_new(now)) {
+    if (!squeeze_through()) {
+      stop("nothing_new");
+      return {};
+    }
+    news_ns_ = now.time_ns;
+  }
+  if (recovering_) return recover(now);
+  if (!options_.rules.published(Quirk::kNoRecovery) && stuck_.stuck()) {
+    begin_recovery(now);
+    return stop_reason_.empty() ? recover(now) : core::VelocityCommand{};
+  }
+  core::VelocityCommand command;
+  if (executor_.busy()) command = executor_.command(now.pose, now.time_ns, now.period_s);
+  if (!executor_.busy()) {
+    // Objects seen during the first spin do not interrupt it.
+    if (mode_ == core::PolicyMode::kInitialize) {
+      command = spin(now);
+    } else if (const auto object_m = now.time_ns < postponed_until_ns_
+                                         ? std::nullopt
+                                         : cloud_.target_m(now.position_m)) {
+      mode_ = core::PolicyMode::kNavigate;
+      command = navigate(now, *object_m);
+    } else {
+      mode_ = core::PolicyMode::kExplore;
+      looking_since_ns_.reset();
+      looked_from_afar_ = false;
+      command = explore(now);
+    }
+  }
+  stuck_.add(now.pose, command);
+  return command;
+}
+
+bool VlfmSearch::vetoed(const glm::dvec2& place_m) const {
+  return std::any_of(vetoed_m_.begin(), vetoed_m_.end(), [&](const glm::dvec2& other_m) {
+    return glm::distance(other_m, place_m) <= kVeto_m;
+  });
+}
+
+/// The frontier to visit. Fixed Q6 leaves out those that cannot be reached or were visited.
+std::optional<glm::dvec2> VlfmSearch::choose_frontier(const Now& now) {
+  refresh_cost_map();
+  frontiers_ = obstacles_.frontiers();
+  const bool known = field_.begin(cost_, cost_.frame().cell_at(now.position_m));
+  const auto reached_at = [&](const glm::dvec2& place_m) -> std::optional<Cell> {
+    const auto cell = nearest_traversable(cost_, cost_.frame().cell_at(place_m), 0.3);
+    return cell && known && field_.reachable(*cell) ? cell : std::nullopt;
+  };
+  const bool as_published = options_.rules.published(Quirk::kNoRecovery);
+  std::vector<ValuedFrontier> candidates;
+  std::vector<std::optional<Cell>> cells;  // Where the way to each of them ends.
+  for (const ContourFrontier& frontier : frontiers_) {
+    if (!as_published && vetoed(frontier.waypoint_m)) continue;
+    const std::optional<Cell> cell = reached_at(frontier.waypoint_m);
+    if (!as_published && !cell) continue;
+    const auto value = values_.median_around(frontier.waypoint_m, options_.value_radius_m);
+    candidates.push_back({frontier.waypoint_m, value.value_or(options_.choice.unseen_value)});
+    cells.push_back(cell);
+  }
+  FloorWays ways;
+  ways.length_m = [&](std::size_t k) {
+    return cells[k] ? static_cast<double>(field_.cost_m(cells[k]->x, cells[k]->y))
+                    : std::numeric_limits<double>::infinity();
+  };
+  ways.nearest = [&](std::span<const std::size_t> list) {
+    return nearest_among(field_, cells, list);
+  };
+  const auto chosen = chooser_.choose(now.position_m, candidates, ways);
+  if (!chosen) return std::nullopt;
+  return candidates[*chosen].place_m;
+}
+
+core::VelocityCommand VlfmSearch::explore(const Now& now) {
+  if (options_.motion == Motion::kDiscrete || replan_due(now)) {
+    target_m_ = choose_frontier(now);
+    planned_ns_ = -1;
+  }
+  if (sweep_spinning_) return spin_for_sweep(now);
+  if (!target_m_) {
+    if (const auto place_m = next_sweep_place(now)) return sweep_to(now, *place_m);
+    if (!squeeze_through()) stop("no_frontier_left");
+    return {};
+  }
+  sweep_m_.reset();
+  // A frontier that is still there when the robot stands on it will not go away.
+  if (!options_.rules.published(Quirk::kNoRecovery) &&
+      glm::distance(*target_m_, now.position_m) < kAtFrontier_m) {
+    vetoed_m_.push_back(*target_m_);
+    follower_.clear();
+    return {};
+  }
+  return drive(now, *target_m_, true);
+}
+
+void VlfmSearch::stop(const std::string& reason) {
+  stop_reason_ = reason;
+  mode_ = core::PolicyMode::kStop;
+  follower_.clear();
+}
+
+core::PolicyView VlfmSearch::view() const {
+  core::PolicyView view;
+  const GridFrame& frame = obstacles_.frame();
+  view.resolution_m = frame.resolution_m;
+  view.origin_m = frame.origin_m;
+  view.cells = core::Image<std::uint8_t>(frame.width_cells, frame.height_cells);
+  for (int j = 0; j < frame.height_cells; ++j) {
+    for (int i = 0; i < frame.width_cells; ++i) {
+      const bool hit = obstacles_.occupied()(i, j) != 0;
+      const bool free = obstacles_.explored()(i, j) != 0;
+      view.cells(i, j) = hit ? 2 : free ? 1 : obstacles_.navigable()(i, j) == 0 ? 3 : 0;
+    }
+  }
+  for (const ContourFrontier& f : frontiers_) view.frontiers_m.push_back(f.waypoint_m);
+  view.path_m = follower_.path().points_m;
+  view.target_m = target_m_;
+  for (CloudGroup& group : cloud_.groups()) {
+    view.objects.push_back(
+        {group.center_m, goal_.class_index, 1.0F, std::move(group.made_of)});
+  }
+  return view;
+}
+
+}  // namespace segsim::nav::internal

@@ -1,0 +1,443 @@
+#include "reconstruction/datasets/internal/file_sequence.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <sstream>
+#include <utility>
+
+#include "core/error.h"
+#include "reconstruction/datasets/floor_fit.h"
+#include "reconstruction/datasets/internal/pose_jumps.h"
+#include "renderer/files/exr_io.h"
+
+namespace segsim::renderer::internal {
+namespace {
+
+using core::CameraPose;
+using core::InputError;
+
+std::string size_text(int width_px, int height_px) {
+  return std::to_string(width_px) + "x" + std::to_string(height_px);
+}
+
+void expect_size(const std::filesystem::path& file, const ImageSize& size,
+                 const core::CameraIntrinsics& camera) {
+  if (size.width_px != camera.width_px || size.height_px != camera.height_px) {
+    throw InputError::expected(file.string(),
+                               size_text(camera.width_px, camera.height_px) + " pixels",
+                               size_text(size.width_px, size.height_px));
+  }
+}
+
+/// A depth image may have another size, but it must show the same view.
+void expect_same_aspect(const std::filesystem::path& file, const ImageSize& size,
+                        const core::CameraIntrinsics& camera) {
+  const double ratio = static_cast<double>(size.width_px) * camera.height_px /
+                       (static_cast<double>(size.height_px) * camera.width_px);
+  if (std::abs(ratio - 1.0) > 0.02) {
+    throw InputError::expected(file.string(),
+                               "the aspect ratio of the colour image, " +
+                                   size_text(camera.width_px, camera.height_px),
+                               size_text(size.width_px, size.height_px));
+  }
+}
+
+void check_files(const FrameFiles& frame, const core::CameraIntrinsics& camera,
+                 const std::optional<core::CameraIntrinsics>& depth_camera, bool has_masks) {
+  expect_size(frame.rgb, check_image_file(frame.rgb), camera);
+  if (!frame.depth_png.empty()) {
+    const ImageSize size = check_image_file(frame.depth_png);
+    if (depth_camera) {
+      expect_size(frame.depth_png, size, *depth_camera);
+    } else {
+      expect_same_aspect(frame.depth_png, size, camera);
+    }
+  }
+  if (!frame.valid.empty()) expect_size(frame.valid, check_image_file(frame.valid), camera);
+  if (!has_masks) return;
+  expect_size(frame.semantic, check_image_file(frame.semantic), camera);
+  expect_size(frame.instance, check_image_file(frame.instance), camera);
+}
+
+/// Depth as stored; empty if the frame has none.
+core::Image<float> read_stored_depth(const FrameFiles& frame, double unit_m) {
+  if (frame.depth_exr.empty() && frame.depth_png.empty()) return {};
+  if (frame.depth_exr.empty()) return read_depth_image(frame.depth_png, unit_m);
+  core::Image<float> depth_m = read_depth_exr(frame.depth_exr);
+  for (float& value : depth_m.pixels()) {
+    if (!(value > 0.0F) || !std::isfinite(value)) value = std::nanf("");
+  }
+  return depth_m;
+}
+
+/// The image that `to` would have taken from the same place, by the nearest pixel; NaN where
+/// `from` did not look.
+core::Image<float> with_camera(const core::Image<float>& depth_m,
+                               const core::CameraIntrinsics& from,
+                               const core::CameraIntrinsics& to) {
+  core::Image<float> result(to.width_px, to.height_px, std::nanf(""));
+  for (int y = 0; y < to.height_px; ++y) {
+    for (int x = 0; x < to.width_px; ++x) {
+      const glm::dvec2 px = from.project(to.back_project({x + 0.5, y + 0.5}, 1.0));
+      const int source_x = static_cast<int>(std::floor(px.x));
+      const int source_y = static_cast<int>(std::floor(px.y));
+      if (depth_m.contains(source_x, source_y)) result(x, y) = depth_m(source_x, source_y);
+    }
+  }
+  return result;
+}
+
+/// Depth of the view of the colour image, along +z.
+core::Image<float> read_depth(const FrameFiles& frame, const SequenceParts& parts) {
+  core::Image<float> depth_m = read_stored_depth(frame, parts.depth_unit_m);
+  if (depth_m.empty()) return depth_m;
+  if (parts.lens) {
+    return Undistortion(*parts.lens, parts.intrinsics, depth_m.width_px(), depth_m.height_px())
+        .nearest(depth_m);
+  }
+  if (parts.depth_camera) {
+    return with_camera(depth_m, *parts.depth_camera,
+                       parts.intrinsics.resized(depth_m.width_px(), depth_m.height_px()));
+  }
+  return depth_m;
+}
+
+/// Source world -> our world, without the floor.
+core::Transform<core::frame::World, core::frame::World> turn_up(UpAxis up) {
+  if (up == UpAxis::kZ) return {};
+  // (x, y, z) -> (x, -z, y): a quarter turn about x.
+  return {glm::dquat(std::sqrt(0.5), std::sqrt(0.5), 0.0, 0.0), glm::dvec3(0.0)};
+}
+
+/// World points of every 8th pixel of a dozen frames.
+std::vector<glm::vec3> sample_points(const SequenceParts& parts) {
+  constexpr std::size_t kFrames = 16;
+  constexpr int kPixelStep = 8;
+  std::vector<glm::vec3> points;
+  const std::size_t frames = std::min(kFrames, parts.frames.size());
+  for (std::size_t k = 0; k < frames; ++k) {
+    const FrameFiles& frame = parts.frames[k * parts.frames.size() / frames];
+    const core::Image<float> depth_m = read_depth(frame, parts);
+    if (depth_m.empty()) continue;
+    const core::CameraIntrinsics camera =
+        parts.intrinsics.resized(depth_m.width_px(), depth_m.height_px());
+    for (int y = kPixelStep / 2; y < depth_m.height_px(); y += kPixelStep) {
+      for (int x = kPixelStep / 2; x < depth_m.width_px(); x += kPixelStep) {
+        const double z = depth_m(x, y);
+        if (!(z > 0.0 && z < 6.0)) continue;
+        const core::Point<core::frame::Camera> p{camera.back_project({x + 0.5, y + 0.5}, z)};
+        points.emplace_back((frame.T_world_camera * p).xyz_m);
+      }
+    }
+  }
+  return points;
+}
+
+std::vector<glm::vec3> turned(
+    const std::vector<glm::vec3>& points_m,
+    const core::Transform<core::frame::World, core::frame::World>& T_turned_source) {
+  std::vector<glm::vec3> result;
+  result.reserve(points_m.size());
+  for (const glm::vec3& p_m : points_m) {
+    result.emplace_back((T_turned_source * core::Point<core::frame::World>{p_m}).xyz_m);
+  }
+  return result;
+}
+
+void apply_convention(SequenceParts& parts, const WorldConvention& convention) {
+  const auto T_turned_source = turn_up(convention.up);
+  for (FrameFiles& frame : parts.frames) {
+    frame.T_world_camera = T_turned_source * frame.T_world_camera;
+  }
+  std::optional<double> floor_m = convention.floor_height_m;
+  std::string origin = "given";
+  const bool any_depth =
+      std::any_of(parts.frames.begin(), parts.frames.end(), [](const FrameFiles& frame) {
+        return !frame.depth_png.empty() || !frame.depth_exr.empty();
+      });
+  if (!floor_m && convention.fit_floor && !any_depth && !convention.floor_points_m.empty()) {
+    floor_m = fit_floor_height_m(turned(convention.floor_points_m, T_turned_source));
+    origin = "fitted to the cloud";
+    if (!floor_m) {
+      parts.warnings.emplace_back(
+          "no floor found in the cloud: source heights are kept (set floor_height_m)");
+    }
+  } else if (!floor_m && convention.fit_floor && !any_depth) {
+    parts.warnings.emplace_back(
+        "no depth images: source heights are kept (set floor_height_m), and the frames cannot "
+        "be lifted");
+  } else if (!floor_m && convention.fit_floor) {
+    floor_m = fit_floor_height_m(sample_points(parts));
+    origin = "fitted";
+    if (!floor_m) {
+      parts.warnings.emplace_back(
+          "no floor found in the depth images: source heights are kept (set floor_height_m)");
+    }
+  }
+  std::ostringstream note;
+  note.precision(4);
+  note << "world: source " << (convention.up == UpAxis::kY ? "+Y" : "+Z") << " is up";
+  if (floor_m) note << ", floor at source height " << *floor_m << " m (" << origin << ")";
+  parts.notes.push_back(note.str());
+  const core::Transform<core::frame::World, core::frame::World> T_world_turned{
+      glm::dquat(1.0, 0.0, 0.0, 0.0), {0.0, 0.0, -floor_m.value_or(0.0)}};
+  for (FrameFiles& frame : parts.frames) {
+    frame.T_world_camera = T_world_turned * frame.T_world_camera;
+  }
+  parts.T_world_source = T_world_turned * T_turned_source;
+}
+
+/// Ids that the label table lists, as a lookup table.
+template <class Entry>
+std::vector<bool> known_ids(const std::vector<Entry>& entries) {
+  std::vector<bool> known(65536, false);
+  known[0] = true;
+  for (const Entry& entry : entries) known[entry.id] = true;
+  return known;
+}
+
+class FileSequence final : public RgbdSequence {
+ public:
+  explicit FileSequence(SequenceParts parts)
+      : parts_(std::move(parts)),
+        has_depth_(std::all_of(parts_.frames.begin(), parts_.frames.end(),
+                               [](const FrameFiles& frame) {
+                                 return !frame.depth_png.empty() || !frame.depth_exr.empty();
+                               })),
+        known_classes_(known_ids(parts_.classes)) {
+    if (parts_.lens) {
+      undistortion_.emplace(*parts_.lens, parts_.intrinsics, parts_.intrinsics.width_px,
+                            parts_.intrinsics.height_px);
+    }
+    if (parts_.label_map && parts_.has_masks) list_instances();
+    known_instances_ = known_ids(parts_.instances);
+  }
+
+  const std::string& name() const override { return parts_.name; }
+  const core::CameraIntrinsics& intrinsics() const override { return parts_.intrinsics; }
+  std::size_t frame_count() const override { return parts_.frames.size(); }
+  const std::string& frame_name(std::size_t i) const override { return at(i).name; }
+  const CameraPose& pose(std::size_t i) const override { return at(i).T_world_camera; }
+  core::Transform<core::frame::World, core::frame::World> T_world_source() const override {
+    return parts_.T_world_source;
+  }
+  bool has_depth() const override { return has_depth_; }
+  bool has_masks() const override { return parts_.has_masks; }
+  const std::vector<core::SceneClass>& classes() const override { return parts_.classes; }
+  const std::vector<core::SceneInstance>& instances() const override {
+    return parts_.instances;
+  }
+  const std::vector<std::string>& warnings() const override { return parts_.warnings; }
+  const std::vector<std::string>& notes() const override { return parts_.notes; }
+
+  RgbdFrame load(std::size_t i) const override {
+    const FrameFiles& files = at(i);
+    RgbdFrame frame;
+    frame.name = files.name;
+    frame.T_world_camera = files.T_world_camera;
+    frame.rgb = read_color_image(files.rgb);
+    expect_size(files.rgb, {frame.rgb.width_px(), frame.rgb.height_px()}, parts_.intrinsics);
+    if (undistortion_) frame.rgb = undistortion_->color(frame.rgb);
+    frame.depth_m = read_depth(files, parts_);
+    if (!frame.depth_m.empty()) {
+      expect_same_aspect(files.depth_exr.empty() ? files.depth_png : files.depth_exr,
+                         {frame.depth_m.width_px(), frame.depth_m.height_px()},
+                         parts_.intrinsics);
+    }
+    read_valid(files, frame);
+    if (!parts_.has_masks) return frame;
+    read_labels(files, frame);
+    expect_known(files.semantic, frame.semantic, known_classes_, "classes");
+    expect_known(files.instance, frame.instance, known_instances_, "instances");
+    return frame;
+  }
+
+ private:
+  const FrameFiles& at(std::size_t i) const {
+    SEGSIM_CHECK(i < parts_.frames.size(), "frame " + std::to_string(i));
+    return parts_.frames[i];
+  }
+
+  /// Ids of the view of the colour image.
+  core::Image<std::uint16_t> read_ids(const std::filesystem::path& file) const {
+    core::Image<std::uint16_t> ids = read_id_image(file);
+    expect_size(file, {ids.width_px(), ids.height_px()}, parts_.intrinsics);
+    return undistortion_ ? undistortion_->nearest(ids) : ids;
+  }
+
+  void read_valid(const FrameFiles& files, RgbdFrame& frame) const {
+    if (files.valid.empty()) return;
+    const core::Image<std::uint16_t> mask = read_ids(files.valid);
+    frame.valid = core::Image<std::uint8_t>(mask.width_px(), mask.height_px());
+    for (std::size_t i = 0; i < mask.size(); ++i) {
+      frame.valid.pixels()[i] = mask.pixels()[i] == 0 ? 0 : 255;
+    }
+    // What is not to be learned from is no measurement either.
+    core::Image<float>& depth_m = frame.depth_m;
+    for (int y = 0; y < depth_m.height_px(); ++y) {
+      for (int x = 0; x < depth_m.width_px(); ++x) {
+        const int mask_x = x * mask.width_px() / depth_m.width_px();
+        const int mask_y = y * mask.height_px() / depth_m.height_px();
+        if (mask(mask_x, mask_y) == 0) depth_m(x, y) = std::nanf("");
+      }
+    }
+  }
+
+  /// Label images; with a label map, in its classes and with ids on things only.
+  void read_labels(const FrameFiles& files, RgbdFrame& frame) const {
+    frame.semantic = read_ids(files.semantic);
+    frame.instance = read_ids(files.instance);
+    if (!parts_.label_map) return;
+    for (std::size_t i = 0; i < frame.semantic.size(); ++i) {
+      std::uint16_t& class_id = frame.semantic.pixels()[i];
+      std::uint16_t& id = frame.instance.pixels()[i];
+      class_id = class_of_source_[class_id];
+      if (!is_thing_[class_id] || id > parts_.last_instance) id = 0;
+    }
+  }
+
+  /// Reads all label images once: class of an instance is that of most of its pixels.
+  void list_instances() {
+    class_of_source_.assign(65536, 0);
+    is_thing_.assign(65536, false);
+    for (std::size_t id = 1; id < class_of_source_.size(); ++id) {
+      class_of_source_[id] = parts_.label_map->class_of(static_cast<std::uint16_t>(id));
+    }
+    for (const core::SceneClass& c : parts_.classes) is_thing_[c.id] = c.thing;
+    std::map<std::uint16_t, std::map<std::uint16_t, std::uint64_t>> pixels;
+    for (const FrameFiles& files : parts_.frames) {
+      RgbdFrame frame;
+      read_labels(files, frame);
+      for (std::size_t i = 0; i < frame.instance.size(); ++i) {
+        const std::uint16_t id = frame.instance.pixels()[i];
+        if (id != 0) ++pixels[id][frame.semantic.pixels()[i]];
+      }
+    }
+    for (const auto& [id, classes] : pixels) {
+      const auto most =
+          std::max_element(classes.begin(), classes.end(),
+                           [](const auto& a, const auto& b) { return a.second < b.second; });
+      const auto found =
+          std::find_if(parts_.classes.begin(), parts_.classes.end(),
+                       [&](const core::SceneClass& c) { return c.id == most->first; });
+      parts_.instances.push_back(
+          {id, most->first, found->name + "_" + std::to_string(id), {}, {}});
+    }
+  }
+
+  static void expect_known(const std::filesystem::path& file,
+                           const core::Image<std::uint16_t>& ids,
+                           const std::vector<bool>& known, const std::string& what) {
+    for (const std::uint16_t id : ids.pixels()) {
+      if (!known[id]) {
+        throw InputError::expected(
+            file.string(), "ids listed under " + what + " in labels.yaml", std::to_string(id));
+      }
+    }
+  }
+
+  SequenceParts parts_;
+  bool has_depth_;
+  std::optional<Undistortion> undistortion_;
+  std::vector<bool> known_classes_, known_instances_;
+  std::vector<std::uint16_t> class_of_source_;  ///< With a label map: by source id.
+  std::vector<bool> is_thing_;                  ///< By class id.
+};
+
+}  // namespace
+
+bool accept_frame(OnBadFrame on_bad_frame, const std::string& frame_name,
+                  std::vector<std::string>& warnings, const std::function<void()>& check) {
+  try {
+    check();
+    return true;
+  } catch (const InputError& error) {
+    if (on_bad_frame == OnBadFrame::kRefuse) throw;
+    warnings.push_back("frame " + frame_name + " skipped: " + error.what());
+    return false;
+  }
+}
+
+ImageSize first_image_size(const std::vector<FrameFiles>& frames,
+                           const std::filesystem::path& folder) {
+  for (const FrameFiles& frame : frames) {
+    try {
+      return check_image_file(frame.rgb);
+    } catch (const InputError&) {
+      continue;  // check_files will report it.
+    }
+  }
+  throw InputError::expected(folder.string(), "at least one intact colour image",
+                             "none in " + std::to_string(frames.size()) + " frames");
+}
+
+std::string sequence_name(const std::filesystem::path& folder) {
+  const std::string name =
+      std::filesystem::absolute(folder).lexically_normal().filename().string();
+  return name.empty() ? "sequence" : name;  // The path ended in a slash.
+}
+
+std::optional<LabelMap> choose_label_map(const SequenceOptions& options,
+                                         const std::function<std::optional<LabelMap>()>& own,
+                                         std::vector<std::string>& warnings) {
+  if (!options.label_map.empty()) return read_label_map(options.label_map);
+  std::optional<LabelMap> map = own();
+  if (!map) {
+    warnings.emplace_back("label images are left alone: no table of their classes found");
+  }
+  return map;
+}
+
+WorldConvention convention_of(const SequenceOptions& options, UpAxis habit) {
+  WorldConvention convention;
+  convention.up = options.up_axis == UpAxis::kAuto ? habit : options.up_axis;
+  convention.floor_height_m = options.floor_height_m;
+  convention.floor_points_m = options.floor_points_m;
+  return convention;
+}
+
+void turn_opengl_axes(std::vector<double>& matrix) {
+  for (std::size_t row = 0; row + 3 < matrix.size() && row < 12; row += 4) {
+    matrix[row + 1] = -matrix[row + 1];
+    matrix[row + 2] = -matrix[row + 2];
+  }
+}
+
+std::unique_ptr<RgbdSequence> finish_sequence(SequenceParts parts,
+                                              const std::filesystem::path& folder,
+                                              const WorldConvention& convention,
+                                              OnBadFrame on_bad_frame) {
+  if (parts.lens && !parts.lens->bends()) {
+    parts.intrinsics = parts.lens->camera;
+    parts.lens.reset();
+  } else if (parts.lens) {
+    parts.intrinsics = straight_camera(*parts.lens);
+    std::ostringstream note;
+    note.precision(5);
+    note << "lens: straightened to fx " << parts.intrinsics.fx_px << " px, fy "
+         << parts.intrinsics.fy_px << " px";
+    parts.notes.push_back(note.str());
+  }
+  std::vector<FrameFiles> good;
+  for (FrameFiles& frame : parts.frames) {
+    if (accept_frame(on_bad_frame, frame.name, parts.warnings, [&] {
+          check_files(frame, parts.intrinsics, parts.depth_camera, parts.has_masks);
+        })) {
+      good.push_back(std::move(frame));
+    }
+  }
+  if (good.empty()) {
+    throw InputError::expected(
+        folder.string(), "at least one usable frame",
+        std::to_string(parts.warnings.size()) + " warnings and no frame" +
+            (parts.warnings.empty() ? "" : ": " + parts.warnings.front()));
+  }
+  parts.frames = std::move(good);
+  check_pose_jumps(parts, on_bad_frame);
+  if (parts.label_map) parts.classes = parts.label_map->classes;
+  apply_convention(parts, convention);
+  return std::make_unique<FileSequence>(std::move(parts));
+}
+
+}  // namespace segsim::renderer::internal

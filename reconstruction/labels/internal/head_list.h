@@ -1,0 +1,23 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "reconstruction/labels/panoptic_head.h"
+
+namespace segsim::renderer::internal {
+
+/// The paper's head, and with another name and factor the heads derived from it.
+/// @param warp_factor  Of the agreement with a neighbouring frame; 0 = off.
+[[nodiscard]] std::unique_ptr<PanopticHead> make_query_head(
+    std::string name, PanopticHeadInputs inputs, const PanopticTrainingConfig& config,
+    std::uint64_t seed, double warp_factor);
+
+/// The other heads.
+[[nodiscard]] std::unique_ptr<PanopticHead> make_panoptic_splatting_head(
+    PanopticHeadInputs inputs, const PanopticTrainingConfig& config, std::uint64_t seed);
+[[nodiscard]] std::unique_ptr<PanopticHead> make_panoptic_lifting_head(
+    PanopticHeadInputs inputs, const PanopticTrainingConfig& config, std::uint64_t seed);
+
+}  // namespace segsim::renderer::internal

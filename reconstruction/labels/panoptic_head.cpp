@@ -1,0 +1,94 @@
+#include "reconstruction/labels/panoptic_head.h"
+
+#include <cstdint>
+#include <initializer_list>
+#include <set>
+
+#include "core/check.h"
+#include "core/error.h"
+#include "reconstruction/labels/internal/head_list.h"
+#include "reconstruction/labels/panoptic_config_fields.h"
+
+namespace segsim::renderer {
+namespace {
+
+/// Checks every field against the range that its file may name.
+class RangeChecker {
+ public:
+  void enter(const char* key) {
+    path_.push_back(path_.empty() ? key : path_.back() + "." + key);
+  }
+  void leave() { path_.pop_back(); }
+
+  void number(const char* key, double value, double lowest, double highest) const {
+    SEGSIM_CHECK(value >= lowest && value <= highest, text(key, value));
+  }
+  template <class Integer>
+  void integer(const char* key, Integer value, std::int64_t lowest,
+               std::int64_t highest) const {
+    const auto wide = static_cast<std::int64_t>(value);
+    SEGSIM_CHECK(wide >= lowest && wide <= highest, text(key, wide));
+  }
+  void flag(const char*, bool) const {}
+  template <class Choice>
+  void choice(const char* key, Choice value, std::initializer_list<const char*> words) const {
+    const auto index = static_cast<std::size_t>(value);
+    SEGSIM_CHECK(index < words.size(), text(key, index));
+  }
+
+ private:
+  template <class Value>
+  [[nodiscard]] std::string text(const char* key, Value value) const {
+    return path_.back() + "." + key + " = " + std::to_string(value);
+  }
+
+  std::vector<std::string> path_;
+};
+
+}  // namespace
+
+void check_panoptic_config(const PanopticTrainingConfig& config) {
+  PanopticTrainingConfig copy = config;  // Visitors may write.
+  RangeChecker checker;
+  internal::visit_panoptic(copy, checker);
+  // What concerns two fields (training_config.cpp asks the same of a file).
+  const QueryConfig& query = config.query;
+  SEGSIM_CHECK(
+      query.min_sigma_m <= query.initial_sigma_m && query.initial_sigma_m <= query.max_sigma_m,
+      "panoptic.query.initial_sigma_m = " + std::to_string(query.initial_sigma_m));
+  const double share = config.sampling.stuff_share + config.sampling.instance_share;
+  SEGSIM_CHECK(share <= 1.0,
+               "panoptic.sampling.stuff_share + instance_share = " + std::to_string(share));
+}
+
+std::vector<std::string> panoptic_head_names() {
+  return {"query", "panoptic-splatting", "panoptic-lifting"};
+}
+
+std::unique_ptr<PanopticHead> make_panoptic_head(const std::string& name,
+                                                 PanopticHeadInputs inputs,
+                                                 const PanopticTrainingConfig& config,
+                                                 std::uint64_t seed) {
+  check_panoptic_config(config);
+  SEGSIM_CHECK(!inputs.classes.empty(), "no classes");
+  std::set<std::uint16_t> ids;
+  for (const core::SceneClass& c : inputs.classes) {
+    SEGSIM_CHECK(c.id != 0 && ids.insert(c.id).second, "class " + std::to_string(c.id));
+  }
+  if (name == "query") {
+    return internal::make_query_head(name, std::move(inputs), config, seed, config.loss.warp);
+  }
+  if (name == "panoptic-splatting") {
+    return internal::make_panoptic_splatting_head(std::move(inputs), config, seed);
+  }
+  if (name == "panoptic-lifting") {
+    return internal::make_panoptic_lifting_head(std::move(inputs), config, seed);
+  }
+  std::string names;
+  for (const std::string& known : panoptic_head_names()) {
+    names += (names.empty() ? "" : ", ") + known;
+  }
+  throw core::InputError::expected("head", names, "\"" + name + "\"");
+}
+
+}  // namespace segsim::renderer

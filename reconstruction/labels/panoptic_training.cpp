@@ -1,0 +1,195 @@
+#include "reconstruction/labels/panoptic_training.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "core/check.h"
+#include "core/error.h"
+#include "core/random.h"
+#include "reconstruction/labels/mask_association.h"
+#include "reconstruction/labels/pixel_sampling.h"
+#include "reconstruction/labels/query_seeding.h"
+
+namespace segsim::renderer {
+namespace {
+
+/// The views of an epoch, each once, in random order.
+class ViewOrder {
+ public:
+  ViewOrder(std::int64_t views, std::uint64_t seed)
+      : seed_(seed), order_(static_cast<std::size_t>(views)) {}
+
+  [[nodiscard]] std::int64_t view_of(std::int64_t iteration) {
+    const auto count = static_cast<std::int64_t>(order_.size());
+    if (iteration / count != epoch_) shuffle(iteration / count);
+    return order_[static_cast<std::size_t>(iteration % count)];
+  }
+
+ private:
+  void shuffle(std::int64_t epoch) {
+    epoch_ = epoch;
+    std::iota(order_.begin(), order_.end(), std::int64_t{0});
+    core::RandomStream random(seed_, "panoptic_order", static_cast<std::uint64_t>(epoch));
+    for (std::size_t i = order_.size(); i > 1; --i) {
+      std::swap(order_[i - 1], order_[random.index(static_cast<std::uint32_t>(i))]);
+    }
+  }
+
+  std::uint64_t seed_;
+  std::vector<std::int64_t> order_;
+  std::int64_t epoch_ = -1;
+};
+
+/// Labels of the masks at the sampled pixels.
+struct SampledLabels {
+  SampledLabels(const core::FrameMasks& masks, std::span<const std::int32_t> pixels) {
+    const bool scored = !masks.confidence.empty();
+    for (const std::int32_t pixel : pixels) {
+      semantic.push_back(masks.semantic.data()[pixel]);
+      instance.push_back(masks.instance.data()[pixel]);
+      confidence.push_back(scored ? static_cast<float>(masks.confidence.data()[pixel]) / 255.0F
+                                  : 1.0F);
+    }
+  }
+  std::vector<std::uint16_t> semantic, instance;
+  std::vector<float> confidence;
+};
+
+/// The same surface points in the next view (the one before for the last view).
+struct WarpedRows {
+  PixelWeights weights;
+  std::vector<std::int64_t> row;  ///< By sampled pixel, -1 = none.
+};
+
+WarpedRows warped_rows(PanopticViews& views, std::int64_t view,
+                       std::span<const std::int32_t> pixels,
+                       const PanopticTrainingConfig& config) {
+  const std::int64_t other = view + 1 < views.count() ? view + 1 : view - 1;
+  const core::Image<float> depth_m = views.depth_m(view);
+  const std::vector<std::int32_t> at =
+      warp_pixels(pixels, depth_m, views.intrinsics(view), views.T_world_camera(view),
+                  views.depth_m(other), views.intrinsics(other), views.T_world_camera(other),
+                  config.max_warp_depth_error_m);
+  WarpedRows warped;
+  std::vector<std::int32_t> hits;
+  for (const std::int32_t pixel : at) {
+    warped.row.push_back(pixel < 0 ? -1 : static_cast<std::int64_t>(hits.size()));
+    if (pixel >= 0) hits.push_back(pixel);
+  }
+  warped.weights = views.weights(other, hits, config.sampling.max_surfels_per_pixel, 1);
+  return warped;
+}
+
+std::vector<NamedLoss> train_once(PanopticViews& views, PanopticHead& head,
+                                  const PanopticTrainingRun& run, std::int64_t view,
+                                  std::int64_t iteration) {
+  core::RandomStream random(run.seed, "panoptic_pixels",
+                            static_cast<std::uint64_t>(iteration));
+  const core::FrameMasks& masks = views.masks(view);
+  const PixelSample sample =
+      sample_pixels(masks, views.depth_m(view), run.classes, run.config.sampling, random);
+  const std::vector<std::int32_t>& pixels = sample.pixels;
+  if (pixels.empty()) return {{"total", 0.0}};
+  const SampledLabels labels(masks, pixels);
+  PanopticBatch batch;
+  batch.frame = view;
+  batch.weights = views.weights(view, pixels, run.config.sampling.max_surfels_per_pixel, 0);
+  SEGSIM_CHECK(batch.weights.pixels == static_cast<std::int64_t>(pixels.size()), "weights");
+  batch.semantic = labels.semantic.data();
+  batch.instance = labels.instance.data();
+  batch.confidence = labels.confidence.data();
+  if (run.config.sampling.by_importance) batch.importance = sample.importance.data();
+  WarpedRows warped;
+  if (run.warp && views.count() > 1 && !views.depth_m(view).empty()) {
+    warped = warped_rows(views, view, pixels, run.config);
+    batch.warped = &warped.weights;
+    batch.warped_row = warped.row.data();
+  }
+  return head.step(batch, iteration);
+}
+
+}  // namespace
+
+std::vector<QuerySeed> seed_queries(PanopticViews& views, const PanopticTrainingConfig& config,
+                                    std::uint64_t seed) {
+  const bool from_objects = config.query.seeding == QuerySeeding::kObjects;
+  QuerySeeder points(config, seed);
+  AssociationConfig association = config.association;
+  association.min_views =
+      static_cast<int>(std::min<std::int64_t>(association.min_views, views.count()));
+  MaskAssociation masks(association);
+  for (std::int64_t view = 0; view < views.count(); ++view) {
+    const core::Image<float>& depth_m = views.depth_m(view);
+    if (depth_m.empty()) continue;
+    points.add_frame(view, views.masks(view), depth_m, views.intrinsics(view),
+                     views.T_world_camera(view));
+    if (from_objects) {
+      masks.add_view(views.masks(view), depth_m, views.intrinsics(view),
+                     views.T_world_camera(view));
+    }
+  }
+  std::vector<QuerySeed> seeds;
+  const auto factor = static_cast<float>(config.query.object_sigma);
+  const auto most = static_cast<std::size_t>(config.query.max_queries);
+  for (const AssociatedObject& object : masks.objects()) {  // Largest first.
+    if (seeds.size() == most) break;
+    seeds.push_back({object.mean_m, factor * object.sigma_m});
+  }
+  if (!seeds.empty()) return seeds;
+  // A grid was asked for, or no two views agree on anything.
+  const glm::vec3 sigma_m(static_cast<float>(config.query.initial_sigma_m));
+  for (const glm::vec3& point_m : points.seeds_m()) seeds.push_back({point_m, sigma_m});
+  return seeds;
+}
+
+std::int64_t train_panoptic(PanopticViews& views, PanopticHead& head,
+                            const PanopticTrainingRun& run) {
+  check_panoptic_config(run.config);
+  SEGSIM_CHECK(run.first_iteration >= 0 && run.checkpoint_every > 0, "iterations");
+  if (views.count() == 0) {
+    throw core::InputError::expected("label training", "at least one view with masks", "none");
+  }
+  ViewOrder order(views.count(), run.seed);
+  const std::int64_t last = run.config.iterations;
+  std::int64_t done = std::min(run.first_iteration, last);
+  while (done < last) {
+    const std::vector<NamedLoss> losses =
+        train_once(views, head, run, order.view_of(done), done);
+    ++done;
+    const bool go_on = !run.on_progress || run.on_progress({done, last, losses});
+    const bool due = done % run.checkpoint_every == 0 || done == last || !go_on;
+    if (due && run.on_checkpoint) run.on_checkpoint(done);
+    if (!go_on) break;
+  }
+  return done;
+}
+
+std::vector<std::int32_t> warp_pixels(
+    std::span<const std::int32_t> pixels, const core::Image<float>& depth_m,
+    const core::CameraIntrinsics& camera, const core::CameraPose& T_world_camera,
+    const core::Image<float>& other_depth_m, const core::CameraIntrinsics& other_camera,
+    const core::CameraPose& T_world_other, double max_error_m) {
+  std::vector<std::int32_t> result(pixels.size(), -1);
+  const auto T_other_camera = T_world_other.inverse() * T_world_camera;
+  for (std::size_t i = 0; i < pixels.size(); ++i) {
+    const int x = pixels[i] % depth_m.width_px(), y = pixels[i] / depth_m.width_px();
+    const auto depth = static_cast<double>(depth_m(x, y));
+    if (!(depth > 0.0)) continue;
+    const glm::dvec3 p_m =
+        T_other_camera.rotation() * camera.back_project({x + 0.5, y + 0.5}, depth) +
+        T_other_camera.translation_m();
+    if (p_m.z <= 0.0) continue;
+    const glm::dvec2 px = glm::floor(other_camera.project(p_m));
+    if (!(px.x >= 0.0 && px.y >= 0.0 && px.x < other_depth_m.width_px() &&
+          px.y < other_depth_m.height_px())) {
+      continue;
+    }
+    const int u = static_cast<int>(px.x), v = static_cast<int>(px.y);
+    if (!(std::abs(static_cast<double>(other_depth_m(u, v)) - p_m.z) <= max_error_m)) continue;
+    result[i] = v * other_depth_m.width_px() + u;
+  }
+  return result;
+}
+
+}  // namespace segsim::renderer

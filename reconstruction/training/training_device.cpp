@@ -1,0 +1,45 @@
+// Where training runs.
+
+#include <ATen/Context.h>
+#include "core/error.h"
+#include "reconstruction/training/geometry_training.h"
+
+#ifdef SEGSIM_WITH_CUDA_TRAINING
+#include "reconstruction/rasterizer/cuda/cuda_rasterizer.h"
+#endif
+
+namespace segsim::renderer {
+namespace {
+
+/// Empty, or why the GPU cannot train.
+std::string gpu_fault() {
+#ifdef SEGSIM_WITH_CUDA_TRAINING
+  return at::hasCUDA() ? "" : "libtorch without CUDA or no GPU";
+#else
+  return "a program without CUDA (preset cuda)";
+#endif
+}
+
+}  // namespace
+
+bool trains_on_gpu(const GeometryDevice& device) {
+  if (device.backend == Backend::kCpu) return false;
+  const std::string fault = gpu_fault();
+  if (!fault.empty() && device.backend == Backend::kCuda) {
+    throw core::InputError::expected("--backend cuda", "a program and libtorch with CUDA",
+                                     fault);
+  }
+  return fault.empty();
+}
+
+std::unique_ptr<DifferentiableRasterizer<float>> make_training_rasterizer(
+    const GeometryDevice& device) {
+  if (!trains_on_gpu(device)) return make_cpu_rasterizer<float>({.threads = device.threads});
+#ifdef SEGSIM_WITH_CUDA_TRAINING
+  return make_cuda_rasterizer({.stream = nullptr, .deterministic = device.deterministic});
+#else
+  return nullptr;
+#endif
+}
+
+}  // namespace segsim::renderer

@@ -1,0 +1,135 @@
+#include "sim/trial/internal/trial_drive.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <glm/geometric.hpp>
+
+#include "core/check.h"
+#include "core/error.h"
+
+namespace segsim::sim::internal {
+namespace {
+
+constexpr core::TimeNs kContactDebounce_ns = core::kNsPerSecond / 2;
+/// A contact point lies on the 2 cm grid of the collision world, boxes fit the surface.
+constexpr double kBoxMargin_m = 0.05;
+
+std::uint16_t instance_at(const core::SceneManifest& manifest, const glm::dvec2& p_m) {
+  for (const core::SceneInstance& instance : manifest.instances) {
+    if (p_m.x >= instance.box_min_m.x - kBoxMargin_m &&
+        p_m.x <= instance.box_max_m.x + kBoxMargin_m &&
+        p_m.y >= instance.box_min_m.y - kBoxMargin_m &&
+        p_m.y <= instance.box_max_m.y + kBoxMargin_m) {
+      return instance.id;
+    }
+  }
+  return 0;
+}
+
+}  // namespace
+
+TrialDrive::TrialDrive(const Episode& episode, const TrialOptions& options, const World& world,
+                       const RobotModel& model)
+    : options_(options),
+      world_(world),
+      robot_(model, episode.start),
+      substep_ns_(std::llround(options.substep_s * 1e9)) {
+  const core::TimeNs period_ns = std::llround(options.control_period_s * 1e9);
+  SEGSIM_CHECK(substep_ns_ > 0 && period_ns > 0 && period_ns % substep_ns_ == 0,
+               "the control period is a whole number of substeps");
+  if (options.collision == CollisionMode::kNavmesh) {
+    const glm::dvec3 start_m(episode.start.x_m, episode.start.y_m, 0.0);
+    walker_ = NavmeshWalker::place(world.navmesh(), start_m);
+    if (!walker_) {
+      throw core::InputError::expected("episode " + episode.id,
+                                       "a start on the navigation mesh", "none near it");
+    }
+    const glm::dvec3& p_m = walker_->position_m();
+    robot_.set_pose({p_m.x, p_m.y, episode.start.yaw_rad});
+  } else if (world.collision().collides(episode.start)) {
+    throw core::InputError::expected("episode " + episode.id, "a free start", "a collision");
+  }
+  SEGSIM_CHECK(!options.odometry || !options.localiser, "one kind of localisation");
+  if (options.odometry) odometer_.emplace(*options.odometry, episode.start, episode.seed);
+  if (options.localiser) {
+    localiser_.emplace(*options.localiser, episode.seed);
+    localiser_->move_to(0, episode.start);
+  }
+  if (options.sensors) {
+    sensors_.emplace(*options.sensors, world.mesh(), world.local_frame(), episode.start,
+                     episode.seed);
+  }
+}
+
+void TrialDrive::set_command(const core::VelocityCommand& command) {
+  command_ = command;
+  robot_.set_command(command);
+}
+
+bool TrialDrive::drive_to(core::TimeNs time_ns) {
+  while (now_ns_ < time_ns) {
+    // Steps lie on one grid, so that a command between two of them does not shift the others.
+    const core::TimeNs next_ns = std::min(time_ns, (now_ns_ / substep_ns_ + 1) * substep_ns_);
+    const core::TimeNs step_ns = next_ns - now_ns_;
+    const double step_s = step_ns == substep_ns_ ? options_.substep_s : core::seconds(step_ns);
+    const core::Pose2 before = robot_.state().pose;
+    const core::VelocityCommand velocity = robot_.update_velocity(step_s);
+    const MoveResult moved = move(velocity, step_s);
+    path_m_ += std::hypot(moved.pose.x_m - before.x_m, moved.pose.y_m - before.y_m);
+    robot_.set_pose(moved.pose);
+    now_ns_ = next_ns;
+    if (odometer_) odometer_->move_to(now_ns_, moved.pose);
+    if (localiser_) localiser_->move_to(now_ns_, moved.pose);
+    if (sensors_) sensors_->move_to(now_ns_, moved.pose);
+    if (moved.contact) {
+      note_contact(*moved.contact, step_ns);
+      if (options_.stop_on_contact) return false;
+    }
+  }
+  return true;
+}
+
+MoveResult TrialDrive::move(const core::VelocityCommand& velocity, double step_s) {
+  const core::Pose2& from = robot_.state().pose;
+  if (!walker_) {
+    const bool repeated =
+        moved_ && moved_->from.x_m == from.x_m && moved_->from.y_m == from.y_m &&
+        moved_->from.yaw_rad == from.yaw_rad &&
+        moved_->velocity.forward_mps == velocity.forward_mps &&
+        moved_->velocity.turn_radps == velocity.turn_radps && moved_->step_s == step_s;
+    if (!repeated) {
+      moved_ =
+          Moved{from, velocity, step_s,
+                world_.collision().move(from, velocity, step_s, options_.contact_response)};
+    }
+    return moved_->result;
+  }
+  const core::Pose2 wanted = drive_arc(from, velocity, step_s);
+  const NavmeshWalker::Step step =
+      walker_->walk({wanted.x_m, wanted.y_m}, options_.contact_response);
+  MoveResult result;
+  result.pose = {step.position_m.x, step.position_m.y, wanted.yaw_rad};
+  if (step.wall_normal) {
+    const glm::dvec2 motion_m(wanted.x_m - from.x_m, wanted.y_m - from.y_m);
+    const double approach_m = -glm::dot(motion_m, *step.wall_normal);
+    result.contact = Contact{glm::dvec2(step.position_m), *step.wall_normal,
+                             std::max(0.0, approach_m) / step_s};
+  }
+  return result;
+}
+
+void TrialDrive::note_contact(const Contact& contact, core::TimeNs step_ns) {
+  // A base that slides keeps its wheels turning.
+  if (options_.contact_response == ContactResponse::kStop) robot_.set_velocity({});
+  in_contact_ = true;
+  contact_ns_ += step_ns;
+  if (last_contact_ns_ < 0 || now_ns_ - last_contact_ns_ > kContactDebounce_ns) {
+    contacts_.push_back({now_ns_, contact.point_m, contact.normal, contact.approach_mps, 0.0,
+                         instance_at(world_.manifest(), contact.point_m)});
+  }
+  contacts_.back().duration_s += core::seconds(step_ns);
+  last_contact_ns_ = now_ns_;
+}
+
+}  // namespace segsim::sim::internal

@@ -1,0 +1,65 @@
+#pragma once
+
+/// @file
+/// What the importers share: mesh files read once, textures read once, placing of parts.
+
+#include <filesystem>
+#include <map>
+#include <string>
+#include <vector>
+
+#include <glm/mat4x4.hpp>
+#include <glm/vec2.hpp>
+#include <glm/vec3.hpp>
+
+#include "sim/ground/mesh_scene.h"
+#include "worlds/mesh/class_names.h"
+
+struct aiScene;
+struct aiMaterial;
+
+namespace segsim::worlds::internal {
+
+/// Triangles of one node, in the file's frame with all node transforms applied.
+struct MeshPart {
+  std::string node_name, mesh_name;
+  std::vector<glm::vec3> positions;
+  std::vector<glm::vec3> normals;  ///< Unit.
+  std::vector<glm::vec2> uvs;
+  std::vector<glm::uvec3> triangles;
+  int material = 0;  ///< Into the scene's materials.
+};
+
+/// Linear RGB of an sRGB colour, each component in [0, 1].
+[[nodiscard]] glm::vec3 linear_colour(const glm::vec3& srgb);
+
+/// Reads mesh files with assimp; materials and textures go into the scene, each file once.
+class MeshFileReader {
+ public:
+  /// @param texture_folders  Where textures are looked for by base name as a last resort.
+  explicit MeshFileReader(sim::MeshScene& scene,
+                          std::vector<std::filesystem::path> texture_folders = {})
+      : scene_(scene), texture_folders_(std::move(texture_folders)) {}
+
+  /// @throws InputError if the file is missing, unreadable or has a vertex that is not finite.
+  const std::vector<MeshPart>& read(const std::filesystem::path& file);
+
+ private:
+  sim::Material read_material(const aiScene& file_scene, const aiMaterial& source,
+                              const std::filesystem::path& file);
+  /// Index of the texture, or -1 with a warning.
+  int texture(const aiScene& file_scene, const std::string& name,
+              const std::filesystem::path& file);
+  int add_texture(const std::string& key, core::Image<core::Rgb8> image);
+
+  sim::MeshScene& scene_;
+  std::vector<std::filesystem::path> texture_folders_;
+  std::map<std::string, std::vector<MeshPart>> files_;
+  std::map<std::string, int> textures_;
+};
+
+/// Appends a part to the scene. @param T_world_part  May scale and mirror.
+void place_part(sim::MeshScene& scene, const MeshPart& part, const glm::dmat4& T_world_part,
+                const LabelTable::Ids& ids);
+
+}  // namespace segsim::worlds::internal

@@ -1,0 +1,56 @@
+#pragma once
+
+/// @file
+/// Adds materials and textures to a scene, each only once. Textures are painted at the end, by
+/// finish(), because furniture that finds no place takes its own with it.
+
+#include <cstdint>
+#include <vector>
+
+#include <glm/vec3.hpp>
+
+#include "sim/ground/mesh_scene.h"
+#include "worlds/mesh/mesh_builder.h"
+#include "worlds/procedural/procedural_texture.h"
+
+namespace segsim::worlds {
+
+/// Linear RGB of an sRGB colour, components in [0, 1].
+[[nodiscard]] glm::vec3 linear_from_srgb(const glm::vec3& srgb);
+
+/// Refers to the scene: it must outlive the library.
+class SurfaceLibrary {
+ public:
+  /// @param max_textures  When they are used up, textured() falls back to the plain mean
+  /// colour.
+  explicit SurfaceLibrary(sim::MeshScene& scene, int max_textures = 60)
+      : scene_(scene), max_textures_(max_textures), first_texture_(scene.textures.size()) {}
+
+  [[nodiscard]] Surface plain(const glm::vec3& srgb);
+  /// A lamp or a bright panel. @param radiance  Linear RGB.
+  [[nodiscard]] Surface glowing(const glm::vec3& srgb, const glm::vec3& radiance);
+  /// @param tile_m  Length of one repeat. @param radiance  Linear RGB, added.
+  [[nodiscard]] Surface textured(const TextureRecipe& recipe, float tile_m,
+                                 const glm::vec3& radiance = glm::vec3(0.0F));
+
+  /// Undoes what was added since mark(); nothing in the scene may use it any more.
+  struct Mark {
+    std::size_t materials, textures;
+  };
+  [[nodiscard]] Mark mark() const { return {scene_.materials.size(), recipes_.size()}; }
+  void rewind(const Mark& mark);
+
+  /// Drops what no mesh of the scene uses, numbers the rest anew in order, and paints the
+  /// textures. The library is spent afterwards.
+  void finish();
+
+ private:
+  int material(const sim::Material& wanted);
+
+  sim::MeshScene& scene_;
+  int max_textures_;
+  std::vector<TextureRecipe> recipes_;  ///< Of the scene's textures from first_texture_ on.
+  std::size_t first_texture_;
+};
+
+}  // namespace segsim::worlds
