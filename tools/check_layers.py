@@ -49,7 +49,7 @@ LIBRARY_HOME = {  # library: the only folders that may include it
     r"assimp/|sdf/|ignition/": {"sim/gazebo", "worlds"},
     r"vtk": {"worlds"},
     r"recastnavigation/": {"sim/ground"},
-    r"GeographicLib/": {"sim", "worlds"},
+    r"GeographicLib/": {"sim/ground", "worlds"},
     r"yaml-cpp/|openssl/": {"core"},
     r"nlohmann/": {"experiments", "perception", "reconstruction/datasets"},
     r"onnx/|google/protobuf|onnxruntime|oneapi/dnnl": {"perception"},
@@ -70,6 +70,11 @@ def sources(root, module):
 
 def below(folder, parent):
     return parent == "." or folder == parent or folder.startswith(parent + "/")
+
+
+def inside(parts):
+    """The folder of a file, relative to its module."""
+    return "/".join(parts[1:-1]) or "."
 
 
 def room_of(module, folder):
@@ -93,10 +98,10 @@ def wrong_room(module, folder, target_folder):
 
 def wrong_include(path, header):
     """What is wrong with one include of one file, both relative to the root; None if nothing is."""
-    module, folder = path.parts[0], "/".join(path.parent.parts[1:]) or "."
+    module, folder = path.parts[0], inside(path.parts)
     target = header.split("/")[0]
     if target in MAY_INCLUDE:
-        target_folder = "/".join(header.split("/")[1:-1]) or "."
+        target_folder = inside(header.split("/"))
         if target != module and not any(below(header, allowed) for allowed in MAY_INCLUDE[module]):
             return f"{module}/ must not include {header}"
         owner, internal, _ = header.partition("/internal/")
@@ -147,11 +152,11 @@ def print_graph(root):
         edges = collections.defaultdict(set)
         count = collections.Counter()
         for path in sources(root, module):
-            room = room_of(module, "/".join(path.relative_to(root).parent.parts[1:]) or ".")
+            room = room_of(module, inside(path.relative_to(root).parts))
             edges[room]
             for _, header in includes(path):
                 if header.split("/")[0] == module:
-                    edges[room].add(room_of(module, "/".join(header.split("/")[1:-1]) or "."))
+                    edges[room].add(room_of(module, inside(header.split("/"))))
         for folder, names in sizes.items():
             if folder.split("/")[0] == module:
                 count[room_of(module, "/".join(folder.split("/")[1:]) or ".")] += len(names)

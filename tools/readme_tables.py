@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """Records of results, and the README's tables, which are made from them.
 
-  readme_tables.py record WORK RECORD.json   the record of a finished `segsim run`
-  readme_tables.py write ROOT                puts the tables into ROOT/README.md
-  readme_tables.py check ROOT                exit code 1 if the README says something else
+  readme_tables.py record WORK RECORD.json COMMAND   the record of a finished `segsim run`, and the command that makes it
+  readme_tables.py write ROOT                        puts the tables into ROOT/README.md
+  readme_tables.py check ROOT                        exit code 1 if the README says something else
 
 A table stands between <!-- records: NAME... --> and <!-- end of records -->; NAME is that of results/NAME.json. Digests
 are those of experiments/specs/digests/, which `segsim doctor --record` has written.
@@ -50,17 +50,12 @@ def training_row(table, training):
             "views_near_starts": arm["tuning_views"]["near_starts"]}
 
 
-def make_record(work, record):
+def make_record(work, record, command):
     table, digests = read_json(work, "table.json"), read_json(work, "digests.json")
     provenance = table["provenance"]
     trainings = [training_row(table, training) for training in table["trainings"]]
-    experiment = digests["experiment"]
-    name = os.path.splitext(os.path.basename(record))[0]
-    command = f"segsim run experiments/specs/{experiment}.yaml --data DIR"
-    if name == "quickstart":
-        command = f"tools/record_quickstart.sh {len(trainings)}"
     out = {"schema": "segsim.result_record/1",
-           "experiment": experiment,
+           "experiment": digests["experiment"],
            "command": command,
            "commit": provenance["code_version"],
            "date": provenance["ended"][:10],
@@ -129,16 +124,16 @@ def in_words(record, digests):
 def block_text(root, names):
     records = [read_json(root, "results", name + ".json") for name in names]
     lines = list(table_lines(records))
-    for name, record in zip(names, records):
-        experiment = "flat" if name == "quickstart" else record["experiment"]  # The record's spec has more seeds.
-        for paragraph in in_words(record, read_json(root, "experiments/specs/digests", experiment + ".json")):
+    for record in records:
+        digests = read_json(root, "experiments/specs/digests", record["experiment"] + ".json")
+        for paragraph in in_words(record, digests):
             lines += ["", paragraph]
     return "\n".join(lines) + "\n"
 
 
 def main(arguments):
-    if len(arguments) == 3 and arguments[0] == "record":
-        make_record(arguments[1], arguments[2])
+    if len(arguments) == 4 and arguments[0] == "record":
+        make_record(*arguments[1:])
         return
     if len(arguments) != 2 or arguments[0] not in ("write", "check"):
         sys.exit(__doc__)

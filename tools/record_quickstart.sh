@@ -32,5 +32,5 @@ sed -e "s#\${spec}#$root/experiments/specs#" -e "s/finetune_seeds: [0-9]*/finetu
 grep -q "finetune_seeds: $seeds" "$spec" || fail "experiments/specs/flat.yaml names no finetune_seeds"
 "$segsim" run "$spec" --work "$work" --workers "$(nproc)" || fail "segsim run ended with code $?; run this again to go on"
 
-python3 tools/readme_tables.py record "$work" results/quickstart.json
+python3 tools/readme_tables.py record "$work" results/quickstart.json "tools/record_quickstart.sh $seeds"
 python3 tools/readme_tables.py write .
