@@ -111,13 +111,28 @@ class Records(Files):
         write_record(self.path("old.json"), RECORD)
         write_record(self.path("new.json"), new)
         with contextlib.redirect_stdout(io.StringIO()) as out:
-            TOOL.take(self.path("new.json"), self.path("old.json"))
+            TOOL.take([self.path("new.json")], self.path("old.json"))
         taken = read_record(self.path("old.json"))
         self.assertEqual((taken["title"], taken["note"], taken["commit"]), ("Frames", ["What it means."], "fffffff"))
         self.assertEqual(taken["values"], [{**new["values"][0], "goal": {"at_most": 4}}])
         self.assertIn("small: median: 9 ms", out.getvalue())
-        self.assertIn("large: success: gone", out.getvalue())
+        self.assertIn("large: median: gone, and its goal with it\n", out.getvalue())
+        self.assertIn("large: success: gone\n", out.getvalue())
         self.assertEqual(keep_words(new, RECORD)["title"], "Frames")
+
+    def test_records_of_several_commands_are_joined(self):
+        second = {**copy.deepcopy(RECORD), "command": "segsim bench render --size 1x1",
+                  "values": [{"case": "tiny", "name": "median", "unit": "ms", "value": 1}]}
+        for name, record in (("a.json", RECORD), ("b.json", second)):
+            write_record(self.path(name), record)
+        with contextlib.redirect_stdout(io.StringIO()):
+            TOOL.take([self.path("a.json"), self.path("b.json")], self.path("both.json"))
+        both = read_record(self.path("both.json"))
+        self.assertEqual(both["command"], ["segsim bench render", "segsim bench render --size 1x1"])
+        self.assertEqual(len(both["values"]), 4)
+        write_record(self.path("b.json"), {**second, "commit": "fffffff"})
+        with self.assertRaisesRegex(BadRecord, "b.json: commit: expected that of"):
+            TOOL.take([self.path("a.json"), self.path("b.json")], self.path("both.json"))
 
 
 class Pages(Files):

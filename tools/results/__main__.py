@@ -4,8 +4,8 @@
   python3 tools/results check ROOT                  exit code 1 if a page says something else than its records, or a page of
                                                     docs/ has a figure without a record
   python3 tools/results run WORK RECORD COMMAND     the record of a finished `segsim run`, and the command that makes it
-  python3 tools/results take NEW RECORD             puts a newly measured record in place of RECORD, whose title, note and goals
-                                                    stay; prints which figures have changed
+  python3 tools/results take NEW... RECORD          puts newly measured records, joined, in place of RECORD, whose title, note
+                                                    and goals stay; prints which figures have changed
 
 A page takes in a record's tables between <!-- record: SUBJECT/NAME --> and <!-- end of record -->; the first page has the
 tables of several runs between <!-- records: NAME... --> and <!-- end of records -->. results/README.md tells the format.
@@ -18,7 +18,7 @@ import headline
 import pages
 from figures import figures_without_record
 from record import BadRecord, read_record, read_index, write_atomically, write_record
-from run_record import keep_words, run_record
+from run_record import joined, keep_words, run_record
 
 HEADLINE = re.compile(r"(<!-- records: ([a-z ]+) -->\n).*?(<!-- end of records -->)", re.DOTALL)
 BLOCK = re.compile(r"(<!-- record: ([a-z0-9_]+)/([a-z0-9_]+) -->\n).*?(<!-- end of record -->)", re.DOTALL)
@@ -105,18 +105,18 @@ def check(root):
         sys.exit("\n".join(faults))
 
 
-def take(new_path, path):
-    new = read_record(new_path)
+def take(new_paths, path):
+    new = joined([read_record(new_path) for new_path in new_paths], new_paths)
     if os.path.exists(path):
         old = read_record(path)
         new = keep_words(new, old)
-        before = {(v.get("table"), v.get("case"), v["name"]): v["value"] for v in old["values"]}
+        before = {(v.get("table"), v.get("case"), v["name"]): v for v in old["values"]}
         for v in new["values"]:
             key = (v.get("table"), v.get("case"), v["name"])
-            if before.pop(key, None) != v["value"]:
+            if before.pop(key, {}).get("value") != v["value"]:
                 print(f"{': '.join(part for part in key if part)}: {v['value']} {v['unit']}")
-        for key in before:
-            print(f"{': '.join(part for part in key if part)}: gone")
+        for key, v in before.items():
+            print(f"{': '.join(part for part in key if part)}: gone{', and its goal with it' if 'goal' in v else ''}")
     write_record(path, new)
 
 
@@ -129,8 +129,8 @@ def main(arguments):
     elif command == "run" and len(rest) == 3:
         record = run_record(rest[0], rest[2])
         write_record(rest[1], keep_words(record, read_record(rest[1])) if os.path.exists(rest[1]) else record)
-    elif command == "take" and len(rest) == 2:
-        take(*rest)
+    elif command == "take" and len(rest) >= 2:
+        take(rest[:-1], rest[-1])
     else:
         print(__doc__, file=sys.stderr)
         sys.exit(2)

@@ -2,7 +2,7 @@
 import os
 import re
 
-from record import SCHEMA, read_json
+from record import SCHEMA, BadRecord, read_json
 
 STRICT = "habitat-hm3d"
 SUCCESS, TRAININGS, CLASSES = "Success", "Trainings", "By goal class"
@@ -181,6 +181,18 @@ def run_record(work, command):
                       "SHA-256 of all trials": digests["stages"][-1]["sha256"],
                       "SHA-256 of the spec": provenance["spec_sha256"]},
             "values": list(values_of(table))}
+
+
+def joined(records, paths):
+    """One record of several commands, which must agree in commit and machine; the day is that of the last."""
+    first = records[0]
+    for record, path in zip(records[1:], paths[1:]):
+        for key in ("commit", "machine"):
+            if record[key] != first[key]:
+                raise BadRecord(f"{path}: {key}: expected that of {paths[0]}, found {record[key]}")
+    commands = [record["command"] for record in records]
+    return {**first, "command": commands[0] if len(records) == 1 else commands, "date": records[-1]["date"],
+            "values": [value for record in records for value in record["values"]]}
 
 
 def keep_words(new, old):
