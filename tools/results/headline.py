@@ -2,6 +2,7 @@
 import os
 import statistics
 
+from pages import wrapped
 from record import read_json
 from run_record import ROLES, STRICT, SUCCESS, TRAININGS
 
@@ -71,5 +72,5 @@ def headline_text(root, records):
     for record in records:
         digests = read_json(os.path.join(root, "experiments/specs/digests", record["facts"]["Experiment"] + ".json"))
         for paragraph in in_words(record, digests):
-            lines += ["", paragraph]
+            lines += ["", wrapped(paragraph)]
     return "\n".join(lines)

@@ -203,7 +203,7 @@ def record_text(record):
     for key, field in record.items():
         if key == "values":
             lines.append(' "values": [\n' + ",\n".join("  " + json_line(value) for value in field) + "\n ]")
-        elif key in ("note", "command") and isinstance(field, list):
+        elif key in ("note", "command") and isinstance(field, list) and field:
             lines.append(f' "{key}": [\n' + ",\n".join("  " + json_line(part) for part in field) + "\n ]")
         else:
             lines.append(f' "{key}": {json_line(field)}')
