@@ -9,16 +9,23 @@
 namespace segsim::experiments {
 namespace {
 
+/// Scene, size and threads; of the rest what differs from the flags' defaults.
 std::string case_of(const BenchProvenance& provenance, const BenchCase& setup) {
   const int threads = thread_count(setup.options.threads);
-  const std::string by =
-      setup.backend == renderer::Backend::kCpu
-          ? std::to_string(threads) + (threads == 1 ? " thread" : " threads")
-          : renderer::backend_name(setup.backend);
-  return provenance.scene + "; " + std::to_string(setup.width_px) + "x" +
-         std::to_string(setup.height_px) + ", " + channels_text(setup.channels) + ", top-k " +
-         top_k_name(setup.options.top_k) + ", " + bounds_name(setup.options.bounds) + ", " +
-         by;
+  std::string text = provenance.scene + "; " + std::to_string(setup.width_px) + "x" +
+                     std::to_string(setup.height_px) + ", ";
+  text += setup.backend == renderer::Backend::kCpu
+              ? std::to_string(threads) + (threads == 1 ? " thread" : " threads")
+              : renderer::backend_name(setup.backend);
+  const BenchCase usual;
+  if (setup.channels != usual.channels) text += ", " + channels_text(setup.channels);
+  if (setup.options.top_k != usual.options.top_k) {
+    text += ", top-k " + top_k_name(setup.options.top_k);
+  }
+  if (setup.options.bounds != usual.options.bounds) {
+    text += ", " + bounds_name(setup.options.bounds);
+  }
+  return text;
 }
 
 bool uses_gpu(std::span<const BenchResult> results) {

@@ -15,9 +15,10 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tools" / "results"))
 
 import figures  # noqa: E402
+import headline  # noqa: E402
 import pages  # noqa: E402
 from record import BadRecord, is_held, read_record, record_text, write_record  # noqa: E402
-from run_record import keep_words  # noqa: E402
+from run_record import keep_words, run_record  # noqa: E402
 
 
 def load_tool():
@@ -216,6 +217,73 @@ class Pages(Files):
                          ["docs/b.md:1: 3.1 ms", "docs/b.md:1: 1 250 images/s", "docs/b.md:1: 26.4 dB",
                           "docs/b.md:2: PQ 80.1"])
         self.assertEqual(list(figures.figures_without_record(self.root, ["docs/a.md"])), [])
+
+
+def arm(successes, episodes, trainings=1):
+    profile = {"sr": successes / episodes, "spl": 0.5}
+    interval = "hierarchical95" if trainings > 1 else "wilson95"
+    return {"successes": successes, "episodes": episodes, "sr": successes / episodes, interval: [0.25, 0.75], "spl": 0.5,
+            "soft_spl": 0.5, "sim_s": 30.25, "path_m": 12, "contacts": 0, "invalid_pixels": 0.001,
+            "outcomes": {"timeout": episodes - successes, "success": successes}, "causes": {"stuck": episodes - successes},
+            "perception": {"frames": 200, "visible_frames": 0, "detected_frames": 0, "saw_goal": 1, "never_detected": 0,
+                           "false_detections": 3, "false_objects_per_trial": 0.5},
+            "profiles": {"segsim-object": profile, "habitat-hm3d": profile}}
+
+
+def detector(seed):
+    return {"weights_sha256": f"{seed}" * 64, "tuning_views": {"near_starts": seed},
+            "held_out": {"views": 9, "ap50": 0.1 * seed, "ap": 0.1, "precision": 0.5, "recall": 0.5, "score_threshold": 0.2}}
+
+
+def run_table():
+    paired = {"mean": 0.25, "hierarchical95": [0.1, 0.4], "p_trainings": 0.01}
+    comparison = {"only_after": 5, "only_before": 1, "difference": 0.4, "hierarchical95": [0.1, 0.7], "p_trainings": 0.0123,
+                  "p_holm": 0.5, "paired": {"spl": paired, "sim_s": paired, "path_m": paired}}
+    group = {"title": "Flat 9", "comparison": comparison,
+             "arms": {"before": arm(4, 10), "after": arm(16, 20, 2), "oracle": arm(10, 10)}}
+    training = {"before": "before", "episodes": 10, "only_before": 1}
+    return {"title": "A run", "before": "before", "after": "after", "oracle": "oracle", "scenes": [group], "classes": [group],
+            "training_rate_sd": 0.05,
+            "trainings": [{**training, "arm": "after", "seed": 2, "successes": 7, "sr": 0.7, "only_after": 4},
+                          {**training, "arm": "after.s3", "seed": 3, "successes": 9, "sr": 0.9, "only_after": 6}],
+            "provenance": {"arms": {"before": detector(1), "after": detector(2), "after.s3": detector(3)},
+                           "code_version": "0.1.0 (0123abc)", "ended": "2026-01-02T03:04:05Z", "host": "name, AMD EPYC",
+                           "success_profile": "segsim-object: near", "spec_sha256": "ab" * 32}}
+
+
+class Runs(Files):
+    def setUp(self):
+        super().setUp()
+        self.put(json.dumps(run_table()), "table.json")
+        digests = {"experiment": "flat", "machine": {"kernels": "reproducible"}, "confirmed_on": ["AMD EPYC"],
+                   "stages": [{"stage": "weights", "subject": "arm-after", "sha256": "11" * 32},
+                              {"stage": "trials", "subject": "all", "sha256": "cd" * 32}]}
+        self.put(json.dumps(digests), "digests.json")
+        self.put(json.dumps(digests), "experiments", "specs", "digests", "flat.json")
+        write_record(self.path("run.json"), run_record(self.root, "segsim run flat.yaml"))
+        self.record = read_record(self.path("run.json"))
+
+    def value(self, table, case, name):
+        return next(v for v in self.record["values"] if (v.get("table"), v.get("case"), v["name"]) == (table, case, name))
+
+    def test_figures_are_those_of_the_table(self):
+        self.assertEqual(self.record["commit"], "0123abc")
+        self.assertEqual(self.record["machine"]["processor"], "AMD EPYC")
+        after = self.value("Success", "Flat 9", "after")
+        self.assertEqual((after["count"], after["interval95"]), ([16, 20], [25, 75]))
+        self.assertEqual(float(self.value("Success", "Flat 9", "p")["value"]), 0.012)
+        self.assertEqual(float(self.value("By goal class", "Flat 9", "p (Holm)")["value"]), 0.5)
+        self.assertEqual(self.value("Why trials failed", "Flat 9, before", "stuck")["value"], 6)
+        self.assertEqual(self.value("How the trials went", "Flat 9, after", "outcomes")["value"], "success 16, timeout 4")
+        self.assertEqual(self.record["facts"]["SHA-256 of all trials"], "cd" * 32)
+
+    def test_the_first_page_says_what_came_out(self):
+        text = headline.headline_text(self.root, [self.record])
+        self.assertIn("| Flat 9 | 40 % [25, 75] | **80 % [25, 75]** | +40 [+10, +70] | 0.012 | 100 % | 40 %, 80 %, 100 % |", text)
+        words = " ".join(text.split())
+        self.assertIn("7, 9 of 10 episodes succeed, before 4: 2 of 2 trainings are better, the median gain is +40 points", words)
+        self.assertIn("goes from 10 to 20 ... 30 (median 25). 5 training views lie near a start", words)
+        self.assertIn("trials cdcdcdcdcdcd (found on: AMD EPYC)", words)
 
 
 class Numbers(unittest.TestCase):
