@@ -158,7 +158,8 @@ def machine_text(machine):
 
 
 def provenance_text(record, more=""):
-    commit = f"Commit {record['commit']}" if record["commit"] else "Commit not recorded"
+    in_table = any(value["name"] == "commit" for value in record["values"])
+    commit = f"Commit {record['commit']}" if record["commit"] else "Commits in the table" if in_table else "Commit not recorded"
     text = f"{commit}; {record['date'] or 'date not recorded'}; {machine_text(record['machine'])}."
     if record["command"] is None:
         text += " The command was not recorded."
