@@ -196,8 +196,10 @@ def joined(records, paths):
 
 
 def keep_words(new, old):
-    """A record measured anew keeps the title, the note and the goals of the one whose place it takes."""
+    """A record measured anew keeps the title, the note and the goals of the one whose place it takes, but for goals of its
+    own: some depend on what was measured."""
     goals = {(v.get("table"), v.get("case"), v["name"]): v["goal"] for v in old["values"] if "goal" in v}
-    values = [{**v, "goal": goals[key]} if (key := (v.get("table"), v.get("case"), v["name"])) in goals else v
+    values = [{**v, "goal": goals[key]}
+              if (key := (v.get("table"), v.get("case"), v["name"])) in goals and "goal" not in v else v
               for v in new["values"]]
     return {**new, "title": old["title"], "note": old.get("note", []), "values": values}
