@@ -31,8 +31,6 @@ using M = hn::Mask<Floats>;
 HWY_INLINE V set(float x) { return hn::Set(Floats(), x); }
 HWY_INLINE V load(const float* from) { return hn::Load(Floats(), from); }
 HWY_INLINE bool none(M mask) { return hn::AllFalse(Floats(), mask); }
-/// Vectors of a cell.
-HWY_INLINE int vectors_of_cell() { return kCellSize / static_cast<int>(hn::Lanes(Floats())); }
 
 /// 1 / x. With AVX-512 and elsewhere the estimate of the hardware and one Newton step, which
 /// is quicker; its last bits differ between the makers of processors. With AVX2, which runs
