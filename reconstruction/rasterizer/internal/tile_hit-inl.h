@@ -31,8 +31,6 @@ using M = hn::Mask<Floats>;
 HWY_INLINE V set(float x) { return hn::Set(Floats(), x); }
 HWY_INLINE V load(const float* from) { return hn::Load(Floats(), from); }
 HWY_INLINE bool none(M mask) { return hn::AllFalse(Floats(), mask); }
-/// Vectors of a cell.
-HWY_INLINE int vectors_of_cell() { return kCellSize / static_cast<int>(hn::Lanes(Floats())); }
 
 /// 1 / x, correctly rounded, as in the renderer.
 HWY_INLINE V inverse_of(V x) { return hn::Div(set(1.0F), x); }
