@@ -6,11 +6,10 @@
 namespace segsim::nav {
 
 std::unique_ptr<core::Policy> make_frontier_policy(const FrontierPolicyOptions& options) {
-  SEGSIM_CHECK(options.spin_rate_radps > 0.0, "spin_rate_radps");
+  SEGSIM_CHECK(options.spin.rate_radps > 0.0, "spin.rate_radps");
   SEGSIM_CHECK(options.replan_period_s >= 0.0, "replan_period_s");
-  SEGSIM_CHECK(options.stop_distance_limit_m >= options.stop_distance_m,
-               "stop_distance_limit_m");
-  SEGSIM_CHECK(options.approach_max_m > options.approach_min_m, "approach_max_m");
+  SEGSIM_CHECK(options.distances.limit_m >= options.stop_distance_m, "distances.limit_m");
+  SEGSIM_CHECK(options.distances.max_m > options.distances.min_m, "distances.max_m");
   return std::make_unique<internal::SearchPolicy>(options);
 }
 
