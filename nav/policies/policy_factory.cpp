@@ -108,7 +108,7 @@ std::unique_ptr<core::Policy> make_vlfm(const PolicySettings& settings,
   options.motion = settings.motion.value_or(Motion::kPursuit);
   options.second_look = settings.second_look;
   options.approach = options.approach && settings.approach;
-  if (!settings.sweep) options.sweep_places = 0;
+  if (!settings.sweep) options.sweep.most_places = 0;
   if (!settings.clean_cloud) {
     options.approach_floor_m = options.approach_carve_m = options.approach_support_share = 0.0;
   }

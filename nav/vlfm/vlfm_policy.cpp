@@ -13,7 +13,7 @@ VlfmOptions published_vlfm() {
   options.motion = Motion::kDiscrete;
   options.second_look = false;
   options.approach = false;
-  options.sweep_places = 0;
+  options.sweep.most_places = 0;
   options.min_score = 0.8;
   return options;  // The defaults of the maps are the published ones.
 }
@@ -37,7 +37,7 @@ VlfmOptions vlfm_for_jackal(const VlfmRules& rules, double camera_height_m) {
   // Both belong to the repaired handling of places that cannot be reached.
   if (rules.published(Quirk::kNoRecovery)) {
     options.approach = false;
-    options.sweep_places = 0;
+    options.sweep.most_places = 0;
   }
   return options;
 }

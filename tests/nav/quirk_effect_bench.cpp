@@ -24,7 +24,7 @@ VlfmOptions options_of(int arm) {
   VlfmOptions options = vlfm_for_jackal(rules, kMast_m);
   if (arm == 15 || arm == 18) options.second_look = false;
   if (arm == 16 || arm == 18) options.approach = false;
-  if (arm == 17 || arm == 18) options.sweep_places = 0;
+  if (arm == 17 || arm == 18) options.sweep.most_places = 0;
   return options;
 }
 

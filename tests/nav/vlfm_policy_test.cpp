@@ -345,7 +345,7 @@ TEST(VlfmPolicy, SweepsWhatWasSeenOnlyFromAfar) {
   double path_m[2] = {0.0, 0.0};
   for (const int places : {0, 4}) {
     VlfmOptions options = vlfm_for_jackal(VlfmRules(), kMast_m);
-    options.sweep_places = places;
+    options.sweep.most_places = places;
     const SimulationResult result = search(options, {1.0, 2.6, 0.0}, std::nullopt);
     EXPECT_EQ(result.stop_reason, "no_frontier_left");
     path_m[places == 0 ? 0 : 1] = result.path_m;
