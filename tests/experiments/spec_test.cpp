@@ -105,7 +105,7 @@ TEST(Spec, EveryFieldIsRead) {
   EXPECT_DOUBLE_EQ(spec.arms[1].score_threshold.value(), 0.4);
   EXPECT_EQ(spec.arms[2].detector, ArmDetector::kOracle);
   EXPECT_EQ(spec.arms[3].weights, "/d/other.bin");
-  EXPECT_EQ(spec.robot, "jackal-gentle");
+  EXPECT_EQ(spec.robot.name, "jackal-gentle");
   EXPECT_EQ(spec.camera.intrinsics().width_px, 160);
   EXPECT_EQ(spec.camera.backend, renderer::Backend::kAuto);
   EXPECT_NEAR(spec.camera.intrinsics().horizontal_fov_rad(), 80.0 * 3.14159265 / 180.0, 1e-6);

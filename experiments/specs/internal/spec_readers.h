@@ -36,7 +36,7 @@ class Variables {
 
 [[nodiscard]] SourceSpec read_source(const core::ConfigNode& node, const Variables& variables);
 [[nodiscard]] SceneSpec read_scene(const core::ConfigNode& node, const Variables& variables,
-                                   const SpecFolders& folders);
+                                   const SpecFolders& folders, const sim::RobotModel& robot);
 
 /// The key `detectors` of the root. @param scenes  That fine-tuning may name.
 [[nodiscard]] DetectorSpec read_detectors(const core::ConfigNode& root,
