@@ -219,6 +219,7 @@ DriverContext driver_context(const BoundScript& bound, const core::Detector& det
   context.searcher = [&bound, &detector, &goals](const ScriptStep& step) {
     nav::PolicyContext policy;
     policy.class_names = detector.class_names();
+    policy.robot = bound.world.robot();
     policy.camera_height_m = bound.camera_height_m;
     if (step.policy.type == "oracle-path") {
       policy.oracle = [way = std::make_shared<sim::OracleWay>(

@@ -235,6 +235,7 @@ std::unique_ptr<core::Policy> TrialRunner::policy_for(const TrialTask& task,
   const nav::PolicySettings& settings = task.arm->policy ? *task.arm->policy : spec_.policy;
   nav::PolicyContext context;
   context.class_names = slot.detector->class_names();
+  context.robot = task.scene->world.robot();
   context.camera_height_m = task.scene->spec->camera_height_m;
   if (settings.type == "oracle-path") {
     // Odom equals World with perfect localisation.

@@ -1,9 +1,24 @@
 #include "nav/frontier/frontier_policy.h"
 
+#include <algorithm>
+
 #include "core/check.h"
+#include "nav/behaviours/fitted_options.h"
 #include "nav/frontier/internal/search_policy.h"
 
 namespace segsim::nav {
+
+FrontierPolicyOptions frontier_for(const core::RobotBase& robot,
+                                   FrontierPolicyOptions wanted) {
+  wanted.occupancy = fitted(wanted.occupancy, robot);
+  wanted.cost = fitted(wanted.cost, robot);
+  wanted.follower = fitted(wanted.follower, robot);
+  wanted.recovery = fitted(wanted.recovery, robot);
+  wanted.distances = fitted(wanted.distances, robot);
+  wanted.tight_radius_m = fit_of(robot).tight_radius_m;
+  wanted.stop_distance_m = std::max(wanted.stop_distance_m, wanted.distances.min_m);
+  return wanted;
+}
 
 std::unique_ptr<core::Policy> make_frontier_policy(const FrontierPolicyOptions& options) {
   SEGSIM_CHECK(options.spin.rate_radps > 0.0, "spin.rate_radps");

@@ -14,6 +14,7 @@
 
 #include <memory>
 
+#include "core/robot_base.h"
 #include "core/stages.h"
 #include "nav/behaviours/object_verification.h"
 #include "nav/behaviours/recovery.h"
@@ -45,7 +46,7 @@ struct FrontierPolicyOptions {
   double target_timeout_s = 45.0;  ///< A target not reached by then is given up.
   double no_progress_s = 12.0;     ///< ... or without 0.3 m less to go for this long.
   double tight_radius_m = 0.28;    ///< Inflation when nothing is left with the full one:
-                                   ///< between inscribed 0.215 m and circumscribed 0.33 m.
+                                   ///< between the inscribed and the circumscribed circle.
   double bold_depth_m = 0.25;      ///< Then the robot enters the unknown: places this far in.
   // Approach and stop.
   double stop_distance_m = 0.8;  ///< Robot to nearest object point; VLFM: 0.9 m.
@@ -59,6 +60,10 @@ struct FrontierPolicyOptions {
   /// Replaces the default "nearest with size bonus" if set; for a value map.
   FrontierScorer scorer;
 };
+
+/// `wanted`, with everything that the robot decides; the defaults are those of the Jackal.
+[[nodiscard]] FrontierPolicyOptions frontier_for(const core::RobotBase& robot,
+                                                 FrontierPolicyOptions wanted = {});
 
 /// Stop reasons: "goal_reached", "no_frontier_left", "stuck", "map_exhausted".
 /// @throws ContractViolation for options out of range.

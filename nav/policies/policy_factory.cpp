@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "nav/behaviours/fitted_options.h"
 #include "nav/frontier/frontier_policy.h"
 #include "nav/frontier/value_search.h"
 #include "nav/policies/internal/semantic_prior_data.h"
@@ -104,7 +105,7 @@ std::shared_ptr<ImageTextScorer> make_scorer(const PolicySettings& settings,
 
 std::unique_ptr<core::Policy> make_vlfm(const PolicySettings& settings,
                                         const PolicyContext& context) {
-  VlfmOptions options = vlfm_for_jackal(settings.rules, context.camera_height_m);
+  VlfmOptions options = vlfm_for(context.robot, settings.rules, context.camera_height_m);
   options.motion = settings.motion.value_or(Motion::kPursuit);
   options.second_look = settings.second_look;
   options.approach = options.approach && settings.approach;
@@ -191,7 +192,7 @@ PolicySettings read_policy_settings(
 std::unique_ptr<core::Policy> make_policy(const PolicySettings& settings,
                                           const PolicyContext& context) {
   if (settings.type == "vlfm") return make_vlfm(settings, context);
-  FrontierPolicyOptions frontier;
+  FrontierPolicyOptions frontier = frontier_for(context.robot);
   frontier.objects.rival_iou = settings.rival_iou;
   if (settings.dynamic_window) frontier.follower.motion = LocalMotion::kDynamicWindow;
   if (settings.type == "frontier-value") {
@@ -202,13 +203,22 @@ std::unique_ptr<core::Policy> make_policy(const PolicySettings& settings,
     options.scorer = make_scorer(settings, context);
     return make_value_search(options);
   }
-  if (settings.type == "oracle-path") return make_oracle_path_policy(context.oracle);
+  if (settings.type == "oracle-path") {
+    OraclePathOptions options;
+    options.follower = fitted(options.follower, context.robot);
+    options.back_mps = std::min(options.back_mps, context.robot.max_forward_mps);
+    return make_oracle_path_policy(context.oracle, options);
+  }
   if (settings.type == "random") {
     RandomPolicyOptions options;
+    options.actions = fitted(options.actions, context.robot);
     options.stop_chance = settings.stop_chance;
     return make_random_policy(options);
   }
-  if (settings.type == "script") return make_script_policy(settings.actions);
+  if (settings.type == "script") {
+    return make_script_policy(settings.actions,
+                              fitted(DiscreteMotionOptions{}, context.robot));
+  }
   return make_frontier_policy(frontier);
 }
 

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "core/config.h"
+#include "core/robot_base.h"
 #include "core/stages.h"
 #include "nav/objects/object_map.h"
 #include "nav/policies/baseline_policies.h"
@@ -60,7 +61,8 @@ struct PolicySettings {
 /// What a policy may know of the trial besides its observations.
 struct PolicyContext {
   std::vector<std::string> class_names;  ///< Of the detector.
-  double camera_height_m = 1.2;          ///< Of the robot.
+  core::RobotBase robot;                 ///< It plans for this one.
+  double camera_height_m = 1.2;          ///< Of the robot in this scene.
   PathOracle oracle;                     ///< Needed by "oracle-path" only.
 };
 

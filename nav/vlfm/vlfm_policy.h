@@ -20,6 +20,7 @@
 #include <memory>
 #include <string>
 
+#include "core/robot_base.h"
 #include "core/stages.h"
 #include "nav/behaviours/object_verification.h"
 #include "nav/behaviours/recovery.h"
@@ -87,7 +88,7 @@ struct VlfmOptions {
   double give_up_s = 45.0;
   /// Not in VLFM: with these inflations, one after the other, the search goes on when nothing
   /// else is left. The first is FrontierPolicyOptions::tight_radius_m, the last little more
-  /// than the inscribed 0.215 m. Needs the sweep, too.
+  /// than the inscribed circle. Needs the sweep, too.
   std::array<double, 2> tight_radii_m{0.28, 0.235};
 
   CostMapOptions cost;
@@ -109,10 +110,10 @@ struct VlfmOptions {
 /// quirks as published, discrete actions, no second look.
 [[nodiscard]] VlfmOptions published_vlfm();
 
-/// The Jackal of this project (footprint 0.508 x 0.430 m, camera on a mast): obstacles from
-/// 0.10 m up to the camera where the rule knows one band (published Q4), else body up to 0.60
-/// m and mast.
-[[nodiscard]] VlfmOptions vlfm_for_jackal(const VlfmRules& rules, double camera_height_m);
+/// For one robot with its camera on a mast: obstacles from the robot's clearance up to the
+/// camera where the rule knows one band (published Q4), else the body and the mast.
+[[nodiscard]] VlfmOptions vlfm_for(const core::RobotBase& robot, const VlfmRules& rules,
+                                   double camera_height_m);
 
 /// Stop reasons: "goal_reached", "no_frontier_left", "nothing_new", "pointnav_stop" (Q5),
 /// "map_exhausted" (Q9), "stuck" (Q6).

@@ -119,6 +119,7 @@ std::unique_ptr<core::Policy> make_policy(const Place& place, const std::string&
   settings.type = type;
   nav::PolicyContext context;
   context.class_names = detector.class_names();
+  context.robot = place.spec.robot;
   context.camera_height_m = place.spec.scenes.front().camera_height_m;
   return nav::make_policy(settings, context);
 }

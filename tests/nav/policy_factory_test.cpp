@@ -4,6 +4,7 @@
 
 #include "core/error.h"
 #include "tests/nav/box_world.h"
+#include "tests/nav/robots.h"
 #include "tests/nav/test_view.h"
 
 namespace segsim::nav {
@@ -31,6 +32,7 @@ TEST(PolicyFactory, EveryNameMakesAPolicyThatDecides) {
         name == "script" ? read("{type: script, actions: [left]}") : read(name);
     PolicyContext context;
     context.class_names = {"thing"};
+    context.robot = test::jackal();
     context.camera_height_m = 1.1;
     context.oracle = [](const glm::dvec2& from) {
       return std::vector<glm::dvec2>{from, from + glm::dvec2(1.0, 0.0)};
@@ -76,6 +78,7 @@ TEST(PolicyFactory, SettingsAreRead) {
 PolicyContext things() {
   PolicyContext context;
   context.class_names = {"thing"};
+  context.robot = test::jackal();
   return context;
 }
 
