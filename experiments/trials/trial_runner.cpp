@@ -22,8 +22,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kSnap_m = 0.30;  // As sim/trial/trial.cpp measures the distance to the goal.
-
 /// What is searched for in a scene, by the spec or by its episodes.
 std::vector<std::string> goal_names(const LoadedScene& scene) {
   if (!scene.spec->goals.empty()) return scene.spec->goals;
@@ -92,7 +90,7 @@ TrialScene scene_of(const TrialTask& task, const sim::Episode& episode, int goal
   const auto to_goal = std::make_shared<sim::DistanceField>(
       task.scene->world.distance_to(episode.view_points_m));
   scene.shortest_path_m = to_goal->path_from({episode.start.x_m, episode.start.y_m});
-  scene.distance_m = [to_goal](const glm::dvec2& p_m) { return to_goal->at(p_m, kSnap_m); };
+  scene.distance_m = [to_goal](const glm::dvec2& p_m) { return to_goal->at(p_m, sim::DistanceField::kBaseSnap_m); };
   return scene;
 }
 
