@@ -219,12 +219,12 @@ DriverContext driver_context(const BoundScript& bound, const core::Detector& det
     policy.class_names = detector.class_names();
     policy.robot = bound.world.robot();
     policy.camera_height_m = bound.camera_height_m;
-    if (step.policy.type == "oracle-path") {
+    if (step.policy.name() == "oracle-path") {
       policy.oracle = [way = std::make_shared<sim::OracleWay>(
                            bound.world, goals.at(step.category).view_points_m)](
                           const glm::dvec2& from_m) { return way->from(from_m); };
     }
-    return nav::make_policy(step.policy, policy);
+    return step.policy.make(policy);
   };
   context.class_index = [&detector](const std::string& category) {
     const std::vector<std::string>& names = detector.class_names();

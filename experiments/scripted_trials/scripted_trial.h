@@ -31,7 +31,7 @@
 #include "experiments/specs/clock_spec.h"
 #include "experiments/specs/sensor_spec.h"
 #include "experiments/specs/spec.h"
-#include "nav/policies/policy_factory.h"
+#include "nav/policies/policy_registry.h"
 #include "sim/ground/geodesy.h"
 #include "sim/trial/success_profile.h"
 #include "sim/trial/trial.h"
@@ -57,7 +57,7 @@ struct ScriptStep {
   double timeout_s = 0.0;         ///< Of all others; 0: none of its own.
   // kFind
   std::string category;
-  nav::PolicySettings policy;
+  nav::PolicyChoice policy = nav::PolicyRegistry::instance().usual("frontier");
   sim::SuccessProfile profile;
   int max_steps = 500;  ///< Decisions.
 };

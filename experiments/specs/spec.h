@@ -18,7 +18,7 @@
 #include "core/config.h"
 #include "experiments/specs/clock_spec.h"
 #include "experiments/specs/sensor_spec.h"
-#include "nav/policies/policy_factory.h"
+#include "nav/policies/policy_registry.h"
 #include "renderer/renderer_backend.h"
 #include "sim/ground/robot.h"
 #include "sim/trial/success_profile.h"
@@ -139,7 +139,7 @@ struct ArmSpec {
   std::optional<std::uint64_t> finetune_seed;  ///< kAfter that is fine-tuned by this run.
   std::filesystem::path weights;               ///< kFile.
   std::optional<double> score_threshold;       ///< None: the one stored with the weights.
-  std::optional<nav::PolicySettings> policy;   ///< None: the spec's.
+  std::optional<nav::PolicyChoice> policy;     ///< None: the spec's.
   ArmClockSpec clock;
 };
 
@@ -196,7 +196,8 @@ struct ExperimentSpec {
   std::vector<SceneSpec> scenes;
   DetectorSpec detectors;
   std::vector<ArmSpec> arms;
-  nav::PolicySettings policy;  ///< Of arms without one of their own.
+  /// Of arms without one of their own.
+  nav::PolicyChoice policy = nav::PolicyRegistry::instance().usual("frontier");
   sim::RobotModel robot = sim::RobotModel::jackal();
   LocalisationSpec localisation;
   std::optional<sim::SensorSettings> sensors;  ///< None: an exact camera alone.

@@ -30,7 +30,7 @@ ExperimentSpec spec_for(const std::filesystem::path& file, const EpisodeSet& set
   spec.scenes.push_back(scene);
   ArmSpec arm;
   arm.name = "oracle-path";
-  arm.policy.emplace().type = "oracle-path";
+  arm.policy = nav::PolicyRegistry::instance().usual("oracle-path");
   spec.arms.push_back(arm);
   const std::string& robot = options.robot.empty() ? set.robot : options.robot;
   spec.robot = sim::RobotModel::by_name(robot.empty() ? "jackal-gentle" : robot);

@@ -4,8 +4,9 @@
 /// VLFM, the two-stage object search of Yokoyama et al. 2024, as its code does it (A of the
 /// design notes) or with its quirks repaired, each by itself:
 ///
-///     spin (12 turns) -> explore: best frontier by the value map <-> navigate: to the object
-///     -> STOP
+///     spin -> explore (best frontier by the value map) <-> navigate (to the object) -> STOP
+///                        \                                  /
+///                          recover (back and turn; fixed Q6)
 ///
 /// Every image updates obstacles, explored area, value map and object cloud. The learned parts
 /// (image-text score, segmentation, local policy) are interfaces with defaults without

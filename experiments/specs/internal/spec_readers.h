@@ -44,8 +44,8 @@ class Variables {
                                           const SpecFolders& folders,
                                           const std::vector<SceneSpec>& scenes);
 /// The key `policy`.
-[[nodiscard]] nav::PolicySettings read_policy(const core::ConfigNode& node,
-                                              const Variables& variables);
+[[nodiscard]] nav::PolicyChoice read_policy(const core::ConfigNode& node,
+                                            const Variables& variables);
 [[nodiscard]] ArmSpec read_arm(const core::ConfigNode& node, const Variables& variables);
 
 /// The key `repetitions` of the root: fills in spec.repetitions and makes scenes and arms of

@@ -1,4 +1,4 @@
-#include "nav/policies/policy_factory.h"
+#include "nav/policies/built_in_policies.h"
 
 #include <algorithm>
 #include <charconv>
@@ -40,7 +40,52 @@ void read_action(const ConfigNode& node, std::vector<DiscreteAction>& actions) {
   actions.insert(actions.end(), static_cast<std::size_t>(count), action);
 }
 
-void read_vlfm(const ConfigNode& node, PolicySettings& settings) {
+/// A number of a map in [low, 1]; `low` itself only if it is included.
+double share_or(const ConfigNode& node, const std::string& key, double fallback,
+                bool with_zero) {
+  const double value = node.number_or(key, fallback);
+  if (!(value <= 1.0 && (with_zero ? value >= 0.0 : value > 0.0))) {
+    node.child(key).fail(with_zero ? "a number in [0, 1]" : "a number in (0, 1]",
+                         node.text(key));
+  }
+  return value;
+}
+
+void read_frontier(const SettingsNode& node, FrontierSettings& settings) {
+  if (node.has("follower")) {
+    settings.dynamic_window = choice(node, "follower", {"pure-pursuit", "dwa"}) == 1;
+  }
+  settings.rival_iou = share_or(node, "rival_iou", settings.rival_iou, false);
+}
+
+void read_scorer(const SettingsNode& node, ScorerSettings& settings) {
+  if (node.has("scorer")) {
+    settings.type = node.text("scorer");
+    (void)one_of(node.child("scorer"), settings.type,
+                 {"semantic-prior", "constant", "open-space"});
+  }
+  if (node.has("prior")) {
+    settings.prior = node.path("prior");
+    (void)SemanticPrior::load(settings.prior);  // A mistake is reported before any trial.
+  }
+}
+
+void read_frontier_value(const SettingsNode& node, FrontierValueSettings& settings) {
+  read_frontier(node, settings.search);
+  read_scorer(node, settings.scorer);
+}
+
+void read_random(const SettingsNode& node, RandomSettings& settings) {
+  settings.stop_chance = share_or(node, "stop_chance", settings.stop_chance, true);
+}
+
+void read_script(const SettingsNode& node, ScriptSettings& settings) {
+  for (const ConfigNode& action : node.child("actions").as_list()) {
+    read_action(action, settings.actions);
+  }
+}
+
+void read_vlfm(const SettingsNode& node, VlfmSettings& settings) {
   if (node.has("parity")) {
     const Rule rule = read_rule(node.child("parity"));
     settings.rules = VlfmRules(rule);
@@ -83,30 +128,51 @@ void read_vlfm(const ConfigNode& node, PolicySettings& settings) {
   if (node.has("give_up_s") && settings.give_up_s > 0.0 && !settings.sweep) {
     node.child("give_up_s").fail("0, or sweep: true", node.text("give_up_s"));
   }
-  settings.min_score = node.number_or("min_score", settings.min_score);
-  if (!(settings.min_score >= 0.0 && settings.min_score <= 1.0)) {
-    node.child("min_score").fail("a number in [0, 1]", node.text("min_score"));
-  }
+  settings.min_score = share_or(node, "min_score", settings.min_score, true);
   if (node.has("fusion")) {
     settings.fusion = static_cast<FusionRule>(
         choice(node, "fusion", {"weighted", "max-confidence", "replace", "equal-weighting"}));
   }
+  read_scorer(node, settings.scorer);
 }
 
-std::shared_ptr<ImageTextScorer> make_scorer(const PolicySettings& settings,
+std::shared_ptr<ImageTextScorer> make_scorer(const ScorerSettings& settings,
                                              const PolicyContext& context) {
-  if (settings.scorer == "constant") return make_constant_scorer();
-  if (settings.scorer == "open-space") return make_open_space_scorer();
+  if (settings.type == "constant") return make_constant_scorer();
+  if (settings.type == "open-space") return make_open_space_scorer();
   const SemanticPrior& prior = default_semantic_prior();
   return make_semantic_scorer(
       settings.prior.empty() ? prior : SemanticPrior::load(settings.prior),
       context.class_names);
 }
 
-std::unique_ptr<core::Policy> make_vlfm(const PolicySettings& settings,
+FrontierPolicyOptions frontier_options(const FrontierSettings& settings,
+                                       const PolicyContext& context) {
+  FrontierPolicyOptions options = frontier_for(context.robot);
+  options.objects.rival_iou = settings.rival_iou;
+  if (settings.dynamic_window) options.follower.motion = LocalMotion::kDynamicWindow;
+  return options;
+}
+
+std::unique_ptr<core::Policy> make_frontier(const FrontierSettings& settings,
+                                            const PolicyContext& context) {
+  return make_frontier_policy(frontier_options(settings, context));
+}
+
+std::unique_ptr<core::Policy> make_frontier_value(const FrontierValueSettings& settings,
+                                                  const PolicyContext& context) {
+  ValueSearchOptions options;
+  options.frontier = frontier_options(settings.search, context);
+  options.values.min_depth_m = 0.1;
+  options.values.band_max_m = context.camera_height_m + 0.1;
+  options.scorer = make_scorer(settings.scorer, context);
+  return make_value_search(options);
+}
+
+std::unique_ptr<core::Policy> make_vlfm(const VlfmSettings& settings,
                                         const PolicyContext& context) {
   VlfmOptions options = vlfm_for(context.robot, settings.rules, context.camera_height_m);
-  options.motion = settings.motion.value_or(Motion::kPursuit);
+  options.motion = settings.motion;
   options.second_look = settings.second_look;
   options.approach = options.approach && settings.approach;
   if (!settings.sweep) options.sweep.most_places = 0;
@@ -118,7 +184,7 @@ std::unique_ptr<core::Policy> make_vlfm(const PolicySettings& settings,
   options.min_score = settings.min_score;
   options.values.fusion = settings.fusion;
   if (settings.dynamic_window) options.follower.motion = LocalMotion::kDynamicWindow;
-  options.scorer = make_scorer(settings, context);
+  options.scorer = make_scorer(settings.scorer, context);
   GridLocalOptions local;
   local.planner = settings.planner;
   local.actions = options.actions;
@@ -126,14 +192,27 @@ std::unique_ptr<core::Policy> make_vlfm(const PolicySettings& settings,
   return make_vlfm_policy(options);
 }
 
-}  // namespace
-
-const std::vector<std::string>& policy_names() {
-  static const std::vector<std::string> names{"frontier", "frontier-nearest", "frontier-value",
-                                              "vlfm",     "oracle-path",      "random",
-                                              "script"};
-  return names;
+std::unique_ptr<core::Policy> make_oracle_path(const PolicyContext& context) {
+  OraclePathOptions options;
+  options.follower = fitted(options.follower, context.robot);
+  options.back_mps = std::min(options.back_mps, context.robot.max_forward_mps);
+  return make_oracle_path_policy(context.oracle, options);
 }
+
+std::unique_ptr<core::Policy> make_random(const RandomSettings& settings,
+                                          const PolicyContext& context) {
+  RandomPolicyOptions options;
+  options.actions = fitted(options.actions, context.robot);
+  options.stop_chance = settings.stop_chance;
+  return make_random_policy(options);
+}
+
+std::unique_ptr<core::Policy> make_script(const ScriptSettings& settings,
+                                          const PolicyContext& context) {
+  return make_script_policy(settings.actions, fitted(DiscreteMotionOptions{}, context.robot));
+}
+
+}  // namespace
 
 const SemanticPrior& default_semantic_prior() {
   static const SemanticPrior prior = SemanticPrior::parse(
@@ -141,85 +220,16 @@ const SemanticPrior& default_semantic_prior() {
   return prior;
 }
 
-PolicySettings read_policy_settings(
-    const ConfigNode& node,
-    const std::function<std::filesystem::path(const ConfigNode&)>& expand) {
-  PolicySettings settings;
-  const bool only_name = node.is_scalar();
-  const std::string type = only_name ? node.as_text() : node.text("type");
-  (void)one_of(only_name ? node : node.child("type"), type, policy_names());
-  settings.type = type;
-  if (only_name) {
-    if (type == "script") node.fail("{type: script, actions: [...]}", "\"script\" alone");
-    return settings;
+void add_built_in_policies(PolicyRegistry& registry) {
+  for (const char* name : {"frontier", "frontier-nearest"}) {
+    registry.add<FrontierSettings>(name, read_frontier, make_frontier);
   }
-  if (type == "vlfm") read_vlfm(node, settings);
-  if (type.starts_with("frontier") && node.has("follower")) {
-    settings.dynamic_window = choice(node, "follower", {"pure-pursuit", "dwa"}) == 1;
-  }
-  if (type.starts_with("frontier")) {
-    settings.rival_iou = node.number_or("rival_iou", settings.rival_iou);
-    if (!(settings.rival_iou > 0.0 && settings.rival_iou <= 1.0)) {
-      node.child("rival_iou").fail("a number in (0, 1]", node.text("rival_iou"));
-    }
-  }
-  if (type == "vlfm" || type == "frontier-value") {
-    settings.scorer = node.text_or("scorer", settings.scorer);
-    if (node.has("scorer")) {
-      (void)one_of(node.child("scorer"), settings.scorer,
-                   {"semantic-prior", "constant", "open-space"});
-    }
-    if (node.has("prior")) {
-      settings.prior = expand(node.child("prior"));
-      (void)SemanticPrior::load(settings.prior);  // A mistake is reported before any trial.
-    }
-  }
-  if (type == "script") {
-    for (const ConfigNode& action : node.child("actions").as_list()) {
-      read_action(action, settings.actions);
-    }
-  }
-  if (type == "random") {
-    settings.stop_chance = node.number_or("stop_chance", settings.stop_chance);
-    if (!(settings.stop_chance >= 0.0 && settings.stop_chance <= 1.0)) {
-      node.child("stop_chance").fail("a number in [0, 1]", node.text("stop_chance"));
-    }
-  }
-  node.finish();
-  return settings;
-}
-
-std::unique_ptr<core::Policy> make_policy(const PolicySettings& settings,
-                                          const PolicyContext& context) {
-  if (settings.type == "vlfm") return make_vlfm(settings, context);
-  FrontierPolicyOptions frontier = frontier_for(context.robot);
-  frontier.objects.rival_iou = settings.rival_iou;
-  if (settings.dynamic_window) frontier.follower.motion = LocalMotion::kDynamicWindow;
-  if (settings.type == "frontier-value") {
-    ValueSearchOptions options;
-    options.frontier = frontier;
-    options.values.min_depth_m = 0.1;
-    options.values.band_max_m = context.camera_height_m + 0.1;
-    options.scorer = make_scorer(settings, context);
-    return make_value_search(options);
-  }
-  if (settings.type == "oracle-path") {
-    OraclePathOptions options;
-    options.follower = fitted(options.follower, context.robot);
-    options.back_mps = std::min(options.back_mps, context.robot.max_forward_mps);
-    return make_oracle_path_policy(context.oracle, options);
-  }
-  if (settings.type == "random") {
-    RandomPolicyOptions options;
-    options.actions = fitted(options.actions, context.robot);
-    options.stop_chance = settings.stop_chance;
-    return make_random_policy(options);
-  }
-  if (settings.type == "script") {
-    return make_script_policy(settings.actions,
-                              fitted(DiscreteMotionOptions{}, context.robot));
-  }
-  return make_frontier_policy(frontier);
+  registry.add<FrontierValueSettings>("frontier-value", read_frontier_value,
+                                      make_frontier_value);
+  registry.add<VlfmSettings>("vlfm", read_vlfm, make_vlfm);
+  registry.add("oracle-path", make_oracle_path);
+  registry.add<RandomSettings>("random", read_random, make_random);
+  registry.add<ScriptSettings>("script", read_script, make_script, "actions: [...]");
 }
 
 }  // namespace segsim::nav
