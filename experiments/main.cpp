@@ -61,6 +61,7 @@ int main(int argc, char** argv) {
   experiments::add_report_command(app);
   experiments::add_serve_command(app);
   experiments::add_sensors_command(app);
+  experiments::add_robots_command(app);
   experiments::add_trial_command(app);
   experiments::add_video_command(app);
 

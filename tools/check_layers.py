@@ -30,7 +30,7 @@ ROOMS = {
                        "training"),
     "perception": ("data", "evaluation", "checkpoint", "internal/network", "internal/loss", "internal/yolov13", "yolov13",
                    "detector", "training", "models/text", "models", "models/internal/onnx"),
-    "nav": ("grid", "mapping", "objects", "planning", "motion", "value", "frontier", "vlfm", "policies"),
+    "nav": ("grid", "mapping", "objects", "planning", "motion", "value", "behaviours", "frontier", "vlfm", "policies"),
     "sim": ("ground", "time", "sensors", "trial", "gazebo"),
     "worlds": ("mesh", "procedural", "capture", "surface", "masks"),
     "experiments": ("support", "specs", "drawing", "episodes", "records", "results", "reproducibility", "training", "scenes",

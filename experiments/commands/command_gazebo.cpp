@@ -309,7 +309,7 @@ void add_export(CLI::App& gazebo) {
   command->add_option("bundle", flags->bundle, "Folder with scene.yaml")->required();
   command->add_option("-o,--out", flags->out, "Folder for world.sdf, meshes/, models/")
       ->required();
-  command->add_option("--robot", flags->robot, "Limits: jackal | jackal-gentle")
+  command->add_option("--robot", flags->robot, "Whose size and limits (see `segsim robots`)")
       ->capture_default_str();
   command
       ->add_option("--start", flags->start,

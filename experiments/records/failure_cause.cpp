@@ -8,14 +8,13 @@
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 
+#include "nav/motion/stuck_detector.h"
+
 namespace segsim::experiments {
 namespace {
 
 /// A trial of whose images more than this is holes says little about perception or policy.
 constexpr double kMostInvalid = 0.5;
-// As nav/motion/stuck_detector.h: no net motion in so many decisions that commanded motion.
-constexpr std::size_t kStuckTicks = 20;
-constexpr double kStuckMotion_m = 0.10, kStuckTurn_rad = 10.0 * 3.14159265358979 / 180.0;
 
 struct CauseWords {
   const char* name;
@@ -69,13 +68,15 @@ int first_tick(std::span<const TickEvidence> evidence, const Holds& holds) {
   return found == evidence.end() ? -1 : static_cast<int>(found - evidence.begin());
 }
 
-/// Motion was commanded to the end, and nothing moved.
+/// Motion was commanded to the end, and nothing moved, by the limits of the search policies.
 bool stood_still(std::span<const sim::TickRecord> track) {
-  if (track.size() <= kStuckTicks) return false;
-  const auto tail = track.last(kStuckTicks + 1);
+  const nav::StuckOptions limits;
+  const auto ticks = static_cast<std::size_t>(limits.decisions);
+  if (track.size() <= ticks) return false;
+  const auto tail = track.last(ticks + 1);
   const core::Pose2 &a = tail.front().pose, &b = tail.back().pose;
-  if (std::hypot(b.x_m - a.x_m, b.y_m - a.y_m) >= kStuckMotion_m ||
-      std::abs(core::wrap_angle_rad(b.yaw_rad - a.yaw_rad)) >= kStuckTurn_rad) {
+  if (std::hypot(b.x_m - a.x_m, b.y_m - a.y_m) >= limits.distance_m ||
+      std::abs(core::wrap_angle_rad(b.yaw_rad - a.yaw_rad)) >= limits.turn_rad) {
     return false;
   }
   return std::all_of(tail.begin(), tail.end() - 1, [](const sim::TickRecord& tick) {

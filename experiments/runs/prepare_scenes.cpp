@@ -73,7 +73,7 @@ class SceneStep {
     options.source_sha256 = record_.recipe_sha256();
     options.lift.voxel_m = source.voxel_m;
     options.lift.frame_step = source.frame_step;
-    options.robot = sim::RobotModel::by_name(spec_.robot);
+    options.robot = spec_.robot;
     options.camera_height_m = scene_.camera_height_m;
     options.training = training();
     if (options.training) {  // A state of other settings is left alone.
@@ -95,7 +95,7 @@ class SceneStep {
     const SourceSpec& source = *scene_.source;
     std::ostringstream text;
     text << "bundle v1: " << describe_capture(source) << "; voxel " << source.voxel_m
-         << " m, robot " << spec_.robot << ", camera " << scene_.camera_height_m << " m";
+         << " m, robot " << spec_.robot.name << ", camera " << scene_.camera_height_m << " m";
     if (const std::optional<TrainingOptions> trained = training()) {
       text << "; trained, mesh of rendered depth, " << trained->head << ", seed "
            << trained->seed << ", "

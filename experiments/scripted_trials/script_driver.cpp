@@ -8,11 +8,11 @@
 #include <glm/geometric.hpp>
 
 #include "core/random.h"
+#include "nav/behaviours/fitted_options.h"
 
 namespace segsim::experiments {
 namespace {
 
-constexpr double kUsualTurn_radps = 1.2;  // As nav's followers.
 constexpr double kAtRest_m = 0.005, kAtRest_rad = 0.01;
 constexpr double kLongestBraking_s = 3.0;
 
@@ -26,11 +26,9 @@ glm::dvec2 position_of(const core::Pose2& pose) { return {pose.x_m, pose.y_m}; }
 
 nav::FollowerOptions follower_options(const ScriptStep& step, const sim::RobotModel& robot) {
   nav::FollowerOptions options = nav::OraclePathOptions{}.follower;
-  options.max_forward_mps = std::min(step.speed_mps, robot.max_forward_mps);
-  options.max_turn_radps = std::min(kUsualTurn_radps, robot.max_turn_radps);
-  options.max_accel_mps2 = std::min(options.max_accel_mps2, robot.max_deceleration_mps2);
+  options.max_forward_mps = step.speed_mps;
   options.goal_tolerance_m = std::min(options.goal_tolerance_m, 0.8 * step.tolerance_m);
-  return options;
+  return nav::fitted(options, robot);
 }
 
 }  // namespace

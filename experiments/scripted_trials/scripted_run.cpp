@@ -31,8 +31,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kVideoSpeed = 2.0;  // As the videos of runs.
-constexpr double kSnap_m =
-    0.30;  // As sim/trial/trial.cpp: a base may stand beside the disc's room.
 
 sim::TrialOptions trial_options(const BoundScript& bound) {
   const ScriptedTrial& script = *bound.script;
@@ -178,9 +176,9 @@ class Watcher {
     result.step = step.step;
     result.reason = step.reason;
     result.visible_px = witness.evidence().front().largest_px;
-    result.view_point_m = to_goal.at(end_m, kSnap_m);
+    result.view_point_m = to_goal.at(end_m, sim::DistanceField::kBaseSnap_m);
     result.path_m = path_m_ - begin.path_m;
-    result.shortest_path_m = to_goal.at(begin.p_m, kSnap_m);
+    result.shortest_path_m = to_goal.at(begin.p_m, sim::DistanceField::kBaseSnap_m);
     sim::TrialEnd end;
     end.stopped = !step.reason.empty();
     end.view_point_m = result.view_point_m;
@@ -219,13 +217,14 @@ DriverContext driver_context(const BoundScript& bound, const core::Detector& det
   context.searcher = [&bound, &detector, &goals](const ScriptStep& step) {
     nav::PolicyContext policy;
     policy.class_names = detector.class_names();
+    policy.robot = bound.world.robot();
     policy.camera_height_m = bound.camera_height_m;
-    if (step.policy.type == "oracle-path") {
+    if (step.policy.name() == "oracle-path") {
       policy.oracle = [way = std::make_shared<sim::OracleWay>(
                            bound.world, goals.at(step.category).view_points_m)](
                           const glm::dvec2& from_m) { return way->from(from_m); };
     }
-    return nav::make_policy(step.policy, policy);
+    return step.policy.make(policy);
   };
   context.class_index = [&detector](const std::string& category) {
     const std::vector<std::string>& names = detector.class_names();

@@ -18,8 +18,6 @@
 namespace segsim::experiments {
 namespace {
 
-constexpr double kUsualCameraHeight_m = 1.2;
-
 /// Nobody looks at the colours: they are black, and cost nothing.
 class ColourlessRenderer final : public core::Renderer {
  public:
@@ -56,7 +54,7 @@ BoundScript load_meshes(const ScriptedTrial& script, const sim::RobotModel& robo
   bundle.manifest.name = scene.name;
   bundle.manifest.source = scene.source;
   bundle.manifest.origin = script.scene.origin;
-  bundle.manifest.camera_height_m = kUsualCameraHeight_m;
+  bundle.manifest.camera_height_m = robot.camera_height_m;
   bundle.manifest.classes = scene.classes;
   bundle.manifest.instances = scene.instances;
   sim::World world = sim::World::from_mesh(without_ceiling(worlds::plain_mesh(scene)), robot,
@@ -147,7 +145,7 @@ void check_categories(const BoundScript& bound) {
 }  // namespace
 
 BoundScript bind_script(const ScriptedTrial& script) {
-  const sim::RobotModel robot = sim::RobotModel::by_name(script.robot);
+  const sim::RobotModel& robot = script.robot;
   BoundScript bound =
       script.scene.source ? load_meshes(script, robot) : load_reconstruction(script, robot);
   if (!script.needs_colour()) {
@@ -156,7 +154,7 @@ BoundScript bind_script(const ScriptedTrial& script) {
   const double own_m = bound.bundle.manifest.camera_height_m;
   bound.camera_height_m = script.scene.camera_height_m > 0.0 ? script.scene.camera_height_m
                           : own_m > 0.0                      ? own_m
-                                                             : kUsualCameraHeight_m;
+                                                             : robot.camera_height_m;
   const sim::LocalFrame& frame = bound.world.local_frame();
   bound.start = start_of(script, frame);
   for (const ScriptStep& step : script.steps) {
@@ -167,7 +165,7 @@ BoundScript bind_script(const ScriptedTrial& script) {
   if (script.collision == sim::CollisionMode::kFootprint &&
       bound.world.collision().collides(bound.start)) {
     throw core::InputError::expected(
-        script.file.string() + ": start", "a place where " + script.robot + " fits",
+        script.file.string() + ": start", "a place where " + robot.name + " fits",
         print("(%.2f, %.2f), where it touches something", bound.start.x_m, bound.start.y_m));
   }
   check_ways(bound);

@@ -251,8 +251,8 @@ ScriptedTrial parse_scripted_trial(const std::string& text, const fs::path& orig
   trial.title = root.text_or("title", trial.name);
   trial.scene = read_scene(root, reader);
   if (root.has("robot")) {
-    trial.robot =
-        sim::RobotModel::names()[core::choice(root, "robot", sim::RobotModel::names())];
+    trial.robot = sim::RobotModel::read(
+        root.child("robot"), [&](const ConfigNode& node) { return reader.path(node); });
   }
   read_clock(root, reader, trial);
   trial.time_limit_s = number_within(root, "time_limit_s", trial.time_limit_s, 0.1, 36000.0);

@@ -31,7 +31,7 @@
 #include "experiments/specs/clock_spec.h"
 #include "experiments/specs/sensor_spec.h"
 #include "experiments/specs/spec.h"
-#include "nav/policies/policy_factory.h"
+#include "nav/policies/policy_registry.h"
 #include "sim/ground/geodesy.h"
 #include "sim/trial/success_profile.h"
 #include "sim/trial/trial.h"
@@ -57,7 +57,7 @@ struct ScriptStep {
   double timeout_s = 0.0;         ///< Of all others; 0: none of its own.
   // kFind
   std::string category;
-  nav::PolicySettings policy;
+  nav::PolicyChoice policy = nav::PolicyRegistry::instance().usual("frontier");
   sim::SuccessProfile profile;
   int max_steps = 500;  ///< Decisions.
 };
@@ -83,7 +83,7 @@ struct ScriptScene {
   std::filesystem::path bundle;
   std::optional<SourceSpec> source;
   core::GeodeticOrigin origin;   ///< Of `source`; a bundle has its own.
-  double camera_height_m = 0.0;  ///< 0: the bundle's, or 1.2.
+  double camera_height_m = 0.0;  ///< 0: the bundle's, or the robot's.
 };
 
 struct ScriptedTrial {
@@ -92,7 +92,7 @@ struct ScriptedTrial {
   std::string name;  ///< Of the file, without ending.
   std::string title;
   ScriptScene scene;
-  std::string robot = "jackal-gentle";
+  sim::RobotModel robot = sim::RobotModel::jackal_gentle();
   ClockSpec clock;
   double control_period_s = 0.1;
   double time_limit_s = 600.0;

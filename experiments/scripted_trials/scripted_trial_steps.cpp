@@ -60,7 +60,7 @@ void read_drive(const ConfigNode& node, ScriptStep& step) {
 void read_find(const ConfigNode& node, const script::Reader& reader, ScriptStep& step) {
   step.category = node.text("category");
   if (node.has("policy")) {
-    step.policy = nav::read_policy_settings(
+    step.policy = nav::PolicyRegistry::instance().read(
         node.child("policy"), [&](const ConfigNode& path) { return reader.path(path); });
   }
   std::vector<std::string> names;

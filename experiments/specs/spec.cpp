@@ -100,6 +100,7 @@ std::string spec_hash(const ExperimentSpec& spec) {
   };
   add(spec.clock.budget);
   for (const ArmSpec& arm : spec.arms) add(arm.clock.budget);
+  if (!spec.robot.file.empty()) all += "\n" + spec.robot.name;  // It names what the file says.
   return core::sha256_hex(all);
 }
 
@@ -115,7 +116,7 @@ void check_new_name(const std::vector<Element>& before, const std::string& name,
 void read_lists(const ConfigNode& root, const Variables& variables, const SpecFolders& folders,
                 ExperimentSpec& spec) {
   for (const ConfigNode& node : root.child("scenes").as_list()) {
-    SceneSpec scene = internal::read_scene(node, variables, folders);
+    SceneSpec scene = internal::read_scene(node, variables, folders, spec.robot);
     check_new_name(spec.scenes, scene.name, node);
     spec.scenes.push_back(std::move(scene));
   }
@@ -213,12 +214,12 @@ ExperimentSpec parse_spec(const std::string& text, const fs::path& origin,
   spec.seed = internal::read_seed(root, spec.seed);
   spec.clock =
       read_clock_spec(root, [&](const ConfigNode& path) { return variables.expand(path); });
+  if (root.has("robot")) {
+    spec.robot = sim::RobotModel::read(
+        root.child("robot"), [&](const ConfigNode& node) { return variables.expand(node); });
+  }
   read_lists(root, variables, folders, spec);
   if (root.has("policy")) spec.policy = internal::read_policy(root, variables);
-  if (root.has("robot")) {
-    spec.robot = root.text("robot");
-    (void)core::choice(root, "robot", sim::RobotModel::names());
-  }
   spec.localisation = read_localisation(root);
   spec.sensors = read_sensors(root);
   if (root.has("contact"))

@@ -18,8 +18,9 @@
 #include "core/config.h"
 #include "experiments/specs/clock_spec.h"
 #include "experiments/specs/sensor_spec.h"
-#include "nav/policies/policy_factory.h"
+#include "nav/policies/policy_registry.h"
 #include "renderer/renderer_backend.h"
+#include "sim/ground/robot.h"
 #include "sim/trial/success_profile.h"
 #include "sim/trial/trial.h"
 
@@ -75,7 +76,7 @@ struct SceneSpec {
   /// A set to run instead of generated episodes (docs/episodes.md); empty: generate.
   std::filesystem::path episode_file;
   bool allow_trivial = false;    ///< Run episodes that begin on a view point, too.
-  double camera_height_m = 1.2;  ///< Of the robot's camera in this scene.
+  double camera_height_m = 1.2;  ///< Of the robot's camera in this scene; else the robot's.
   double min_start_distance_m = 2.0, max_start_distance_m = 15.0;  ///< Geodesic, to the goal.
   bool allow_visible_start = false;  ///< The goal may be in view at the start.
 };
@@ -138,7 +139,7 @@ struct ArmSpec {
   std::optional<std::uint64_t> finetune_seed;  ///< kAfter that is fine-tuned by this run.
   std::filesystem::path weights;               ///< kFile.
   std::optional<double> score_threshold;       ///< None: the one stored with the weights.
-  std::optional<nav::PolicySettings> policy;   ///< None: the spec's.
+  std::optional<nav::PolicyChoice> policy;     ///< None: the spec's.
   ArmClockSpec clock;
 };
 
@@ -195,8 +196,9 @@ struct ExperimentSpec {
   std::vector<SceneSpec> scenes;
   DetectorSpec detectors;
   std::vector<ArmSpec> arms;
-  nav::PolicySettings policy;  ///< Of arms without one of their own.
-  std::string robot = "jackal";
+  /// Of arms without one of their own.
+  nav::PolicyChoice policy = nav::PolicyRegistry::instance().usual("frontier");
+  sim::RobotModel robot = sim::RobotModel::jackal();
   LocalisationSpec localisation;
   std::optional<sim::SensorSettings> sensors;  ///< None: an exact camera alone.
   bool slide_on_contact = false;               ///< Along the obstacle; else it stops.

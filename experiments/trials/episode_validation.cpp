@@ -30,13 +30,10 @@ ExperimentSpec spec_for(const std::filesystem::path& file, const EpisodeSet& set
   spec.scenes.push_back(scene);
   ArmSpec arm;
   arm.name = "oracle-path";
-  arm.policy.emplace().type = "oracle-path";
+  arm.policy = nav::PolicyRegistry::instance().usual("oracle-path");
   spec.arms.push_back(arm);
-  if (!options.robot.empty()) {
-    spec.robot = options.robot;
-  } else {
-    spec.robot = set.robot.empty() ? "jackal-gentle" : set.robot;
-  }
+  const std::string& robot = options.robot.empty() ? set.robot : options.robot;
+  spec.robot = sim::RobotModel::by_name(robot.empty() ? "jackal-gentle" : robot);
   spec.camera.width_px = viewer.camera.width_px;
   spec.camera.height_px = viewer.camera.height_px;
   constexpr double kDegrees = 180.0 / 3.14159265358979323846;

@@ -113,9 +113,8 @@ SceneEpisodes episodes_of(const ExperimentSpec& spec, const SceneSpec& scene,
 
 LoadedScene load_scene(const ExperimentSpec& spec, const SceneSpec& scene,
                        const fs::path& bundle_folder, const fs::path& work) {
-  const sim::RobotModel robot = sim::RobotModel::by_name(spec.robot);
   core::SceneBundle bundle = core::load_bundle(bundle_folder);
-  sim::World world = sim::World::load(bundle, robot);
+  sim::World world = sim::World::load(bundle, spec.robot);
   auto [surfels, labels] = load_scene_surfels(bundle);
   if (!surfels->has_labels()) {
     throw core::InputError::expected(bundle.surfels_file().string(), "labelled surfels",

@@ -11,7 +11,7 @@
 #include "experiments/reproducibility/backend_warning.h"
 #include "experiments/trials/internal/trial_outputs.h"
 #include "experiments/trials/trial_options.h"
-#include "nav/policies/policy_factory.h"
+#include "nav/policies/policy_registry.h"
 #include "perception/detector/detector.h"
 #include "perception/models/object_detector.h"
 #include "renderer/renderer_backend.h"
@@ -21,8 +21,6 @@ namespace segsim::experiments {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr double kSnap_m = 0.30;  // As sim/trial/trial.cpp measures the distance to the goal.
 
 /// What is searched for in a scene, by the spec or by its episodes.
 std::vector<std::string> goal_names(const LoadedScene& scene) {
@@ -92,7 +90,9 @@ TrialScene scene_of(const TrialTask& task, const sim::Episode& episode, int goal
   const auto to_goal = std::make_shared<sim::DistanceField>(
       task.scene->world.distance_to(episode.view_points_m));
   scene.shortest_path_m = to_goal->path_from({episode.start.x_m, episode.start.y_m});
-  scene.distance_m = [to_goal](const glm::dvec2& p_m) { return to_goal->at(p_m, kSnap_m); };
+  scene.distance_m = [to_goal](const glm::dvec2& p_m) {
+    return to_goal->at(p_m, sim::DistanceField::kBaseSnap_m);
+  };
   return scene;
 }
 
@@ -232,17 +232,18 @@ TrialRunner::ArmDetectorSlot& TrialRunner::detector_for(const LoadedScene& scene
 /// The arm's policy; only "oracle-path" is handed the way to the goal.
 std::unique_ptr<core::Policy> TrialRunner::policy_for(const TrialTask& task,
                                                       const ArmDetectorSlot& slot) const {
-  const nav::PolicySettings& settings = task.arm->policy ? *task.arm->policy : spec_.policy;
+  const nav::PolicyChoice& policy = task.arm->policy ? *task.arm->policy : spec_.policy;
   nav::PolicyContext context;
   context.class_names = slot.detector->class_names();
+  context.robot = task.scene->world.robot();
   context.camera_height_m = task.scene->spec->camera_height_m;
-  if (settings.type == "oracle-path") {
+  if (policy.name() == "oracle-path") {
     // Odom equals World with perfect localisation.
     context.oracle = [way = std::make_shared<sim::OracleWay>(task.scene->world,
                                                              task.episode->view_points_m)](
                          const glm::dvec2& from_m) { return way->from(from_m); };
   }
-  return nav::make_policy(settings, context);
+  return policy.make(context);
 }
 
 TrialRow TrialRunner::run(const TrialTask& task) {

@@ -3,7 +3,6 @@
 
 #include <glm/geometric.hpp>
 
-#include "core/check.h"
 #include "nav/frontier/internal/search_policy.h"
 #include "nav/grid/robot_pose.h"
 
@@ -12,10 +11,12 @@ namespace {
 
 constexpr double kSameTarget_m = 0.5;  // A target that moved less is the same one.
 constexpr double kProgress_m = 0.3;    // Coming nearer by this much is progress.
-constexpr double kSamePlace_m = 0.5;   // Recoveries this near to one another count together.
-constexpr int kBlockedLimit = 15;      // Decisions without a safe forward motion.
-constexpr double kBackSpeed_mps = 0.2;
-constexpr double kRecoverPhase_s = 3.0;  // Longest time for backing and for turning each.
+
+SpinOptions spin_of(const FrontierPolicyOptions& options) {
+  SpinOptions spin = options.spin;
+  spin.rate_radps = std::min(spin.rate_radps, options.follower.max_turn_radps);
+  return spin;
+}
 
 }  // namespace
 
@@ -25,20 +26,23 @@ SearchPolicy::SearchPolicy(const FrontierPolicyOptions& options)
       objects_(options.objects),
       selector_(options.selector, options.scorer),
       follower_(options.follower),
-      stuck_(options.stuck) {}
+      spin_(spin_of(options)),
+      recovery_(options.recovery, options.occupancy.footprint_radius_m),
+      sweep_(options.sweep),
+      verification_(options.verification),
+      replan_(options.replan_period_s) {}
 
 void SearchPolicy::reset(const core::ObjectGoal& goal, std::uint64_t seed) {
   *this = SearchPolicy(options_);
   goal_ = goal;
-  seed_ = seed;
+  recovery_.reset(seed);
 }
 
 core::Decision SearchPolicy::decide(const core::Observation& observation,
                                     std::span<const core::Detection> detections) {
-  const core::Pose2 pose = pose_of(observation.T_odom_robot);
-  const Now now{&observation, pose, {pose.x_m, pose.y_m}, observation.capture_time_ns};
   core::Decision decision;
   if (!finite_pose(observation)) return decision;  // Wait for the next one.
+  const Now now = moment_of(observation);
   if (state_ != State::kStopped) {
     map_.integrate(observation);
     if (map_.exhausted()) stop("map_exhausted");
@@ -48,92 +52,85 @@ core::Decision SearchPolicy::decide(const core::Observation& observation,
     cost_fresh_ = false;
     objects_.update(observation, detections, goal_.class_index);
     postponed_until_ns_.resize(objects_.objects().size(), -1);
-    if (replanned_ns_ < 0) begin_spin(now);
+    if (!begun_) begin_spin();
+    begun_ = true;
     decision.command = act(now);
   }
-  switch (state_) {
-    case State::kSpin:
-      decision.mode = core::PolicyMode::kInitialize;
-      break;
-    case State::kNavigate:
-    case State::kVerify:
-      decision.mode = core::PolicyMode::kNavigate;
-      break;
-    case State::kRecover:
-      decision.mode = core::PolicyMode::kRecover;
-      break;
-    case State::kStopped:
-      decision.mode = core::PolicyMode::kStop;
-      break;
-    default:
-      decision.mode = core::PolicyMode::kExplore;
-      break;
-  }
+  decision.mode = mode();
   if (state_ == State::kStopped) {
     decision.command = {};
     decision.stop = true;
     decision.stop_reason = stop_reason_;
   }
-  last_yaw_rad_ = pose.yaw_rad;
+  spin_.end_decision(now.pose.yaw_rad);
   return decision;
+}
+
+core::PolicyMode SearchPolicy::mode() const {
+  switch (state_) {
+    case State::kSpin:
+      return core::PolicyMode::kInitialize;
+    case State::kExplore:
+    case State::kLook:
+    case State::kSweep:
+      return core::PolicyMode::kExplore;
+    case State::kNavigate:
+    case State::kVerify:
+      return core::PolicyMode::kNavigate;
+    case State::kRecover:
+      return core::PolicyMode::kRecover;
+    case State::kStopped:
+      break;
+  }
+  return core::PolicyMode::kStop;
 }
 
 core::VelocityCommand SearchPolicy::act(const Now& now) {
   refresh_cost_map();
-  if (state_ != State::kRecover && (stuck_.stuck() || blocked_decisions_ > kBlockedLimit)) {
-    begin_recovery(now);
-  }
+  if (recovery_.due()) begin_recovery(now);
   // Objects interrupt exploring, not the first look around (VLFM's order) and not recovering.
-  if (state_ == State::kExplore || state_ == State::kLook || state_ == State::kSweep) {
-    if (const MappedObject* object = best_object(now)) begin_navigate(now, object->id);
+  if (mode() == core::PolicyMode::kExplore) {
+    if (const MappedObject* object = best_object(now)) begin_navigate(object->id);
   }
-  core::VelocityCommand command;
+  const core::VelocityCommand command = perform(now);
+  if (!recovery_.active()) recovery_.watch(now.pose, command, follower_.blocked());
+  return command;
+}
+
+/// One decision of the present state; it may lead to another one.
+core::VelocityCommand SearchPolicy::perform(const Now& now) {
   switch (state_) {
     case State::kSpin:
-      command = spin(now);
-      break;
+      return spin(now);
     case State::kExplore:
-      command = explore(now);
-      break;
+      return explore(now);
     case State::kLook:
-      command = look(now);
-      break;
+      return look(now);
     case State::kSweep:
-      command = sweep(now);
-      break;
+      return sweep(now);
     case State::kNavigate:
-      command = navigate(now);
-      break;
+      return navigate(now);
     case State::kVerify:
-      command = verify(now);
-      break;
+      return verify(now);
     case State::kRecover:
-      command = recover(now);
-      break;
+      return recover(now);
     case State::kStopped:
       break;
   }
-  blocked_decisions_ =
-      follower_.blocked() && state_ != State::kRecover ? blocked_decisions_ + 1 : 0;
-  stuck_.add(now.pose, command);
-  return command;
+  return {};
 }
 
 // ---- Maps and targets
 
 bool SearchPolicy::replan_due(const Now& now) const {
-  return !follower_.has_path() || replanned_ns_ == 0 ||
-         core::seconds(now.time_ns - replanned_ns_) >= options_.replan_period_s - 1e-6;
+  return !follower_.has_path() || replan_.due(now.time_ns);
 }
 
 void SearchPolicy::refresh_cost_map() {
   if (cost_fresh_) return;
-  CostMapOptions options = options_.cost;
-  if (effort_ != Effort::kNormal) {
-    options.robot_radius_m = std::min(options_.tight_radius_m, options.robot_radius_m);
-    options.margin_m = 0.0;
-  }
-  cost_.update(map_, on_map(cost_changed_), options);
+  cost_.update(map_, on_map(cost_changed_),
+               effort_ == Effort::kNormal ? options_.cost
+                                          : tightened(options_.cost, options_.tight_radius_m));
   cost_changed_ = {};
   cost_fresh_ = true;
 }
@@ -153,9 +150,7 @@ CellBox SearchPolicy::on_map(const CellBox& on_lattice) const {
 }
 
 void SearchPolicy::build_bold_map() {
-  CostMapOptions options = options_.cost;
-  options.robot_radius_m = std::min(options_.tight_radius_m, options.robot_radius_m);
-  options.margin_m = 0.0;
+  CostMapOptions options = tightened(options_.cost, options_.tight_radius_m);
   options.cross_unknown = true;
   bold_.update(map_, on_map(bold_changed_), options);
   bold_changed_ = {};
@@ -197,61 +192,28 @@ void SearchPolicy::stop(const std::string& reason) {
 // ---- Recovering
 
 void SearchPolicy::begin_recovery(const Now& now) {
-  if (static_cast<int>(recoveries_) >= options_.max_recoveries) {
+  if (recovery_.exhausted()) {
     stop("stuck");
     return;
   }
-  const auto nearby = std::count_if(
-      stuck_places_m_.begin(), stuck_places_m_.end(), [&](const glm::dvec2& place) {
-        return glm::distance(place, now.position_m) < kSamePlace_m;
-      });
-  // Something is there that the camera does not show: VLFM lacks, SemExp has this "bump rule".
-  if (stuck_.stuck() && nearby + 1 >= options_.recoveries_before_block) {
-    const glm::dvec2 ahead(std::cos(now.pose.yaw_rad), std::sin(now.pose.yaw_rad));
-    const double radius_m = 0.05 * static_cast<double>(nearby + 1);
-    map_.mark_blocked_disc(
-        now.position_m + (options_.occupancy.footprint_radius_m + 0.05) * ahead,
-        std::min(radius_m, 0.2));
+  if (const std::optional<FeltDisc> felt = recovery_.begin(now)) {
+    map_.mark_blocked_disc(felt->center_m, felt->radius_m);
     note_map_changes();
     cost_fresh_ = false;
     refresh_cost_map();
   }
-  stuck_places_m_.push_back(now.position_m);
-  core::RandomStream random(seed_, "recovery", recoveries_);
-  const double turn =
-      random.uniform(options_.recover_turn_min_rad, options_.recover_turn_max_rad);
-  recovery_yaw_rad_ = now.pose.yaw_rad + (random.chance(0.5) ? turn : -turn);
-  if (state_ != State::kRecover) before_recovery_ = state_;
+  before_recovery_ = state_;
   state_ = State::kRecover;
-  recovery_start_ = now.pose;
-  recovery_since_ns_ = now.time_ns;
-  recovery_turning_ = false;
-  ++recoveries_;
-  blocked_decisions_ = 0;
-  stuck_.reset();
   follower_.clear();
 }
 
 core::VelocityCommand SearchPolicy::recover(const Now& now) {
-  const double elapsed_s = core::seconds(now.time_ns - recovery_since_ns_);
-  if (!recovery_turning_) {
-    const double backed_m =
-        std::hypot(now.pose.x_m - recovery_start_.x_m, now.pose.y_m - recovery_start_.y_m);
-    const core::VelocityCommand back{-kBackSpeed_mps, 0.0};
-    if (backed_m < options_.recover_back_m && elapsed_s < kRecoverPhase_s &&
-        follower_.safe(now.pose, back, cost_)) {
-      return back;
-    }
-    recovery_turning_ = true;
-    recovery_since_ns_ = now.time_ns;
-    return follower_.turn_to(now.pose, recovery_yaw_rad_, 0.15);
-  }
-  const core::VelocityCommand turn = follower_.turn_to(now.pose, recovery_yaw_rad_, 0.15);
-  if (turn.turn_radps != 0.0 && elapsed_s < kRecoverPhase_s) return turn;
-  state_ = before_recovery_ == State::kVerify ? State::kNavigate : before_recovery_;
-  if (state_ == State::kLook) state_ = State::kExplore;
-  replanned_ns_ = 0;
-  stuck_.reset();
+  if (const auto command = recovery_.command(now, follower_, cost_)) return *command;
+  // What needs a place to stand at has to drive there again.
+  const bool verifying = before_recovery_ == State::kVerify;
+  const bool looking = before_recovery_ == State::kLook;
+  state_ = verifying ? State::kNavigate : looking ? State::kExplore : before_recovery_;
+  replan_.demand();
   return {};
 }
 

@@ -14,24 +14,24 @@ constexpr double kAtFrontier_m = 0.35;  // A frontier this near to a looked-at o
 
 }  // namespace
 
-void SearchPolicy::begin_spin(const Now& now) {
+void SearchPolicy::begin_spin() {
   state_ = State::kSpin;
-  spun_rad_ = 0.0;
-  last_yaw_rad_ = now.pose.yaw_rad;
-  replanned_ns_ = now.time_ns;
+  spin_.begin();
   follower_.clear();
-  stuck_.reset();
+  recovery_.forget_motion();
 }
 
 core::VelocityCommand SearchPolicy::spin(const Now& now) {
-  spun_rad_ += core::wrap_angle_rad(now.pose.yaw_rad - last_yaw_rad_);
-  if (spun_rad_ >= options_.spin_angle_rad - 0.05) {
-    state_ = sweep_places_m_.empty() ? State::kExplore : State::kSweep;
-    replanned_ns_ = 0;
-    target_.reset();
-    return {};
-  }
-  return {0.0, std::min(options_.spin_rate_radps, options_.follower.max_turn_radps)};
+  if (const auto command = spin_.command(now.pose.yaw_rad)) return *command;
+  resume_search();
+  return {};
+}
+
+void SearchPolicy::resume_search() {
+  target_.reset();
+  follower_.clear();
+  state_ = sweep_.place_m() ? State::kSweep : State::kExplore;
+  replan_.demand();
 }
 
 core::VelocityCommand SearchPolicy::look(const Now& now) {
@@ -48,31 +48,29 @@ core::VelocityCommand SearchPolicy::look(const Now& now) {
   }
   target_.reset();
   state_ = State::kExplore;
-  replanned_ns_ = 0;
+  replan_.demand();
   return {};
 }
 
 core::VelocityCommand SearchPolicy::sweep(const Now& now) {
   if (replan_due(now)) {
-    replanned_ns_ = now.time_ns;
-    while (!sweep_places_m_.empty() && !drive_to(now, sweep_places_m_.back())) {
-      sweep_places_m_.pop_back();
-    }
-    if (sweep_places_m_.empty()) {
+    replan_.planned(now.time_ns);
+    while (sweep_.place_m() && !drive_to(now, *sweep_.place_m())) sweep_.leave(now.time_ns);
+    if (!sweep_.place_m()) {
       state_ = State::kExplore;
-      replanned_ns_ = 0;
+      replan_.demand();
       return {};
     }
-    track_target(now, sweep_places_m_.back(), glm::dvec2(0.0));
+    track_target(now, *sweep_.place_m(), glm::dvec2(0.0));
   }
-  if (hopeless(now) || follower_.arrived(now.pose)) {
-    const bool arrived = follower_.arrived(now.pose);
-    sweep_places_m_.pop_back();
+  const bool arrived = follower_.arrived(now.pose);
+  if (arrived || hopeless(now)) {
+    sweep_.leave(now.time_ns);
     target_.reset();
-    replanned_ns_ = 0;
+    replan_.demand();
     if (arrived) {
-      begin_spin(now);
-    } else if (sweep_places_m_.empty()) {
+      begin_spin();
+    } else if (!sweep_.place_m()) {
       state_ = State::kExplore;
     }
     return {};
@@ -81,7 +79,7 @@ core::VelocityCommand SearchPolicy::sweep(const Now& now) {
 }
 
 bool SearchPolicy::replan_explore(const Now& now) {
-  replanned_ns_ = now.time_ns;
+  replan_.planned(now.time_ns);
   const bool known = field_.begin(cost_, cost_.frame().cell_at(now.position_m));
   const bool bold = effort_ == Effort::kBold || effort_ == Effort::kBoldAgain;
   FrontierOptions options = options_.frontiers;
@@ -156,7 +154,7 @@ core::VelocityCommand SearchPolicy::explore(const Now& now) {
   if (hopeless(now)) {
     selector_.blacklist(target_->position_m);
     target_.reset();
-    replanned_ns_ = 0;
+    replan_.demand();
     return {};
   }
   if (follower_.arrived(now.pose)) {
@@ -168,7 +166,7 @@ core::VelocityCommand SearchPolicy::explore(const Now& now) {
 
 void SearchPolicy::escalate(const Now& now) {
   if (const MappedObject* object = best_tentative(now)) {
-    begin_navigate(now, object->id);
+    begin_navigate(object->id);
     return;
   }
   if (effort_ == Effort::kBoldAgain) {
@@ -177,15 +175,14 @@ void SearchPolicy::escalate(const Now& now) {
   }
   effort_ = static_cast<Effort>(static_cast<int>(effort_) + 1);
   cost_fresh_ = false;
-  replanned_ns_ = 0;
+  replan_.demand();
   selector_.clear_blacklist();
   looked_at_m_.reset();
   if (effort_ == Effort::kSweep) {
     if (field_.begin(cost_, cost_.frame().cell_at(now.position_m))) {
-      sweep_places_m_ = spread_places(cost_, field_, options_.sweep_places);
-      std::reverse(sweep_places_m_.begin(), sweep_places_m_.end());
+      sweep_.begin(spread_places(cost_, field_, sweep_.places_left()), now.time_ns);
     }
-    if (!sweep_places_m_.empty()) state_ = State::kSweep;
+    if (sweep_.place_m()) state_ = State::kSweep;
   }
 }
 

@@ -9,9 +9,7 @@ namespace segsim::nav::internal {
 namespace {
 
 constexpr double kViewSlack_m =
-    0.10;  // Stop a little before the object sinks out of the image.
-constexpr double kArrivalSlack_m = 0.10;  // Cell size and goal tolerance.
-constexpr double kApproachWidth_m = 0.25;
+    0.10;                        // Stop a little before the object sinks out of the image.
 constexpr int kMaxReplaced = 3;  // Verifications that end with "seen, but farther away".
 
 }  // namespace
@@ -41,29 +39,19 @@ const MappedObject* SearchPolicy::best_tentative(const Now&) const {
   return best;
 }
 
-void SearchPolicy::begin_navigate(const Now& now, int id) {
+void SearchPolicy::begin_navigate(int id) {
   state_ = State::kNavigate;
   object_id_ = id;
   target_.reset();
   follower_.clear();
-  replanned_ns_ = 0;
-  verify_since_ns_ = now.time_ns;
-  facing_since_ns_ = -1;
+  replan_.demand();
   replaced_verifications_ = 0;
   approach_rank_ = ApproachRank::kNone;
 }
 
-/// Back to what was interrupted by an object.
-void SearchPolicy::resume_search() {
-  target_.reset();
-  follower_.clear();
-  state_ = sweep_places_m_.empty() ? State::kExplore : State::kSweep;
-  replanned_ns_ = 0;
-}
-
 double SearchPolicy::stop_distance_m(const Now& now, const MappedObject& object) const {
   const double visible_m = view_distance_m(*now.observation, object) + kViewSlack_m;
-  return std::clamp(visible_m, options_.stop_distance_m, options_.stop_distance_limit_m);
+  return std::clamp(visible_m, options_.stop_distance_m, options_.distances.limit_m);
 }
 
 double SearchPolicy::facing_error_rad(const Now& now, const MappedObject& object) const {
@@ -81,17 +69,16 @@ bool SearchPolicy::recently_seen(const Now& now, const MappedObject& object) con
 bool SearchPolicy::at_goal(const Now& now, const MappedObject& object) const {
   return object.status == ObjectStatus::kConfirmed &&
          object.planar_distance_m(now.position_m) < stop_distance_m(now, object) &&
-         std::abs(facing_error_rad(now, object)) <= options_.facing_tolerance_rad &&
-         recently_seen(now, object) &&
+         verification_.faces(facing_error_rad(now, object)) && recently_seen(now, object) &&
          open_floor(cost_, now.position_m, object.nearest_point_m(now.position_m));
 }
 
 /// Verification failed. An object that many views showed gets a second look from farther away.
-void SearchPolicy::give_up_object(const Now& now) {
+void SearchPolicy::give_up_object() {
   const MappedObject& object = *objects_.find(object_id_);
   if (object.sightings >= options_.second_look_sightings &&
-      second_look_.insert(object_id_).second) {
-    begin_navigate(now, object_id_);
+      verification_.look_from_afar(object_id_)) {
+    begin_navigate(object_id_);
     return;
   }
   objects_.refute(object_id_);
@@ -99,20 +86,9 @@ void SearchPolicy::give_up_object(const Now& now) {
   resume_search();
 }
 
-SearchPolicy::ApproachRange SearchPolicy::approach_range(const Now& now,
-                                                         const MappedObject& object) const {
-  ApproachRange range{};
-  range.limit_m = options_.stop_distance_limit_m - kArrivalSlack_m;
-  const double visible_m =
-      std::min(view_distance_m(*now.observation, object), range.limit_m - 0.3);
-  range.min_m = std::max(options_.approach_min_m, visible_m);
-  if (second_look_.count(object_id_) != 0) {
-    range.min_m = std::max(range.min_m, options_.second_look_m);
-  }
-  range.min_m = std::min(range.min_m, range.limit_m - 0.2);
-  range.max_m = std::min(std::max(options_.approach_max_m, range.min_m + kApproachWidth_m),
-                         range.limit_m);
-  return range;
+ApproachRange SearchPolicy::range_of(const Now& now, const MappedObject& object) const {
+  return approach_range(options_.distances, view_distance_m(*now.observation, object),
+                        verification_.looks_from_afar(object_id_));
 }
 
 /// Whether to stay with the old place: the best one changes a little with every view.
@@ -128,14 +104,14 @@ bool SearchPolicy::still_good(const Now& now, const MappedObject& object,
     return false;
   }
   const double to_object_m = object.planar_distance_m(target_->position_m);
-  return to_object_m >= range.min_m - kArrivalSlack_m &&
+  return to_object_m >= range.min_m - options_.distances.arrival_m &&
          to_object_m <= (rank == ApproachRank::kFar ? range.limit_m : range.max_m) &&
          plan_path(map, now.position_m, target_->position_m, &planner_).has_value();
 }
 
 bool SearchPolicy::replan_navigate(const Now& now, const MappedObject& object) {
-  replanned_ns_ = now.time_ns;
-  const ApproachRange range = approach_range(now, object);
+  replan_.planned(now.time_ns);
+  const ApproachRange range = range_of(now, object);
   const auto choose = [&](const CostMap& map) -> std::optional<ApproachPlace> {
     if (!field_.begin(map, map.frame().cell_at(now.position_m))) return std::nullopt;
     auto place = choose_approach(map, field_, object, range.min_m, range.max_m, range.limit_m);
@@ -198,8 +174,7 @@ core::VelocityCommand SearchPolicy::navigate(const Now& now) {
   }
   if (follower_.arrived(now.pose)) {
     state_ = State::kVerify;
-    verify_since_ns_ = now.time_ns;
-    facing_since_ns_ = -1;
+    verification_.begin(now.time_ns);
     return verify(now);
   }
   return follower_.follow(now.pose, cost_);
@@ -210,39 +185,34 @@ core::VelocityCommand SearchPolicy::verify(const Now& now) {
   if (object == nullptr || object->status == ObjectStatus::kRefuted) return navigate(now);
   const double distance_m = object->planar_distance_m(now.position_m);
   const double error = facing_error_rad(now, *object);
-  const bool facing = std::abs(error) <= options_.facing_tolerance_rad;
-  if (facing && facing_since_ns_ < 0) facing_since_ns_ = now.time_ns;
-
+  const bool recent = recently_seen(now, *object);
+  const bool confirmed = object->status == ObjectStatus::kConfirmed;
   // Where nothing nearer is reachable the wider limit holds.
   const bool far = approach_rank_ == ApproachRank::kFar;
-  const double enough_m =
-      (far ? options_.stop_distance_limit_m : approach_range(now, *object).max_m) +
-      kArrivalSlack_m;
-  if (facing && recently_seen(now, *object) && object->last_seen_ns >= verify_since_ns_ &&
-      object->status == ObjectStatus::kConfirmed && distance_m <= enough_m) {
-    stop("goal_reached");
-    return {};
-  }
+  const double enough_m = (far ? options_.distances.limit_m : range_of(now, *object).max_m) +
+                          options_.distances.arrival_m;
+  const bool seen = recent && object->last_seen_ns >= verification_.since_ns() && confirmed &&
+                    distance_m <= enough_m;
   // A tentative object that is being seen right now gets the time to be confirmed.
-  const double patience_s =
-      recently_seen(now, *object) ? 2.0 * options_.verify_time_s : options_.verify_time_s;
-  const bool looked =
-      facing_since_ns_ >= 0 && core::seconds(now.time_ns - facing_since_ns_) > patience_s;
-  const bool late =
-      core::seconds(now.time_ns - verify_since_ns_) > 5.0 * options_.verify_time_s;
-  if (looked || late) {
-    if (object->status == ObjectStatus::kConfirmed && facing && recently_seen(now, *object) &&
-        ++replaced_verifications_ < kMaxReplaced) {
-      // Seen, but its nearest point turned out to lie farther away: go on driving.
-      const int rounds = replaced_verifications_;
-      begin_navigate(now, object_id_);
-      replaced_verifications_ = rounds;
-    } else {
-      give_up_object(now);
-    }
-    return {};
+  switch (verification_.look(now.time_ns, error, seen, recent ? 2.0 : 1.0)) {
+    case Verdict::kSeen:
+      stop("goal_reached");
+      return {};
+    case Verdict::kLooking:
+      return follower_.turn_to(now.pose, now.pose.yaw_rad + error, 0.1);
+    case Verdict::kNotSeen:
+      break;
   }
-  return follower_.turn_to(now.pose, now.pose.yaw_rad + error, 0.1);
+  if (confirmed && recent && verification_.faces(error) &&
+      ++replaced_verifications_ < kMaxReplaced) {
+    // Seen, but its nearest point turned out to lie farther away: go on driving.
+    const int rounds = replaced_verifications_;
+    begin_navigate(object_id_);
+    replaced_verifications_ = rounds;
+  } else {
+    give_up_object();
+  }
+  return {};
 }
 
 }  // namespace segsim::nav::internal

@@ -12,8 +12,6 @@
 namespace segsim::nav {
 namespace {
 
-constexpr double kInscribedShare =
-    0.65;                                // Inscribed over circumscribed radius (0.215 / 0.33).
 constexpr double kMaxStartFree_m = 2.0;  // Bound of the assumed-free disc.
 constexpr float kOverhang_m = 0.25F;     // Floor may be seen below what hangs higher.
 constexpr float kSureOdds = 1.2F;        // Two hits more than misses.
@@ -198,7 +196,7 @@ void OccupancyMap::fuse_image(const core::Image<float>& depth_m, const MappingCa
   fuse_view(camera);
 
   // The inscribed circle is free for certain; the ring around it only where nothing was seen.
-  mark_free_disc(robot, kInscribedShare * options_.footprint_radius_m);
+  mark_free_disc(robot, options_.inside_radius_m);
   assume_free_disc(robot, std::max(options_.near_free_radius_m, options_.footprint_radius_m));
 }
 

@@ -35,7 +35,8 @@ struct OccupancyOptions {
   double mast_above_camera_m = 0.05;  ///< The mast ends this far above the camera.
   double max_range_m = 5.0;           ///< Planar range used for mapping; VLFM's depth limit.
   double pass_height_m = 0.40;        ///< See above; chair seats and beds are higher.
-  double footprint_radius_m = 0.33;   ///< Circumscribed circle of 0.508 x 0.430 m (Jackal).
+  double footprint_radius_m = 0.33;   ///< Circle that holds the robot; the Jackal's.
+  double inside_radius_m = 0.65 * 0.33;  ///< Circle inside the robot: surely free.
   /// Cells around the very first pose are assumed free up to this radius until seen otherwise:
   /// the camera cannot see them. 0: up to where the lowest image ray falls to `pass_height_m`.
   double start_free_radius_m = 0.0;

@@ -70,6 +70,20 @@ std::optional<ApproachPlace> cheapest_in_sight(const CostMap& map, const Geodesi
 
 }  // namespace
 
+ApproachRange approach_range(const ApproachDistances& distances, double view_m,
+                             bool from_afar) {
+  constexpr double kLeastWidth_m = 0.2;
+  ApproachRange range;
+  range.limit_m = distances.limit_m - distances.arrival_m;
+  range.min_m =
+      std::max(distances.min_m, std::min(view_m, range.limit_m - distances.sight_limit_m));
+  if (from_afar) range.min_m = std::max(range.min_m, distances.far_look_m);
+  range.min_m = std::min(range.min_m, range.limit_m - kLeastWidth_m);
+  range.max_m =
+      std::min(std::max(distances.max_m, range.min_m + distances.width_m), range.limit_m);
+  return range;
+}
+
 double view_distance_m(const core::Observation& observation, const MappedObject& object) {
   if (object.cloud_m.empty()) return 0.0;
   const auto T_odom_camera = observation.T_odom_camera();

@@ -21,6 +21,26 @@ struct ApproachPlace {
   double cost_m = 0.0;      ///< Weighted way from the field's start.
 };
 
+/// How far from an object's surface the robot stops to look at it.
+struct ApproachDistances {
+  double min_m = 0.6, max_m = 0.9;  ///< Preferred, or a little beyond view distance.
+  double limit_m = 1.5;     ///< Allowed where nothing nearer is reachable, or where the object
+                            ///< would drop below the image if nearer.
+  double far_look_m = 1.1;  ///< Of a look from farther away: very near it may fill the image.
+  double arrival_m = 0.10;  ///< Places keep this inside the limit: cell size, goal tolerance.
+  double width_m = 0.25;    ///< Of the preferred range at least.
+  double sight_limit_m = 0.3;  ///< View distance counts up to this much inside the limit.
+};
+
+/// Distances from one object for places to drive to.
+struct ApproachRange {
+  double min_m = 0.0, max_m = 0.0, limit_m = 0.0;
+};
+
+/// @param view_m  From where on the object is in the image, view_distance_m().
+[[nodiscard]] ApproachRange approach_range(const ApproachDistances& distances, double view_m,
+                                           bool from_afar);
+
 /// Planar distance from the object's nearest point at which half of its cloud lies above the
 /// camera's lowest ray, coming from where the robot is; 0 if that is not below the camera.
 /// Nearer, a low object leaves the image of a level camera.

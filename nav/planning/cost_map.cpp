@@ -404,4 +404,10 @@ float CostMap::length_cost(const Cell& cell) const {
   return frame_.contains(cell) ? cost_(cell.x, cell.y) : 1.0F;
 }
 
+CostMapOptions tightened(CostMapOptions options, double radius_m) {
+  options.robot_radius_m = std::min(options.robot_radius_m, radius_m);
+  options.margin_m = 0.0;
+  return options;
+}
+
 }  // namespace segsim::nav

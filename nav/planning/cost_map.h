@@ -35,6 +35,10 @@ struct CostMapOptions {
   bool operator==(const CostMapOptions&) const = default;
 };
 
+/// The same for places where the robot fits only just: inflated by at most `radius_m`, without
+/// a margin.
+[[nodiscard]] CostMapOptions tightened(CostMapOptions options, double radius_m);
+
 class CostMap {
  public:
   /// Farther obstacles are reported as being at 1e6 m.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <sstream>
 
+#include "nav/behaviours/fitted_options.h"
 #include "nav/vlfm/internal/vlfm_search.h"
 
 namespace segsim::nav {
@@ -13,18 +14,29 @@ VlfmOptions published_vlfm() {
   options.motion = Motion::kDiscrete;
   options.second_look = false;
   options.approach = false;
-  options.sweep_places = 0;
+  options.sweep.most_places = 0;
   options.min_score = 0.8;
   return options;  // The defaults of the maps are the published ones.
 }
 
-VlfmOptions vlfm_for_jackal(const VlfmRules& rules, double camera_height_m) {
+VlfmOptions vlfm_for(const core::RobotBase& robot, const VlfmRules& rules,
+                     double camera_height_m) {
+  const RobotFit fit = fit_of(robot);
   VlfmOptions options;
   options.rules = rules;
-  options.obstacles.robot_radius_m = 0.33;
-  options.obstacles.band_min_m = 0.10;
+  options.cost = fitted(options.cost, robot);
+  options.actions = fitted(options.actions, robot);
+  options.follower = fitted(options.follower, robot);
+  options.recovery = fitted(options.recovery, robot);
+  options.distances = fitted(options.distances, robot);
+  options.stop_radius_m = std::max(options.stop_radius_m, options.distances.min_m);
+  options.tight_radii_m = {fit.tight_radius_m, fit.narrow_radius_m};
+  options.obstacles.robot_radius_m = fit.radius_m;
+  options.obstacles.mast_radius_m = fit.mast_radius_m;
+  options.obstacles.band_min_m = fit.obstacle_min_m;
   options.obstacles.band_max_m =
-      rules.published(Quirk::kObstaclesStay) ? camera_height_m + 0.05 : 0.60;
+      rules.published(Quirk::kObstaclesStay) ? camera_height_m + 0.05 : fit.obstacle_max_m;
+  options.obstacles.occupancy = fitted(options.obstacles.occupancy, robot);
   options.obstacles.occupancy.ray_step_x_px = 2;
   options.obstacles.occupancy.ray_step_y_px = 3;
   options.obstacles.occupancy.wall_part_m = 0.2;
@@ -37,7 +49,7 @@ VlfmOptions vlfm_for_jackal(const VlfmRules& rules, double camera_height_m) {
   // Both belong to the repaired handling of places that cannot be reached.
   if (rules.published(Quirk::kNoRecovery)) {
     options.approach = false;
-    options.sweep_places = 0;
+    options.sweep.most_places = 0;
   }
   return options;
 }

@@ -4,8 +4,9 @@
 /// VLFM, the two-stage object search of Yokoyama et al. 2024, as its code does it (A of the
 /// design notes) or with its quirks repaired, each by itself:
 ///
-///     spin (12 turns) -> explore: best frontier by the value map <-> navigate: to the object
-///     -> STOP
+///     spin -> explore (best frontier by the value map) <-> navigate (to the object) -> STOP
+///                        \                                  /
+///                          recover (back and turn; fixed Q6)
 ///
 /// Every image updates obstacles, explored area, value map and object cloud. The learned parts
 /// (image-text score, segmentation, local policy) are interfaces with defaults without
@@ -20,14 +21,18 @@
 #include <memory>
 #include <string>
 
+#include "core/robot_base.h"
 #include "core/stages.h"
+#include "nav/behaviours/object_verification.h"
+#include "nav/behaviours/recovery.h"
+#include "nav/behaviours/sweep.h"
 #include "nav/frontier/frontier_choice.h"
 #include "nav/mapping/obstacle_map.h"
 #include "nav/motion/local_policy.h"
 #include "nav/motion/path_follower.h"
-#include "nav/motion/stuck_detector.h"
 #include "nav/objects/class_cloud.h"
 #include "nav/objects/segmenter.h"
+#include "nav/planning/approach.h"
 #include "nav/planning/cost_map.h"
 #include "nav/value/image_text_scorer.h"
 #include "nav/value/value_map.h"
@@ -56,40 +61,45 @@ struct VlfmOptions {
   /// Before STOP face the object and wait for a detection there; without one its cloud is
   /// deleted. Not in VLFM.
   bool second_look = true;
-  double second_look_s = 2.0;
-  /// Fixed Q6: a place beside the object up to this far counts where no nearer one is
-  /// reachable.
-  double stop_limit_m = 1.5;
+  /// With discrete motion what a turn cannot correct counts as faced, too.
+  VerificationOptions verification = {
+      .facing_rad = 0.17, .look_s = 2.0, .from_first_facing = false, .longest_s = 7.0};
 
-  /// Not in VLFM: drive to a place that nav/planning/approach.h chooses (these distances from
+  /// Not in VLFM: drive to a place that nav/planning/approach.h chooses (at `distances` from
   /// the object's surface, open floor between) and look there, instead of stopping where the
   /// radius is crossed; an object that is not seen again gets one more look from farther away.
   /// The cloud is kept clean for it: no floor, nothing that a later view contradicts, and no
   /// way to a clump of a few points.
   bool approach = true;
-  double approach_min_m = 0.5, approach_max_m = 0.75;
+  /// Fixed Q6 without `approach`: the limit counts where no nearer place is reachable.
+  ApproachDistances distances = {.min_m = 0.5,
+                                 .max_m = 0.75,
+                                 .limit_m = 1.5,
+                                 .arrival_m = 0.15,
+                                 .width_m = 0.20,
+                                 .sight_limit_m = 0.2};
   double approach_floor_m = 0.06, approach_carve_m = 3.0;  ///< ClassCloudOptions.
   double approach_support_share = 0.05;                    ///< Likewise.
-  /// Not in VLFM: so many places that were seen only from afar are visited, with a turn
-  /// around, when no frontier is left.
-  int sweep_places = 4;
+  /// Not in VLFM: places that were seen only from afar are visited, with a turn around, when
+  /// no frontier is left.
+  SweepOptions sweep = {.most_places = 4};
   /// Not in VLFM: without anything new from near for so long the next narrow inflation is
   /// tried, and after the last one the search is given up ("nothing_new"): a goal behind
   /// glass, a camera that shows no depth. Needs the sweep.
   double give_up_s = 45.0;
   /// Not in VLFM: with these inflations, one after the other, the search goes on when nothing
   /// else is left. The first is FrontierPolicyOptions::tight_radius_m, the last little more
-  /// than the inscribed 0.215 m. Needs the sweep, too.
+  /// than the inscribed circle. Needs the sweep, too.
   std::array<double, 2> tight_radii_m{0.28, 0.235};
 
   CostMapOptions cost;
   DiscreteMotionOptions actions;
   FollowerOptions follower;
   double replan_period_s = 0.5;  ///< Pursuit.
-  StuckOptions stuck;            ///< Fixed Q6, with the recovery below.
-  double recover_back_m = 0.15;
-  double recover_turn_min_rad = 0.52, recover_turn_max_rad = 1.57;
-  int max_recoveries = 12;  ///< In an episode; then "stuck".
+  RecoveryOptions recovery = {.back_where_safe = false,
+                              .felt_m = 0.10,
+                              .felt_most_m = 0.25,
+                              .random_stream = "vlfm_recovery"};  ///< Fixed Q6.
 
   // Null: the defaults of the headers. Shared by all episodes of the policy.
   std::shared_ptr<ImageTextScorer> scorer;  ///< Null: constant 0.5.
@@ -101,10 +111,10 @@ struct VlfmOptions {
 /// quirks as published, discrete actions, no second look.
 [[nodiscard]] VlfmOptions published_vlfm();
 
-/// The Jackal of this project (footprint 0.508 x 0.430 m, camera on a mast): obstacles from
-/// 0.10 m up to the camera where the rule knows one band (published Q4), else body up to 0.60
-/// m and mast.
-[[nodiscard]] VlfmOptions vlfm_for_jackal(const VlfmRules& rules, double camera_height_m);
+/// For one robot with its camera on a mast: obstacles from the robot's clearance up to the
+/// camera where the rule knows one band (published Q4), else the body and the mast.
+[[nodiscard]] VlfmOptions vlfm_for(const core::RobotBase& robot, const VlfmRules& rules,
+                                   double camera_height_m);
 
 /// Stop reasons: "goal_reached", "no_frontier_left", "nothing_new", "pointnav_stop" (Q5),
 /// "map_exhausted" (Q9), "stuck" (Q6).

@@ -54,7 +54,15 @@ VlfmOptions completed(VlfmOptions options) {
     options.cloud.carve_m = options.approach_carve_m;
     options.cloud.support_share = options.approach_support_share;
   }
+  if (options.motion == Motion::kDiscrete) {
+    options.verification.facing_rad =
+        std::max(options.verification.facing_rad, options.actions.turn_above_rad + 0.05);
+  }
   return options;
+}
+
+SpinOptions spin_of(const VlfmOptions& options) {
+  return {options.follower.max_turn_radps, options.spin_turns * options.actions.turn_rad};
 }
 
 }  // namespace
@@ -67,13 +75,17 @@ VlfmSearch::VlfmSearch(const VlfmOptions& options)
       chooser_(options_.choice, options_.rules),
       follower_(options_.follower),
       executor_(options_.actions),
-      stuck_(options_.stuck) {}
+      spin_(spin_of(options_)),
+      recovery_(options_.recovery, options_.obstacles.robot_radius_m),
+      sweep_(options_.sweep),
+      verification_(options_.verification),
+      replan_(options_.replan_period_s) {}
 
 void VlfmSearch::reset(const core::ObjectGoal& goal, std::uint64_t seed) {
   *this = VlfmSearch(options_);
   goal_ = goal;
-  seed_ = seed;
   cloud_.reset(seed);
+  recovery_.reset(seed);
   options_.local->reset();
 }
 
@@ -82,15 +94,13 @@ core::Decision VlfmSearch::decide(const core::Observation& observation,
   core::Decision decision;
   // Without a pose nothing can be mapped and no way is known: wait.
   if (stop_reason_.empty() && finite_pose(observation)) {
-    const core::Pose2 pose = pose_of(observation.T_odom_robot);
     const core::TimeNs time_ns = observation.capture_time_ns;
     const double period_s = last_time_ns_ ? core::seconds(time_ns - *last_time_ns_) : 0.1;
-    const Now now{&observation, detections, pose, {pose.x_m, pose.y_m}, time_ns, period_s};
-    if (!last_time_ns_) last_yaw_rad_ = pose.yaw_rad;
+    const Now now{moment_of(observation), detections, period_s};
     update_maps(now);
     decision.command = act(now);
     last_time_ns_ = time_ns;
-    last_yaw_rad_ = pose.yaw_rad;
+    spin_.end_decision(now.pose.yaw_rad);
   }
   decision.mode = mode_;
   if (!stop_reason_.empty()) {
@@ -105,7 +115,7 @@ void VlfmSearch::update_maps(const Now& now) {
   obstacles_.update(*now.observation);
   values_.update(*now.observation,
                  options_.scorer->score(*now.observation, now.detections, goal_.class_name));
-  if (options_.sweep_places > 0) note_near_cells(now);
+  if (options_.sweep.most_places > 0) seen_near_.add(now, values_.last_limits_m());
   std::vector<core::BoxPx> boxes;
   for (const core::Detection& detection : now.detections) {
     if (goal_.class_index < 0 || detection.class_index != goal_.class_index) continue;
@@ -128,33 +138,40 @@ core::VelocityCommand VlfmSearch::act(const Now& now) {
       stop("nothing_new");
       return {};
     }
-    news_ns_ = now.time_ns;
+    seen_near_.wait_anew(now.time_ns);
   }
-  if (recovering_) return recover(now);
-  if (!options_.rules.published(Quirk::kNoRecovery) && stuck_.stuck()) {
-    begin_recovery(now);
-    return stop_reason_.empty() ? recover(now) : core::VelocityCommand{};
-  }
-  core::VelocityCommand command;
-  if (executor_.busy()) command = executor_.command(now.pose, now.time_ns, now.period_s);
-  if (!executor_.busy()) {
-    // Objects seen during the first spin do not interrupt it.
-    if (mode_ == core::PolicyMode::kInitialize) {
-      command = spin(now);
-    } else if (const auto object_m = now.time_ns < postponed_until_ns_
-                                         ? std::nullopt
-                                         : cloud_.target_m(now.position_m)) {
-      mode_ = core::PolicyMode::kNavigate;
-      command = navigate(now, *object_m);
-    } else {
-      mode_ = core::PolicyMode::kExplore;
-      looking_since_ns_.reset();
-      looked_from_afar_ = false;
-      command = explore(now);
-    }
-  }
-  stuck_.add(now.pose, command);
+  if (!options_.rules.published(Quirk::kNoRecovery) && recovery_.due()) begin_recovery(now);
+  if (!stop_reason_.empty()) return {};
+  if (recovery_.active()) return recover(now);
+  const core::VelocityCommand command = perform(now);
+  recovery_.watch(now.pose, command, follower_.blocked());
   return command;
+}
+
+/// What is under way, else the first look around, else the object, else a frontier.
+core::VelocityCommand VlfmSearch::perform(const Now& now) {
+  if (executor_.busy()) {
+    const core::VelocityCommand command =
+        executor_.command(now.pose, now.time_ns, now.period_s);
+    if (executor_.busy()) return command;
+  }
+  // Objects seen during the first spin do not interrupt it.
+  if (mode_ == core::PolicyMode::kInitialize) return look_around_first(now);
+  const bool postponed = now.time_ns < postponed_until_ns_;
+  if (const auto object_m = postponed ? std::nullopt : cloud_.target_m(now.position_m)) {
+    mode_ = core::PolicyMode::kNavigate;
+    return navigate(now, *object_m);
+  }
+  mode_ = core::PolicyMode::kExplore;
+  verification_.end();
+  verification_.forget_far_looks();
+  return explore(now);
+}
+
+core::VelocityCommand VlfmSearch::look_around_first(const Now& now) {
+  if (const auto command = turn_around(now)) return *command;
+  mode_ = core::PolicyMode::kExplore;
+  return {};
 }
 
 bool VlfmSearch::vetoed(const glm::dvec2& place_m) const {
@@ -199,15 +216,19 @@ std::optional<glm::dvec2> VlfmSearch::choose_frontier(const Now& now) {
 core::VelocityCommand VlfmSearch::explore(const Now& now) {
   if (options_.motion == Motion::kDiscrete || replan_due(now)) {
     target_m_ = choose_frontier(now);
-    planned_ns_ = -1;
+    replan_.demand();
   }
-  if (sweep_spinning_) return spin_for_sweep(now);
+  if (sweep_spinning_) {
+    const auto command = turn_around(now);
+    sweep_spinning_ = command.has_value();
+    return command.value_or(core::VelocityCommand{});
+  }
   if (!target_m_) {
     if (const auto place_m = next_sweep_place(now)) return sweep_to(now, *place_m);
     if (!squeeze_through()) stop("no_frontier_left");
     return {};
   }
-  sweep_m_.reset();
+  sweep_.leave(now.time_ns);
   // A frontier that is still there when the robot stands on it will not go away.
   if (!options_.rules.published(Quirk::kNoRecovery) &&
       glm::distance(*target_m_, now.position_m) < kAtFrontier_m) {

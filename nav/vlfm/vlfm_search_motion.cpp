@@ -3,18 +3,12 @@
 
 #include <glm/geometric.hpp>
 
-#include "core/random.h"
 #include "nav/vlfm/internal/vlfm_search.h"
 
 namespace segsim::nav::internal {
 namespace {
 
 constexpr double kSamePlace_m = 0.05;
-constexpr double kBackSpeed_mps = 0.2;
-constexpr double kRecoverPhase_s = 3.0;
-// Radius of what was felt, not seen; more each time around the same place.
-constexpr double kFelt_m = 0.10, kFeltMore_m = 0.05, kFeltMost_m = 0.25;
-constexpr double kFeltNear_m = 0.5;
 
 }  // namespace
 
@@ -23,25 +17,24 @@ core::VelocityCommand VlfmSearch::start(DiscreteAction action, const Now& now) {
   return executor_.command(now.pose, now.time_ns, now.period_s);
 }
 
-core::VelocityCommand VlfmSearch::spin(const Now& now) {
-  const auto done = [&] {
-    mode_ = core::PolicyMode::kExplore;
-    stuck_.reset();
-    return core::VelocityCommand{};
-  };
-  if (options_.motion == Motion::kDiscrete) {
-    if (turns_ >= options_.spin_turns) return done();
+void VlfmSearch::begin_spin() {
+  turns_ = 0;
+  spin_.begin();
+}
+
+std::optional<core::VelocityCommand> VlfmSearch::turn_around(const Now& now) {
+  const bool discrete = options_.motion == Motion::kDiscrete;
+  if (discrete && turns_ < options_.spin_turns) {
     ++turns_;
     return start(DiscreteAction::kTurnLeft, now);
   }
-  spun_rad_ += core::wrap_angle_rad(now.pose.yaw_rad - last_yaw_rad_);
-  if (spun_rad_ >= options_.spin_turns * options_.actions.turn_rad - 0.05) return done();
-  return {0.0, options_.follower.max_turn_radps};
+  const auto command = discrete ? std::nullopt : spin_.command(now.pose.yaw_rad);
+  if (!command) recovery_.forget_motion();
+  return command;
 }
 
 bool VlfmSearch::replan_due(const Now& now) const {
-  return planned_ns_ < 0 || !follower_.has_path() ||
-         core::seconds(now.time_ns - planned_ns_) >= options_.replan_period_s - 1e-6;
+  return !follower_.has_path() || replan_.due(now.time_ns);
 }
 
 /// Occupied, explored or unknown; the unknown may be crossed at a price, as VLFM's network
@@ -49,10 +42,7 @@ bool VlfmSearch::replan_due(const Now& now) const {
 void VlfmSearch::refresh_cost_map() {
   CostMapOptions cost = options_.cost;
   cost.cross_unknown = true;
-  if (squeezes_ > 0) {
-    cost.robot_radius_m = std::min(cost.robot_radius_m, options_.tight_radii_m[squeezes_ - 1]);
-    cost.margin_m = 0.0;
-  }
+  if (squeezes_ > 0) cost = tightened(cost, options_.tight_radii_m[squeezes_ - 1]);
   const GridFrame& frame = obstacles_.frame();
   CellBox active = obstacles_.observed();
   if (active.empty()) {  // Nothing yet.
@@ -76,9 +66,9 @@ core::VelocityCommand VlfmSearch::drive(const Now& now, const glm::dvec2& place_
     }
     return {};
   }
-  if (planned_ns_ < 0 || glm::distance(planned_for_m_, place_m) > kSamePlace_m) {
+  if (replan_.demanded() || glm::distance(planned_for_m_, place_m) > kSamePlace_m) {
     const auto path = plan_path(cost_, now.position_m, place_m, &planner_);
-    planned_ns_ = now.time_ns;
+    replan_.planned(now.time_ns);
     planned_for_m_ = place_m;
     if (!path) {
       follower_.clear();
@@ -101,53 +91,23 @@ core::VelocityCommand VlfmSearch::face(const Now& now, double bearing_rad) {
 }
 
 void VlfmSearch::begin_recovery(const Now& now) {
-  if (recoveries_ >= options_.max_recoveries) {
+  if (recovery_.exhausted()) {
     stop("stuck");
     return;
   }
-  core::RandomStream random(seed_, "vlfm_recovery", static_cast<std::uint64_t>(recoveries_));
-  const double turn =
-      random.uniform(options_.recover_turn_min_rad, options_.recover_turn_max_rad);
-  recovery_yaw_rad_ = now.pose.yaw_rad + (random.chance(0.5) ? turn : -turn);
-  const glm::dvec2 ahead(std::cos(now.pose.yaw_rad), std::sin(now.pose.yaw_rad));
-  const auto before = std::count_if(
-      stuck_places_m_.begin(), stuck_places_m_.end(), [&](const glm::dvec2& place_m) {
-        return glm::distance(place_m, now.position_m) < kFeltNear_m;
-      });
-  const double felt_m =
-      std::min(kFelt_m + kFeltMore_m * static_cast<double>(before), kFeltMost_m);
-  obstacles_.mark_blocked_disc(
-      now.position_m + (options_.obstacles.robot_radius_m + 0.05) * ahead, felt_m);
-  stuck_places_m_.push_back(now.position_m);
-  ++recoveries_;
-  recovering_ = true;
-  recovery_turning_ = false;
-  recovery_start_ = now.pose;
-  recovery_since_ns_ = now.time_ns;
+  if (const std::optional<FeltDisc> felt = recovery_.begin(now)) {
+    obstacles_.mark_blocked_disc(felt->center_m, felt->radius_m);
+  }
   mode_ = core::PolicyMode::kRecover;
   executor_.reset();
   follower_.clear();
   target_m_.reset();
-  stuck_.reset();
 }
 
 core::VelocityCommand VlfmSearch::recover(const Now& now) {
-  const double elapsed_s = core::seconds(now.time_ns - recovery_since_ns_);
-  if (!recovery_turning_) {
-    const double backed_m =
-        std::hypot(now.pose.x_m - recovery_start_.x_m, now.pose.y_m - recovery_start_.y_m);
-    if (backed_m < options_.recover_back_m && elapsed_s < kRecoverPhase_s) {
-      return {-kBackSpeed_mps, 0.0};
-    }
-    recovery_turning_ = true;
-    recovery_since_ns_ = now.time_ns;
-    return follower_.turn_to(now.pose, recovery_yaw_rad_, 0.15);
-  }
-  const core::VelocityCommand turn = follower_.turn_to(now.pose, recovery_yaw_rad_, 0.15);
-  if (turn.turn_radps != 0.0 && elapsed_s < kRecoverPhase_s) return turn;
-  recovering_ = false;
+  if (const auto command = recovery_.command(now, follower_, cost_)) return *command;
   mode_ = core::PolicyMode::kExplore;
-  planned_ns_ = -1;
+  replan_.demand();
   return {};
 }
 

@@ -11,15 +11,13 @@
 namespace segsim::nav::internal {
 namespace {
 
-constexpr double kLookTolerance_rad = 0.17;
 constexpr double kBoxMargin = 0.1;      // Of the image's width, around a box seen again.
 constexpr double kWrongObject_m = 0.6;  // What is deleted around an object not seen again.
 constexpr double kDetour_m = 15.0;      // Way that open floor to the object is worth.
 constexpr double kInside_m = 0.15;      // A place this much nearer than a radius is within it.
 constexpr double kBeyondWeight = 1000.0;
 constexpr double kObjectRadius_m = 0.8;  // The cloud holds all objects of the class.
-constexpr double kFarLook_m = 1.1;
-constexpr double kBehind_m = 0.6;  // An object that begins this far behind is elsewhere.
+constexpr double kBehind_m = 0.6;        // An object that begins this far behind is elsewhere.
 constexpr double kSamePlace_m = 0.3;
 constexpr core::TimeNs kPostpone_ns = 15 * core::kNsPerSecond;
 
@@ -33,7 +31,7 @@ std::optional<glm::dvec2> VlfmSearch::place_beside(const Now& now,
   if (!field_.begin(cost_, frame.cell_at(now.position_m))) return std::nullopt;
   const double enough_m = options_.stop_radius_m - kInside_m;
   // Every metre beyond the radius outweighs any way inside of a building: look nearby first.
-  for (double within_m = options_.stop_limit_m + 0.5;; within_m *= 2.0) {
+  for (double within_m = options_.distances.limit_m + 0.5;; within_m *= 2.0) {
     const CellBox window =
         CellBox{frame.cell_at(object_m - within_m), frame.cell_at(object_m + within_m)}
             .clipped_to(field_.reachable_box());
@@ -49,7 +47,7 @@ std::optional<glm::dvec2> VlfmSearch::place_beside(const Now& now,
         double cost = static_cast<double>(field_.cost_m(i, j)) + beyond;
         if (cost >= best_cost) continue;
         // Across a counter or behind a wall the object is near, yet not at hand.
-        if (away_m <= options_.stop_limit_m && !open_floor(cost_, place_m, object_m)) {
+        if (away_m <= options_.distances.limit_m && !open_floor(cost_, place_m, object_m)) {
           cost += kDetour_m;
         }
         if (cost < best_cost) {
@@ -91,11 +89,9 @@ std::optional<glm::dvec2> VlfmSearch::approach_place(const Now& now,
                                                      const glm::dvec2& object_m) {
   if (!field_.begin(cost_, cost_.frame().cell_at(now.position_m))) return std::nullopt;
   const MappedObject object = object_at(object_m);
-  const double limit_m = options_.stop_limit_m - kInside_m;
-  const double nearest_m = looked_from_afar_ ? kFarLook_m : options_.approach_min_m;
-  const double visible_m = view_distance_m(*now.observation, object);
-  const double min_m = std::min(std::max(nearest_m, visible_m), limit_m - 0.2);
-  const double max_m = std::min(std::max(options_.approach_max_m, min_m + 0.2), limit_m);
+  const auto [min_m, max_m, limit_m] =
+      approach_range(options_.distances, view_distance_m(*now.observation, object),
+                     verification_.looks_from_afar(kTheObject));
   const auto place = choose_approach(cost_, field_, object, min_m, max_m, limit_m);
   // One that is too far away still leads nearer, and shows more of the floor around it.
   if (!place) return std::nullopt;
@@ -106,8 +102,8 @@ std::optional<glm::dvec2> VlfmSearch::approach_place(const Now& now,
 core::VelocityCommand VlfmSearch::approach(const Now& now, const glm::dvec3& object_m) {
   const glm::dvec2 at_m(object_m);
   // Another object than the one that was looked at.
-  if (glm::distance(at_m, now.position_m) >= options_.stop_limit_m) looking_since_ns_.reset();
-  if (looking_since_ns_) return look_again(now, object_m);
+  if (glm::distance(at_m, now.position_m) >= options_.distances.limit_m) verification_.end();
+  if (verification_.active()) return look_again(now, object_m);
   if (options_.motion == Motion::kDiscrete || replan_due(now) || !target_m_) {
     refresh_cost_map();
     const auto place_m = approach_place(now, at_m);
@@ -116,7 +112,7 @@ core::VelocityCommand VlfmSearch::approach(const Now& now, const glm::dvec3& obj
         !field_.reachable(cost_.frame().cell_at(*target_m_))) {
       target_m_ = place_m;
     }
-    planned_ns_ = -1;
+    replan_.demand();
   }
   const auto postpone = [&] {  // Out of reach: go on exploring, it may be seen again.
     cloud_.erase_around(at_m, kWrongObject_m);
@@ -130,7 +126,7 @@ core::VelocityCommand VlfmSearch::approach(const Now& now, const glm::dvec3& obj
       options_.follower.goal_tolerance_m +
       (options_.motion == Motion::kDiscrete ? 0.5 * options_.actions.forward_m : 0.0);
   if (glm::distance(*target_m_, now.position_m) <= arrived_m) {
-    const bool near = glm::distance(at_m, now.position_m) <= options_.stop_limit_m;
+    const bool near = glm::distance(at_m, now.position_m) <= options_.distances.limit_m;
     return near ? look_again(now, object_m) : postpone();
   }
   return drive(now, *target_m_, false);
@@ -140,8 +136,8 @@ core::VelocityCommand VlfmSearch::navigate(const Now& now, const glm::dvec3& obj
   if (options_.approach) return approach(now, object_m);
   const double rho_m = glm::distance(glm::dvec2(object_m), now.position_m);
   // Another target than the one that was looked at.
-  if (rho_m >= options_.stop_limit_m) looking_since_ns_.reset();
-  if (looking_since_ns_ || rho_m < options_.stop_radius_m) {
+  if (rho_m >= options_.distances.limit_m) verification_.end();
+  if (verification_.active() || rho_m < options_.stop_radius_m) {
     if (options_.second_look) return look_again(now, object_m);
     stop("goal_reached");
     return {};
@@ -149,7 +145,7 @@ core::VelocityCommand VlfmSearch::navigate(const Now& now, const glm::dvec3& obj
   if (options_.motion == Motion::kDiscrete || replan_due(now) || !target_m_) {
     refresh_cost_map();
     target_m_ = place_beside(now, glm::dvec2(object_m));
-    planned_ns_ = -1;
+    replan_.demand();
   }
   const bool as_published = options_.rules.published(Quirk::kNoRecovery);
   const bool arrived =
@@ -157,7 +153,7 @@ core::VelocityCommand VlfmSearch::navigate(const Now& now, const glm::dvec3& obj
                        options_.follower.goal_tolerance_m + 0.5 * options_.actions.forward_m;
   if (!as_published && (!target_m_ || arrived)) {
     // As near as it gets: good enough, or nothing that can be reached.
-    if (arrived && rho_m < options_.stop_limit_m) return look_again(now, object_m);
+    if (arrived && rho_m < options_.distances.limit_m) return look_again(now, object_m);
     cloud_.erase_around(glm::dvec2(object_m), kWrongObject_m);
     return {};
   }
@@ -212,35 +208,28 @@ core::VelocityCommand VlfmSearch::look_again(const Now& now, const glm::dvec3& o
     stop("goal_reached");
     return {};
   }
-  if (!looking_since_ns_) looking_since_ns_ = now.time_ns;
+  if (!verification_.active()) verification_.begin(now.time_ns);
   const double bearing =
       std::atan2(object_m.y - now.position_m.y, object_m.x - now.position_m.x);
   const double error = core::wrap_angle_rad(bearing - now.pose.yaw_rad);
-  const bool facing = std::abs(error) <=
-                      std::max(kLookTolerance_rad, options_.motion == Motion::kDiscrete
-                                                       ? options_.actions.turn_above_rad + 0.05
-                                                       : 0.0);
-  if (facing && seen_now(now, object_m)) {
-    stop("goal_reached");
-    return {};
+  const bool facing = verification_.faces(error);
+  switch (verification_.look(now.time_ns, error, facing && seen_now(now, object_m))) {
+    case Verdict::kSeen:
+      stop("goal_reached");
+      return {};
+    case Verdict::kLooking:
+      return facing && std::abs(error) < 0.05 ? core::VelocityCommand{} : face(now, bearing);
+    case Verdict::kNotSeen:
+      break;
   }
-  const double turning_s = 5.0;  // A half turn, at the followers' rates.
-  const double looked_s = core::seconds(now.time_ns - *looking_since_ns_);
-  if (looked_s > (facing ? options_.second_look_s : options_.second_look_s + turning_s)) {
-    // From very near it may fill the image or lie below it: once more from farther away.
-    if (options_.approach && !looked_from_afar_) {
-      looked_from_afar_ = true;
-    } else {
-      cloud_.erase_around(glm::dvec2(object_m), kWrongObject_m);
-      looked_from_afar_ = false;
-    }
-    looking_since_ns_.reset();
-    target_m_.reset();
-    follower_.clear();
-    return {};
+  if (!options_.approach || !verification_.look_from_afar(kTheObject)) {
+    cloud_.erase_around(glm::dvec2(object_m), kWrongObject_m);
+    verification_.forget_far_looks();
   }
-  if (facing && std::abs(error) < 0.05) return {};
-  return face(now, bearing);
+  verification_.end();
+  target_m_.reset();
+  follower_.clear();
+  return {};
 }
 
 }  // namespace segsim::nav::internal

@@ -47,6 +47,10 @@ struct FreeSpace {
 class DistanceField {
  public:
   static constexpr double kSnap_m = 0.15;
+  /// From where a base stands: one that touches nothing may stand up to (circumscribed -
+  /// inscribed radius) outside the free space of a disc; plus a cell. Far less than the
+  /// thickness of two radii that separates rooms.
+  static constexpr double kBaseSnap_m = 0.30;
 
   /// Goals that are not in free space count from their nearest free cell within `goal_snap_m`
   /// (plus the way to it), or not at all.

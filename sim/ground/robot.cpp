@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "core/check.h"
-#include "core/error.h"
 
 namespace segsim::sim {
 namespace {
@@ -14,100 +13,8 @@ constexpr double kStraight_radps = 1e-9;
 
 }  // namespace
 
-double RobotModel::circumscribed_radius_m() const {
-  return 0.5 * std::hypot(length_m, width_m);
-}
-
-double RobotModel::inscribed_radius_m() const { return 0.5 * std::min(length_m, width_m); }
-
 double RobotModel::stopping_distance_m() const {
   return max_forward_mps * max_forward_mps / (2.0 * max_deceleration_mps2);
-}
-
-RobotModel RobotModel::jackal() {
-  RobotModel model;
-  model.name = "jackal";
-  // Outer size from the data sheet: the wheels stand out of the chassis box of the URDF.
-  model.length_m = 0.508;
-  model.width_m = 0.430;
-  model.height_m = 0.250;
-  model.max_forward_mps = 2.0;
-  model.max_turn_radps = 4.0;
-  model.max_acceleration_mps2 = 20.0;
-  model.max_deceleration_mps2 = 20.0;
-  model.max_turn_acceleration_radps2 = 25.0;
-  model.wheel_radius_m = 0.098;
-  model.track_m = 0.37559;
-  model.separation_multiplier = 1.5;
-  // The controller has no limit per wheel; both at once never exceed full speed ahead.
-  model.max_wheel_mps = 2.0;
-  model.command_timeout_s = 0.25;
-  return model;
-}
-
-RobotModel RobotModel::jackal_gentle() {
-  RobotModel model = jackal();
-  model.name = "jackal-gentle";
-  model.max_forward_mps = 0.8;
-  model.max_turn_radps = 1.57;
-  model.max_acceleration_mps2 = 2.0;
-  model.max_deceleration_mps2 = 2.0;
-  model.max_turn_acceleration_radps2 = 4.0;
-  model.max_wheel_mps = 1.2;
-  return model;
-}
-
-RobotModel RobotModel::turtlebot3_waffle() {
-  RobotModel model;
-  model.name = "turtlebot3-waffle";
-  model.length_m = 0.281;
-  model.width_m = 0.306;
-  model.height_m = 0.141;
-  model.body_top_m = 0.20;
-  model.clearance_m = 0.03;
-  model.mast_height_m = 0.60;
-  model.mast_radius_m = 0.02;
-  model.max_forward_mps = 0.26;
-  model.max_turn_radps = 1.82;
-  model.max_acceleration_mps2 = 1.0;
-  model.max_deceleration_mps2 = 1.0;
-  model.max_turn_acceleration_radps2 = 3.0;
-  model.wheel_radius_m = 0.033;
-  model.track_m = 0.287;
-  model.max_wheel_mps = 0.26 + 1.82 * 0.5 * 0.287;
-  return model;
-}
-
-RobotModel RobotModel::generic_diff() {
-  RobotModel model;
-  model.name = "generic-diff";
-  model.length_m = 0.40;
-  model.width_m = 0.40;
-  model.height_m = 0.30;
-  model.max_forward_mps = 0.6;
-  model.max_turn_radps = 1.5;
-  model.max_acceleration_mps2 = 1.5;
-  model.max_deceleration_mps2 = 2.0;
-  model.max_turn_acceleration_radps2 = 4.0;
-  model.wheel_radius_m = 0.08;
-  model.track_m = 0.34;
-  model.max_wheel_mps = 0.8;
-  return model;
-}
-
-const std::vector<std::string>& RobotModel::names() {
-  static const std::vector<std::string> kNames{"jackal", "jackal-gentle", "turtlebot3-waffle",
-                                               "generic-diff"};
-  return kNames;
-}
-
-RobotModel RobotModel::by_name(const std::string& name) {
-  for (RobotModel (*make)() : {jackal, jackal_gentle, turtlebot3_waffle, generic_diff}) {
-    if (make().name == name) return make();
-  }
-  std::string all;
-  for (const std::string& known : names()) all += (all.empty() ? "" : " | ") + known;
-  throw core::InputError::expected("robot", all, "'" + name + "'");
 }
 
 core::Pose2 drive_arc(const core::Pose2& pose, const core::VelocityCommand& velocity,

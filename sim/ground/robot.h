@@ -3,62 +3,59 @@
 /// @file
 /// A differential-drive base: limits, footprint, and exact motion along circular arcs.
 ///
-/// Order within one step (design notes on kinematics; numbers of the Jackal profile from the
-/// public jackal repository: jackal_control/config/control.yaml,
-/// jackal_description/urdf/jackal.urdf.xacro): command limits -> acceleration limits -> wheel
-/// saturation (curvature is kept) -> exact arc
+/// Robots are YAML files: those of sim/robots/ are built in, others are given by their path.
+///
+/// Order within one step (design notes on kinematics): command limits -> acceleration limits
+/// -> wheel saturation (curvature is kept) -> exact arc
 ///
 ///     x += v/w (sin(yaw + w h) - sin yaw),  y -= v/w (cos(yaw + w h) - cos yaw)
 
+#include <filesystem>
+#include <functional>
 #include <string>
 #include <vector>
 
+#include "core/config.h"
 #include "core/frames.h"
+#include "core/robot_base.h"
 #include "core/stages.h"
 
 namespace segsim::sim {
 
-struct RobotModel {
+/// One kind of robot: its shape and limits, which a planner may know, and its drive.
+struct RobotModel : core::RobotBase {
+  /// Unique: of a robot from a file "<its name>@<first digits of the file's SHA-256>".
   std::string name;
-  // Outer size of the base; the origin is its centre.
-  double length_m = 0.0, width_m = 0.0, height_m = 0.0;
-  double body_top_m = 0.60;   ///< Obstacles up to here meet the footprint (load, sensors).
-  double clearance_m = 0.06;  ///< What is lower is driven over.
-  double mast_height_m =
-      1.25;  ///< Top of the camera mast, a thin cylinder at the origin; 0 = no mast.
-  double mast_radius_m = 0.05;
-  // Limits.
-  double max_forward_mps = 0.0, max_turn_radps = 0.0;
-  double max_acceleration_mps2 = 0.0, max_deceleration_mps2 = 0.0;
-  double max_turn_acceleration_radps2 = 0.0;
-  double max_wheel_mps = 0.0;  ///< Rim speed.
+  std::string title;             ///< One line for people.
+  std::string file;              ///< Where it comes from; empty: it is built in.
+  double height_m = 0.0;         ///< Of the base, without load and mast.
+  double camera_height_m = 1.2;  ///< Of its camera, where a scene does not say otherwise.
   // Wheels.
+  double max_wheel_mps = 0.0;  ///< Rim speed.
   double wheel_radius_m = 0.0;
   double track_m = 0.0;  ///< Between wheel centres.
   double separation_multiplier =
       1.0;                          ///< Skid steering: effective track = track * multiplier.
   double command_timeout_s = 0.25;  ///< Without a new command for so long the base brakes.
 
-  /// Half the diagonal of the footprint: a disc that holds the base at every heading.
-  [[nodiscard]] double circumscribed_radius_m() const;
-  /// Half the shorter side.
-  [[nodiscard]] double inscribed_radius_m() const;
   /// v^2 / 2a from full speed.
   [[nodiscard]] double stopping_distance_m() const;
 
-  /// Clearpath Jackal as its controller is configured (2 m/s, 20 m/s^2: hardly a limit).
-  [[nodiscard]] static RobotModel jackal();
-  /// The same base indoors: 0.8 m/s, 1.57 rad/s, 2 m/s^2, 4 rad/s^2.
-  [[nodiscard]] static RobotModel jackal_gentle();
-  /// TurtleBot3 Waffle Pi, from its maker's table of specifications: 0.26 m/s, 1.82 rad/s. The
-  /// acceleration limits (1 m/s^2, 3 rad/s^2) and the mast at 0.6 m are ours.
-  [[nodiscard]] static RobotModel turtlebot3_waffle();
-  /// A square of 0.40 m with 0.6 m/s and 1.5 rad/s: no maker's, for comparisons.
-  [[nodiscard]] static RobotModel generic_diff();
-  /// "jackal", "jackal-gentle", "turtlebot3-waffle", "generic-diff".
+  /// Names of the built-in robots, the files of sim/robots/.
   [[nodiscard]] static const std::vector<std::string>& names();
-  /// @throws core::InputError naming all of them for any other name.
-  [[nodiscard]] static RobotModel by_name(const std::string& name);
+  /// A built-in robot, or that of a file: anything with a slash or that ends in ".yaml".
+  /// @throws core::InputError that names all built-in ones, or what is wrong with the file.
+  [[nodiscard]] static RobotModel by_name(const std::string& name_or_file);
+  /// The same for a text of a spec. @param expand  Its path, with the variables replaced.
+  /// @throws core::InputError with file, line and key.
+  [[nodiscard]] static RobotModel read(
+      const core::ConfigNode& node,
+      const std::function<std::filesystem::path(const core::ConfigNode&)>& expand);
+  /// @throws core::InputError with file, line and key.
+  [[nodiscard]] static RobotModel load(const std::filesystem::path& file);
+  /// The two that most tests drive.
+  [[nodiscard]] static RobotModel jackal() { return by_name("jackal"); }
+  [[nodiscard]] static RobotModel jackal_gentle() { return by_name("jackal-gentle"); }
 };
 
 struct RobotState {

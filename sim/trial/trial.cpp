@@ -23,10 +23,6 @@ using internal::TrialDrive;
 using internal::TrialEye;
 using internal::wall_ns;
 
-/// A base that is free may stand up to (circumscribed - inscribed radius) outside the free
-/// space of a disc; plus a cell. Far less than the thickness of two radii that separates
-/// rooms.
-constexpr double kGoalSnap_m = 0.30;
 /// A tick that comes later than that is an overrun: below, it is the system's timer.
 constexpr core::TimeNs kLate_ns = 1'000'000;
 
@@ -233,7 +229,7 @@ class Loop {
 
   [[nodiscard]] double distance_m() const {
     if (!to_goal_) return std::numeric_limits<double>::infinity();
-    return to_goal_->at({drive_.pose().x_m, drive_.pose().y_m}, kGoalSnap_m);
+    return to_goal_->at({drive_.pose().x_m, drive_.pose().y_m}, DistanceField::kBaseSnap_m);
   }
 
   /// Decides, if there is something new; records. @return  False if the trial is over.

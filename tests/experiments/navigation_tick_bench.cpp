@@ -26,7 +26,7 @@
 #include "experiments/runs/prepare.h"
 #include "experiments/trials/trial_options.h"
 #include "experiments/trials/trial_runner.h"
-#include "nav/policies/policy_factory.h"
+#include "nav/policies/policy_registry.h"
 #include "perception/detector/detector.h"
 #include "renderer/cpu_renderer.h"
 #include "sim/trial/oracle_detector.h"
@@ -115,12 +115,11 @@ Eyes make_eyes(const Place& place, const std::string& name) {
 
 std::unique_ptr<core::Policy> make_policy(const Place& place, const std::string& type,
                                           const core::Detector& detector) {
-  nav::PolicySettings settings;
-  settings.type = type;
   nav::PolicyContext context;
   context.class_names = detector.class_names();
+  context.robot = place.spec.robot;
   context.camera_height_m = place.spec.scenes.front().camera_height_m;
-  return nav::make_policy(settings, context);
+  return nav::PolicyRegistry::instance().usual(type).make(context);
 }
 
 /// What a policy was given at one tick, to keep.

@@ -130,7 +130,7 @@ TEST_F(ScriptedTrialTest, TheExampleOfTheDesignIsRead) {
   EXPECT_NEAR(trial.steps[2].angle_rad, 2.0 * std::numbers::pi, 1e-12);
   EXPECT_EQ(trial.steps[3].command.turn_radps, 0.2);
   EXPECT_EQ(trial.steps[5].category, "chair");
-  EXPECT_EQ(trial.steps[5].policy.type, "frontier");
+  EXPECT_EQ(trial.steps[5].policy.name(), "frontier");
   ASSERT_EQ(trial.faults.latencies.size(), 1U);
   EXPECT_EQ(trial.faults.latencies[0].until_ns, 8'000'000'000);
   EXPECT_EQ(trial.faults.latencies[0].added_ns, 200'000'000);

@@ -6,6 +6,8 @@
 #include <gtest/gtest.h>
 
 #include "core/error.h"
+#include "core/file_io.h"
+#include "nav/policies/built_in_policies.h"
 
 namespace segsim::experiments {
 namespace {
@@ -105,7 +107,7 @@ TEST(Spec, EveryFieldIsRead) {
   EXPECT_DOUBLE_EQ(spec.arms[1].score_threshold.value(), 0.4);
   EXPECT_EQ(spec.arms[2].detector, ArmDetector::kOracle);
   EXPECT_EQ(spec.arms[3].weights, "/d/other.bin");
-  EXPECT_EQ(spec.robot, "jackal-gentle");
+  EXPECT_EQ(spec.robot.name, "jackal-gentle");
   EXPECT_EQ(spec.camera.intrinsics().width_px, 160);
   EXPECT_EQ(spec.camera.backend, renderer::Backend::kAuto);
   EXPECT_NEAR(spec.camera.intrinsics().horizontal_fov_rad(), 80.0 * 3.14159265 / 180.0, 1e-6);
@@ -331,15 +333,52 @@ TEST(Spec, AnArmMayHaveAPolicyOfItsOwn) {
   const ExperimentSpec spec =
       parse(with(kSpec, "{name: oracle, detector: oracle}",
                  "{name: oracle, detector: oracle, policy: {type: vlfm, parity: vlfm}}"));
-  EXPECT_EQ(spec.policy.type, "frontier");
+  EXPECT_EQ(spec.policy.name(), "frontier");
   EXPECT_FALSE(spec.find_arm("before")->policy);
   ASSERT_TRUE(spec.find_arm("oracle")->policy);
-  EXPECT_EQ(spec.find_arm("oracle")->policy->type, "vlfm");
-  EXPECT_EQ(spec.find_arm("oracle")->policy->rules.text(), "vlfm");
-  EXPECT_EQ(parse(with(kSpec, "robot:", "policy: frontier-value\nrobot:")).policy.type,
+  EXPECT_EQ(spec.find_arm("oracle")->policy->name(), "vlfm");
+  const auto* settings = spec.find_arm("oracle")->policy->settings<nav::VlfmSettings>();
+  ASSERT_NE(settings, nullptr);
+  EXPECT_EQ(settings->rules.text(), "vlfm");
+  EXPECT_EQ(parse(with(kSpec, "robot:", "policy: frontier-value\nrobot:")).policy.name(),
             "frontier-value");
   EXPECT_THAT(error_of(with(kSpec, "robot:", "policy: vlmf\nrobot:")),
               AllOf(HasSubstr("specs/two.yaml:"), HasSubstr("near: vlfm")));
+}
+
+TEST(Spec, ASceneTakesTheRobotsCameraHeight) {
+  const ExperimentSpec jackal = parse(kSpec);
+  EXPECT_EQ(jackal.scenes[0].camera_height_m, 1.1);  // Its own.
+  EXPECT_EQ(jackal.scenes[1].camera_height_m, 1.2);
+  const ExperimentSpec turtle =
+      parse(with(kSpec, "robot: jackal-gentle", "robot: turtlebot3-waffle"));
+  EXPECT_EQ(turtle.scenes[0].camera_height_m, 1.1);
+  EXPECT_EQ(turtle.scenes[1].camera_height_m, 0.55);
+}
+
+/// What is made for a robot from a file is made again when the file changes.
+TEST(Spec, ARobotFromAFileIsPartOfTheSpec) {
+  const std::filesystem::path folder = testing::TempDir();
+  const auto spec_of = [&](double width_m) {
+    core::write_file_atomically(folder / "mine.yaml", [&](std::ostream& out) {
+      out << "{schema: segsim.robot/1, name: mine, body_top_m: 0.3, clearance_m: 0.02,\n"
+             " base: {length_m: 0.4, height_m: 0.2, width_m: "
+          << width_m
+          << "}, camera_height_m: 0.5,\n limits: {forward_mps: 0.5, turn_radps: 1, "
+             "acceleration_mps2: 1,\n deceleration_mps2: 1, turn_acceleration_radps2: 2},\n"
+             " wheels: {radius_m: 0.05, track_m: 0.2, max_mps: 0.6}}\n";
+    });
+    return parse(with(kSpec, "robot: jackal-gentle", "robot: \"${data}/mine.yaml\""),
+                 {folder, ""});
+  };
+  const ExperimentSpec narrow = spec_of(0.3), wide = spec_of(0.4), again = spec_of(0.3);
+  EXPECT_EQ(narrow.robot.width_m, 0.3);
+  EXPECT_THAT(narrow.robot.name, testing::StartsWith("mine@"));
+  EXPECT_NE(narrow.robot.name, wide.robot.name);
+  EXPECT_NE(narrow.sha256, wide.sha256);
+  EXPECT_EQ(narrow.sha256, again.sha256);
+  EXPECT_THAT(error_of(with(kSpec, "robot: jackal-gentle", "robot: \"${data}/none.yaml\"")),
+              HasSubstr("none.yaml"));
 }
 
 TEST(Spec, VariablesInPathsAreChecked) {

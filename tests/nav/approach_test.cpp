@@ -91,6 +91,25 @@ TEST(ChooseApproach, FallsBackToTheNearestReachableCell) {
   EXPECT_GT(place->to_object_m, 2.5);
 }
 
+TEST(ApproachRange, KeepsTheObjectInTheImageAndItselfInsideTheLimit) {
+  const ApproachDistances distances;
+  const double limit_m = distances.limit_m - distances.arrival_m;
+  const ApproachRange tall = approach_range(distances, 0.0, false);
+  EXPECT_EQ(tall.min_m, distances.min_m);
+  EXPECT_EQ(tall.max_m, distances.max_m);
+  EXPECT_EQ(tall.limit_m, limit_m);
+  const ApproachRange low = approach_range(distances, 0.8, false);
+  EXPECT_EQ(low.min_m, 0.8);
+  EXPECT_EQ(low.max_m, 0.8 + distances.width_m);
+  const ApproachRange afar = approach_range(distances, 0.8, true);
+  EXPECT_EQ(afar.min_m, distances.far_look_m);
+  // Never in the image: as far as is allowed, with room for a place.
+  const ApproachRange never = approach_range(distances, 1e3, false);
+  EXPECT_NEAR(never.min_m, limit_m - distances.sight_limit_m, 1e-12);
+  EXPECT_LE(never.max_m, limit_m);
+  EXPECT_GE(never.max_m - never.min_m, 0.2 - 1e-12);
+}
+
 TEST(SpreadPlaces, AreFarFromOneAnother) {
   const CostMap map =
       text_map(std::vector<std::string>(80, std::string(80, '.')), test::thin_options());

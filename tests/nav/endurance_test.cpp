@@ -9,6 +9,7 @@
 #include "nav/frontier/frontier_policy.h"
 #include "nav/vlfm/vlfm_policy.h"
 #include "tests/nav/box_world.h"
+#include "tests/nav/robots.h"
 #include "tests/nav/test_view.h"
 
 namespace segsim::nav {
@@ -23,8 +24,8 @@ std::unique_ptr<core::Policy> make(const std::string& name) {
   FrontierPolicyOptions frontier;
   if (name == "frontier-dwa") frontier.follower.motion = LocalMotion::kDynamicWindow;
   if (name.starts_with("frontier")) return make_frontier_policy(frontier);
-  return make_vlfm_policy(
-      vlfm_for_jackal(VlfmRules(name == "vlfm" ? Rule::kFixed : Rule::kVlfm), kMast_m));
+  return make_vlfm_policy(vlfm_for(
+      test::jackal(), VlfmRules(name == "vlfm" ? Rule::kFixed : Rule::kVlfm), kMast_m));
 }
 
 TEST(Endurance, TenThousandStepsOnACircleStayBounded) {

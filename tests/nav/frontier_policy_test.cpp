@@ -158,7 +158,7 @@ TEST(FrontierPolicy, StopStaysAndTheViewIsFilled) {
 
 TEST(FrontierPolicy, RefusesWrongOptions) {
   FrontierPolicyOptions options;
-  options.spin_rate_radps = 0.0;
+  options.spin.rate_radps = 0.0;
   EXPECT_THROW(make_frontier_policy(options), core::ContractViolation);
 }
 

@@ -9,6 +9,7 @@
 
 #include "nav/vlfm/vlfm_policy.h"
 #include "tests/nav/box_world.h"
+#include "tests/nav/robots.h"
 
 namespace segsim::nav::test {
 namespace {
@@ -21,10 +22,10 @@ VlfmOptions options_of(int arm) {
   if (arm >= 1 && arm <= static_cast<int>(kQuirks)) {
     rules.set(static_cast<Quirk>(arm - 1), Rule::kVlfm);
   }
-  VlfmOptions options = vlfm_for_jackal(rules, kMast_m);
+  VlfmOptions options = vlfm_for(test::jackal(), rules, kMast_m);
   if (arm == 15 || arm == 18) options.second_look = false;
   if (arm == 16 || arm == 18) options.approach = false;
-  if (arm == 17 || arm == 18) options.sweep_places = 0;
+  if (arm == 17 || arm == 18) options.sweep.most_places = 0;
   return options;
 }
 

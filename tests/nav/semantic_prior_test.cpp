@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "core/error.h"
-#include "nav/policies/policy_factory.h"
+#include "nav/policies/built_in_policies.h"
 #include "tests/nav/test_view.h"
 
 namespace segsim::nav {

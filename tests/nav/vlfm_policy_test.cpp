@@ -4,6 +4,7 @@
 
 #include "core/check.h"
 #include "tests/nav/box_world.h"
+#include "tests/nav/robots.h"
 #include "tests/nav/test_view.h"
 
 namespace segsim::nav {
@@ -89,8 +90,8 @@ TEST(VlfmPolicy, FixedRulesFindTheObjectFromEverywhere) {
                                     {{5.2, 0.3, 0.0}, {5.8, 0.8, 0.8}}}};
   int successes = 0;
   for (std::size_t k = 0; k < starts.size() * objects.size(); ++k) {
-    const SimulationResult result =
-        search(vlfm_for_jackal(VlfmRules(), kMast_m), starts[k / 3], objects[k % 3], k + 1);
+    const SimulationResult result = search(vlfm_for(test::jackal(), VlfmRules(), kMast_m),
+                                           starts[k / 3], objects[k % 3], k + 1);
     successes += result.success() ? 1 : 0;
     EXPECT_TRUE(result.spun);
     EXPECT_LE(result.contacts, 3);
@@ -104,7 +105,7 @@ TEST(VlfmPolicy, FixedRulesFindTheObjectFromEverywhere) {
 
 TEST(VlfmPolicy, DiscreteActionsFindItToo) {
   for (const GridPlanner planner : {GridPlanner::kAstar, GridPlanner::kFastMarching}) {
-    VlfmOptions options = vlfm_for_jackal(VlfmRules(), kMast_m);
+    VlfmOptions options = vlfm_for(test::jackal(), VlfmRules(), kMast_m);
     options.motion = Motion::kDiscrete;
     GridLocalOptions local;
     local.planner = planner;
@@ -117,7 +118,7 @@ TEST(VlfmPolicy, DiscreteActionsFindItToo) {
 
 TEST(VlfmPolicy, TheFirstTurnsAreTwelve) {
   // Counted on a script of observations: nothing else turns left twelve times in a row.
-  VlfmOptions options = vlfm_for_jackal(VlfmRules(Rule::kVlfm), kMast_m);
+  VlfmOptions options = vlfm_for(test::jackal(), VlfmRules(Rule::kVlfm), kMast_m);
   options.motion = Motion::kDiscrete;
   auto policy = make_vlfm_policy(options);
   Simulation simulation(four_rooms(), {5.0, 4.0, 0.0}, small_camera(1));
@@ -137,7 +138,7 @@ TEST(VlfmPolicy, TheFirstTurnsAreTwelve) {
 
 TEST(VlfmPolicy, SaysWhenNothingIsLeftToExplore) {
   const SimulationResult result =
-      search(vlfm_for_jackal(VlfmRules(), kMast_m), {1.0, 2.6, 0.0}, std::nullopt);
+      search(vlfm_for(test::jackal(), VlfmRules(), kMast_m), {1.0, 2.6, 0.0}, std::nullopt);
   EXPECT_EQ(result.stop_reason, "no_frontier_left");
   EXPECT_GT(result.path_m, 5.0);
 }
@@ -154,7 +155,7 @@ class StoppingLocalPolicy final : public LocalPolicy {
 
 TEST(VlfmPolicy, StopOfTheLocalPolicyLeaksOnlyAsPublished) {  // Q5
   for (const Rule rule : {Rule::kVlfm, Rule::kFixed}) {
-    VlfmOptions options = vlfm_for_jackal(with(Quirk::kLocalStop, rule), kMast_m);
+    VlfmOptions options = vlfm_for(test::jackal(), with(Quirk::kLocalStop, rule), kMast_m);
     options.motion = Motion::kDiscrete;
     options.local = std::make_shared<StoppingLocalPolicy>();
     const SimulationResult result = search(options, {1.0, 2.6, 0.0}, std::nullopt);
@@ -165,7 +166,7 @@ TEST(VlfmPolicy, StopOfTheLocalPolicyLeaksOnlyAsPublished) {  // Q5
 
 TEST(VlfmPolicy, StuckIsNoticedOnlyWhenFixed) {  // Q6
   for (const Rule rule : {Rule::kVlfm, Rule::kFixed}) {
-    VlfmOptions options = vlfm_for_jackal(with(Quirk::kNoRecovery, rule), kMast_m);
+    VlfmOptions options = vlfm_for(test::jackal(), with(Quirk::kNoRecovery, rule), kMast_m);
     BoxWorld world = four_rooms();
     const core::Pose2 start{6.0, 4.0, 0.0};
     for (const double d : {-0.4, 0.3}) {  // Glass all around.
@@ -198,7 +199,7 @@ TEST(VlfmPolicy, AGoalBehindGlassIsGivenUp) {
   world.invisible.push_back({{3.6, 0.0, 0.0}, {3.7, 4.0, 2.0}});
   SimulationOptions camera = small_camera(3);
   camera.time_limit_s = 400.0;
-  auto policy = make_vlfm_policy(vlfm_for_jackal(VlfmRules(), kMast_m));
+  auto policy = make_vlfm_policy(vlfm_for(test::jackal(), VlfmRules(), kMast_m));
   const SimulationResult result = run_episode(world, {1.2, 2.0, 0.0}, camera, *policy);
   EXPECT_EQ(result.stop_reason, "nothing_new");
   EXPECT_TRUE(result.navigated);
@@ -208,7 +209,7 @@ TEST(VlfmPolicy, AGoalBehindGlassIsGivenUp) {
 /// Everything within reach of the eyes is black: no depth at all.
 TEST(VlfmPolicy, ACameraWithoutDepthEndsTheSearch) {
   for (const double give_up_s : {10.0, 1e6}) {
-    VlfmOptions options = vlfm_for_jackal(VlfmRules(), kMast_m);
+    VlfmOptions options = vlfm_for(test::jackal(), VlfmRules(), kMast_m);
     options.give_up_s = give_up_s;
     auto policy = make_vlfm_policy(options);
     policy->reset({"thing", 0}, 1);
@@ -224,7 +225,8 @@ TEST(VlfmPolicy, ACameraWithoutDepthEndsTheSearch) {
 
 TEST(VlfmPolicy, LeavingTheMapEndsTheEpisodeAsPublished) {  // Q9
   for (const Rule rule : {Rule::kVlfm, Rule::kFixed}) {
-    auto policy = make_vlfm_policy(vlfm_for_jackal(with(Quirk::kMapEdge, rule), kMast_m));
+    auto policy =
+        make_vlfm_policy(vlfm_for(test::jackal(), with(Quirk::kMapEdge, rule), kMast_m));
     policy->reset({"thing", 0}, 1);
     TestView view({}, 3.0F, kMast_m);
     EXPECT_FALSE(policy->decide(view.observation, {}).stop);
@@ -239,7 +241,7 @@ TEST(VlfmPolicy, LeavingTheMapEndsTheEpisodeAsPublished) {  // Q9
 TEST(VlfmPolicy, SecondLookRefutesWhatIsNotThere) {
   // One false detection on the wardrobe.
   for (const bool second_look : {false, true}) {
-    VlfmOptions options = vlfm_for_jackal(VlfmRules(), kMast_m);
+    VlfmOptions options = vlfm_for(test::jackal(), VlfmRules(), kMast_m);
     options.second_look = second_look;
     SimulationOptions camera = small_camera(4);
     camera.time_limit_s = 300.0;  // The sweep at the end takes its time.
@@ -253,7 +255,7 @@ TEST(VlfmPolicy, SecondLookRefutesWhatIsNotThere) {
 
 TEST(VlfmPolicy, EqualSeedsGiveEqualTracks) {
   for (const Rule rule : {Rule::kVlfm, Rule::kFixed}) {
-    VlfmOptions options = vlfm_for_jackal(VlfmRules(rule), kMast_m);
+    VlfmOptions options = vlfm_for(test::jackal(), VlfmRules(rule), kMast_m);
     const Box object{{5.2, 0.3, 0.0}, {5.8, 0.8, 0.8}};
     const SimulationResult a = search(options, {3.0, 5.4, 2.0}, object, 5);
     const SimulationResult b = search(options, {3.0, 5.4, 2.0}, object, 5);
@@ -270,7 +272,7 @@ TEST(VlfmPolicy, DegenerateInputHasADefinedOutcome) {
   const float infinity = std::numeric_limits<float>::infinity();
   for (const Rule rule : {Rule::kVlfm, Rule::kFixed}) {
     for (const float depth : {kNan, infinity, 0.0F}) {
-      auto policy = make_vlfm_policy(vlfm_for_jackal(VlfmRules(rule), kMast_m));
+      auto policy = make_vlfm_policy(vlfm_for(test::jackal(), VlfmRules(rule), kMast_m));
       policy->reset({"thing", 0}, 1);
       TestView view({}, depth, kMast_m);
       const core::Detection everywhere{0, 0.9F, {-10, -10, 1000, 1000}};
@@ -282,7 +284,7 @@ TEST(VlfmPolicy, DegenerateInputHasADefinedOutcome) {
         if (d.stop) break;
       }
     }
-    auto policy = make_vlfm_policy(vlfm_for_jackal(VlfmRules(rule), kMast_m));
+    auto policy = make_vlfm_policy(vlfm_for(test::jackal(), VlfmRules(rule), kMast_m));
     policy->reset({"thing", -1}, 1);  // The detector cannot name it.
     TestView view({}, 3.0F, kMast_m);
     view.move_to({std::nan(""), 0.0, 0.0});
@@ -303,7 +305,7 @@ TEST(VlfmPolicy, StartInsideAnObstacle) {
   SimulationOptions camera = small_camera(1);
   camera.time_limit_s = 180.0;  // It tries with each inflation.
   for (const Rule rule : {Rule::kVlfm, Rule::kFixed}) {
-    auto policy = make_vlfm_policy(vlfm_for_jackal(VlfmRules(rule), kMast_m));
+    auto policy = make_vlfm_policy(vlfm_for(test::jackal(), VlfmRules(rule), kMast_m));
     const SimulationResult result = run_episode(four_rooms(), on_the_bed, camera, *policy);
     // It cannot get off. Fixed, it notices and says so; published, it has no way to.
     EXPECT_LT(result.path_m, 1.0);
@@ -328,7 +330,7 @@ TEST(VlfmPolicy, SqueezesThroughANarrowPassageAtLast) {
   b.add(2.9, 2.275, 0.0, 3.1, 4.0, 0.5);
   b.world.object = Box{{5.2, 1.7, 0.0}, {5.7, 2.3, 0.9}};
   for (const double last_m : {0.28, 0.235}) {
-    VlfmOptions options = vlfm_for_jackal(VlfmRules(), kMast_m);
+    VlfmOptions options = vlfm_for(test::jackal(), VlfmRules(), kMast_m);
     options.tight_radii_m = {0.28, last_m};
     SimulationOptions camera = small_camera(2);
     camera.body_radius_m = 0.22;
@@ -344,8 +346,8 @@ TEST(VlfmPolicy, SqueezesThroughANarrowPassageAtLast) {
 TEST(VlfmPolicy, SweepsWhatWasSeenOnlyFromAfar) {
   double path_m[2] = {0.0, 0.0};
   for (const int places : {0, 4}) {
-    VlfmOptions options = vlfm_for_jackal(VlfmRules(), kMast_m);
-    options.sweep_places = places;
+    VlfmOptions options = vlfm_for(test::jackal(), VlfmRules(), kMast_m);
+    options.sweep.most_places = places;
     const SimulationResult result = search(options, {1.0, 2.6, 0.0}, std::nullopt);
     EXPECT_EQ(result.stop_reason, "no_frontier_left");
     path_m[places == 0 ? 0 : 1] = result.path_m;
@@ -355,7 +357,7 @@ TEST(VlfmPolicy, SweepsWhatWasSeenOnlyFromAfar) {
 
 TEST(VlfmPolicy, TenThousandStepsStayBounded) {
   // The maps and the cloud, without the decisions: fifty times round the same circle.
-  VlfmOptions options = vlfm_for_jackal(VlfmRules(), kMast_m);
+  VlfmOptions options = vlfm_for(test::jackal(), VlfmRules(), kMast_m);
   options.obstacles.growth.max_extent_m = options.values.growth.max_extent_m = 40.0;
   options.obstacles.depth.max_depth_m = options.values.max_depth_m = 2.0;
   ObstacleMap obstacles(options.obstacles);

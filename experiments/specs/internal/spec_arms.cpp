@@ -80,8 +80,8 @@ DetectorSpec read_detectors(const ConfigNode& root, const Variables& variables,
   return detectors;
 }
 
-nav::PolicySettings read_policy(const ConfigNode& node, const Variables& variables) {
-  return nav::read_policy_settings(
+nav::PolicyChoice read_policy(const ConfigNode& node, const Variables& variables) {
+  return nav::PolicyRegistry::instance().read(
       node.child("policy"), [&](const ConfigNode& path) { return variables.expand(path); });
 }
 

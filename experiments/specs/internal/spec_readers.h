@@ -36,7 +36,7 @@ class Variables {
 
 [[nodiscard]] SourceSpec read_source(const core::ConfigNode& node, const Variables& variables);
 [[nodiscard]] SceneSpec read_scene(const core::ConfigNode& node, const Variables& variables,
-                                   const SpecFolders& folders);
+                                   const SpecFolders& folders, const sim::RobotModel& robot);
 
 /// The key `detectors` of the root. @param scenes  That fine-tuning may name.
 [[nodiscard]] DetectorSpec read_detectors(const core::ConfigNode& root,
@@ -44,8 +44,8 @@ class Variables {
                                           const SpecFolders& folders,
                                           const std::vector<SceneSpec>& scenes);
 /// The key `policy`.
-[[nodiscard]] nav::PolicySettings read_policy(const core::ConfigNode& node,
-                                              const Variables& variables);
+[[nodiscard]] nav::PolicyChoice read_policy(const core::ConfigNode& node,
+                                            const Variables& variables);
 [[nodiscard]] ArmSpec read_arm(const core::ConfigNode& node, const Variables& variables);
 
 /// The key `repetitions` of the root: fills in spec.repetitions and makes scenes and arms of

@@ -125,7 +125,7 @@ SourceSpec read_source(const ConfigNode& node, const Variables& variables) {
 }
 
 SceneSpec read_scene(const ConfigNode& node, const Variables& variables,
-                     const SpecFolders& folders) {
+                     const SpecFolders& folders, const sim::RobotModel& robot) {
   SceneSpec scene;
   scene.name = scene.family = read_name(node, "name");
   scene.title = node.text_or("title", scene.name);
@@ -146,7 +146,7 @@ SceneSpec read_scene(const ConfigNode& node, const Variables& variables,
   scene.allow_trivial = node.boolean_or("allow_trivial", false);
   scene.episodes = count_within(node, "episodes", scene.episodes, 1, 100000);
   scene.camera_height_m =
-      number_within(node, "camera_height_m", scene.camera_height_m, 0.05, 3.0);
+      number_within(node, "camera_height_m", robot.camera_height_m, 0.05, 3.0);
   if (node.has("start_distance_m")) {
     const std::vector<double> range = node.numbers("start_distance_m");
     if (range.size() != 2 || range[0] < 0.0 || range[1] <= range[0]) {

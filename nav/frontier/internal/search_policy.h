@@ -4,13 +4,13 @@
 /// The state machine behind make_frontier_policy().
 
 #include <optional>
-#include <set>
 #include <span>
 #include <string>
 #include <vector>
 
-#include "core/random.h"
 #include "core/stages.h"
+#include "nav/behaviours/moment.h"
+#include "nav/behaviours/replan_timer.h"
 #include "nav/frontier/frontier_policy.h"
 #include "nav/planning/approach.h"
 
@@ -36,13 +36,7 @@ class SearchPolicy final : public core::Policy {
     kRecover,   ///< Back up and turn after being stuck.
     kStopped
   };
-  /// What decide() knows about now.
-  struct Now {
-    const core::Observation* observation;
-    core::Pose2 pose;
-    glm::dvec2 position_m;
-    core::TimeNs time_ns;
-  };
+  using Now = Moment;
   /// Progress towards the present target.
   struct Target {
     glm::dvec2 position_m{0.0};
@@ -59,13 +53,17 @@ class SearchPolicy final : public core::Policy {
   // search_policy.cpp: the frame of every decision, maps and targets, recovering;
   // search_policy_explore.cpp: looking around and exploring.
   core::VelocityCommand act(const Now& now);
+  core::VelocityCommand perform(const Now& now);
+  [[nodiscard]] core::PolicyMode mode() const;
   core::VelocityCommand spin(const Now& now);
   core::VelocityCommand explore(const Now& now);
   core::VelocityCommand look(const Now& now);
   core::VelocityCommand sweep(const Now& now);
   core::VelocityCommand recover(const Now& now);
-  void begin_spin(const Now& now);
+  void begin_spin();
   void begin_recovery(const Now& now);
+  /// Back to exploring, or to the sweep if one is under way.
+  void resume_search();
   bool replan_explore(const Now& now);
   /// Drives to the nearest place inside the unknown that may be passable.
   bool replan_bold(const Now& now);
@@ -90,28 +88,22 @@ class SearchPolicy final : public core::Policy {
   // search_policy_object.cpp: going to the object.
   const MappedObject* best_object(const Now& now) const;
   const MappedObject* best_tentative(const Now& now) const;
-  void begin_navigate(const Now& now, int id);
+  void begin_navigate(int id);
   core::VelocityCommand navigate(const Now& now);
   core::VelocityCommand verify(const Now& now);
   bool replan_navigate(const Now& now, const MappedObject& object);
-  /// Range of distances from the object for places to drive to.
-  struct ApproachRange {
-    double min_m, max_m, limit_m;
-  };
-  ApproachRange approach_range(const Now& now, const MappedObject& object) const;
+  ApproachRange range_of(const Now& now, const MappedObject& object) const;
   bool still_good(const Now& now, const MappedObject& object, const ApproachRange& range,
                   const ApproachPlace& better, ApproachRank rank);
-  void resume_search();
   /// Whether the stop rule holds.
   bool at_goal(const Now& now, const MappedObject& object) const;
   double stop_distance_m(const Now& now, const MappedObject& object) const;
   double facing_error_rad(const Now& now, const MappedObject& object) const;
   bool recently_seen(const Now& now, const MappedObject& object) const;
-  void give_up_object(const Now& now);
+  void give_up_object();
 
   FrontierPolicyOptions options_;
   core::ObjectGoal goal_;
-  std::uint64_t seed_ = 0;
 
   OccupancyMap map_;
   CostMap cost_;
@@ -123,37 +115,28 @@ class SearchPolicy final : public core::Policy {
   ObjectMap objects_;
   FrontierSelector selector_;
   PathFollower follower_;
-  StuckDetector stuck_;
+
+  // The behaviours that explore() and navigate() hand over to.
+  Spin spin_;
+  Recovery recovery_;
+  Sweep sweep_;
+  ObjectVerification verification_;
 
   State state_ = State::kSpin;
   std::string stop_reason_;
-  core::TimeNs replanned_ns_ = -1;
+  bool begun_ = false;
+  ReplanTimer replan_;
   std::vector<Frontier> frontiers_;
   std::optional<Target> target_;
   std::optional<glm::dvec2>
       looked_at_m_;  ///< Frontier whose surroundings were just looked at.
-  int blocked_decisions_ = 0;
-
-  double spun_rad_ = 0.0;
-  double last_yaw_rad_ = 0.0;
-
   Effort effort_ = Effort::kNormal;
-  std::vector<glm::dvec2> sweep_places_m_;  ///< Still to visit, last first.
+  State before_recovery_ = State::kExplore;
 
   int object_id_ = -1;
   ApproachRank approach_rank_ = ApproachRank::kNone;  ///< Of the present target.
-  core::TimeNs verify_since_ns_ = 0, facing_since_ns_ = -1;
-  int replaced_verifications_ = 0;  ///< In a row, of the present object.
-  std::set<int> second_look_;       ///< Objects that are or were looked at from farther.
-  std::vector<core::TimeNs> postponed_until_ns_;  ///< Per object id.
-
-  State before_recovery_ = State::kExplore;
-  core::Pose2 recovery_start_;
-  core::TimeNs recovery_since_ns_ = 0;
-  bool recovery_turning_ = false;
-  double recovery_yaw_rad_ = 0.0;
-  std::uint64_t recoveries_ = 0;
-  std::vector<glm::dvec2> stuck_places_m_;
+  int replaced_verifications_ = 0;                    ///< In a row, of the present object.
+  std::vector<core::TimeNs> postponed_until_ns_;      ///< Per object id.
 };
 
 }  // namespace segsim::nav::internal

@@ -6,14 +6,20 @@
 #include <optional>
 #include <span>
 #include <string>
-#include <unordered_set>
 #include <vector>
 
+#include "nav/behaviours/moment.h"
+#include "nav/behaviours/replan_timer.h"
+#include "nav/behaviours/spin.h"
 #include "nav/objects/object_map.h"
 #include "nav/planning/grid_planner.h"
+#include "nav/vlfm/internal/seen_near.h"
 #include "nav/vlfm/vlfm_policy.h"
 
 namespace segsim::nav::internal {
+
+/// VLFM keeps one cloud for all objects of the class; to the behaviours it is one object.
+inline constexpr int kTheObject = 0;
 
 class VlfmSearch final : public core::Policy {
  public:
@@ -25,18 +31,16 @@ class VlfmSearch final : public core::Policy {
   [[nodiscard]] core::PolicyView view() const override;
 
  private:
-  struct Now {
-    const core::Observation* observation;
+  struct Now : Moment {
     std::span<const core::Detection> detections;
-    core::Pose2 pose;
-    glm::dvec2 position_m;
-    core::TimeNs time_ns;
-    double period_s;  ///< Since the last decision.
+    double period_s = 0.0;  ///< Since the last decision.
   };
 
   // vlfm_search.cpp: maps and modes; vlfm_search_object.cpp: going to the object.
   void update_maps(const Now& now);
   core::VelocityCommand act(const Now& now);
+  core::VelocityCommand perform(const Now& now);
+  core::VelocityCommand look_around_first(const Now& now);
   core::VelocityCommand explore(const Now& now);
   core::VelocityCommand navigate(const Now& now, const glm::dvec3& object_m);
   core::VelocityCommand look_again(const Now& now, const glm::dvec3& object_m);
@@ -52,16 +56,15 @@ class VlfmSearch final : public core::Policy {
   void stop(const std::string& reason);
 
   // vlfm_sweep.cpp: what is left when no frontier is.
-  void note_near_cells(const Now& now);
   [[nodiscard]] bool nothing_new(const Now& now);
   [[nodiscard]] bool squeeze_through();
   std::optional<glm::dvec2> next_sweep_place(const Now& now);
-  [[nodiscard]] bool swept(const glm::dvec2& place_m) const;
   core::VelocityCommand sweep_to(const Now& now, const glm::dvec2& place_m);
-  core::VelocityCommand spin_for_sweep(const Now& now);
 
   // vlfm_search_motion.cpp: carrying it out.
-  core::VelocityCommand spin(const Now& now);
+  void begin_spin();
+  /// A turn around; nullopt when it is over.
+  std::optional<core::VelocityCommand> turn_around(const Now& now);
   core::VelocityCommand drive(const Now& now, const glm::dvec2& place_m, bool exploring);
   core::VelocityCommand start(DiscreteAction action, const Now& now);
   core::VelocityCommand face(const Now& now, double bearing_rad);
@@ -72,7 +75,6 @@ class VlfmSearch final : public core::Policy {
 
   VlfmOptions options_;
   core::ObjectGoal goal_;
-  std::uint64_t seed_ = 0;
 
   ObstacleMap obstacles_;
   ValueMap values_;
@@ -83,38 +85,27 @@ class VlfmSearch final : public core::Policy {
   PlannerMemory planner_;
   PathFollower follower_;
   DiscreteExecutor executor_;
-  StuckDetector stuck_;
+
+  // The behaviours that explore() and navigate() hand over to.
+  Spin spin_;
+  Recovery recovery_;
+  Sweep sweep_;
+  ObjectVerification verification_;
 
   core::PolicyMode mode_ = core::PolicyMode::kInitialize;
   std::string stop_reason_;
   std::optional<core::TimeNs> last_time_ns_;
-  int turns_ = 0;
-  double spun_rad_ = 0.0, last_yaw_rad_ = 0.0;
+  int turns_ = 0;  ///< Of a turn around in discrete actions.
   std::vector<ContourFrontier> frontiers_;
   std::optional<glm::dvec2> target_m_;
-  core::TimeNs planned_ns_ = -1;
+  ReplanTimer replan_;
   glm::dvec2 planned_for_m_{0.0};
   std::vector<glm::dvec2> vetoed_m_;
-  std::optional<core::TimeNs> looking_since_ns_;
   core::TimeNs postponed_until_ns_ = 0;  ///< Objects are left alone: one was out of reach.
-  bool looked_from_afar_ = false;  ///< The present object gets its look from farther away.
 
-  std::unordered_set<std::uint64_t> seen_near_;  ///< Coarse cells that a near view showed.
-  std::optional<glm::dvec2> sweep_m_;
-  std::vector<glm::dvec2> swept_m_;
-  core::TimeNs sweep_since_ns_ = 0;
-  int sweeps_ = 0;
-  std::size_t news_ = 0;  ///< Of seen_near_, when it grew last.
-  std::optional<core::TimeNs> news_ns_;
+  SeenNear seen_near_;
   bool sweep_spinning_ = false;
   std::size_t squeezes_ = 0;  ///< So many of the narrow inflations were needed.
-
-  bool recovering_ = false, recovery_turning_ = false;
-  core::Pose2 recovery_start_;
-  core::TimeNs recovery_since_ns_ = 0;
-  double recovery_yaw_rad_ = 0.0;
-  int recoveries_ = 0;
-  std::vector<glm::dvec2> stuck_places_m_;
 };
 
 }  // namespace segsim::nav::internal

@@ -1,0 +1,52 @@
+// `segsim robots`: what can drive, and what is planned with for it.
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <CLI/CLI.hpp>
+
+#include "experiments/commands/commands.h"
+#include "experiments/support/formatted.h"
+#include "experiments/support/text_grid.h"
+#include "nav/grid/robot_fit.h"
+#include "sim/ground/robot.h"
+
+namespace segsim::experiments {
+namespace {
+
+std::vector<std::string> row_of(const sim::RobotModel& robot) {
+  const nav::RobotFit fit = nav::fit_of(robot);
+  return {robot.name,
+          print("%.3f x %.3f", robot.length_m, robot.width_m),
+          print("%.2f", robot.max_forward_mps),
+          print("%.2f", robot.max_turn_radps),
+          print("%.1f", robot.max_acceleration_mps2),
+          print("%.2f", robot.camera_height_m),
+          print("%.2f", fit.radius_m),
+          print("%.2f", fit.tight_radius_m),
+          robot.title};
+}
+
+void list_robots(const std::vector<std::string>& files) {
+  internal::TextGrid grid{{"Robot", "size [m]", "v [m/s]", "w [rad/s]", "a [m/s^2]",
+                           "camera [m]", "planned with [m]", "where closed [m]", ""},
+                          {}};
+  const std::vector<std::string>& names = files.empty() ? sim::RobotModel::names() : files;
+  for (const std::string& name : names) {
+    grid.rows.push_back(row_of(sim::RobotModel::by_name(name)));
+  }
+  std::printf("%s", internal::text_of(grid).c_str());
+}
+
+}  // namespace
+
+void add_robots_command(CLI::App& app) {
+  auto files = std::make_shared<std::vector<std::string>>();
+  CLI::App* command = app.add_subcommand(
+      "robots", "List the robots that `robot:` may name, or check files of robots");
+  command->add_option("robot", *files, "Names or files (YAML, as sim/robots/jackal.yaml)");
+  command->callback([files] { list_robots(*files); });
+}
+
+}  // namespace segsim::experiments

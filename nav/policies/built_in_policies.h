@@ -1,0 +1,77 @@
+#pragma once
+
+/// @file
+/// The policies that come with the program, each with the settings that a spec may give it:
+///
+///     policy: {type: vlfm, parity: fixed, quirks: {Q4: vlfm}, motion: discrete}
+///     policy: {type: frontier, follower: dwa}
+///     policy: {type: script, actions: [left*12, forward*4, stop]}
+///
+/// docs/navigation.md lists all keys.
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "nav/mapping/vlfm_rules.h"
+#include "nav/motion/discrete_motion.h"
+#include "nav/motion/local_policy.h"
+#include "nav/objects/object_map.h"
+#include "nav/policies/policy_registry.h"
+#include "nav/value/semantic_prior.h"
+#include "nav/value/value_map.h"
+#include "nav/vlfm/vlfm_policy.h"
+
+namespace segsim::nav {
+
+/// "frontier", also called "frontier-nearest".
+struct FrontierSettings {
+  bool dynamic_window = false;  ///< `follower: dwa`
+  double rival_iou = ObjectMapOptions{}.rival_iou;
+};
+
+/// How a view is rated that a value map is made of.
+struct ScorerSettings {
+  std::string type = "semantic-prior";  ///< Or "constant", "open-space".
+  std::filesystem::path prior;  ///< Empty: the built-in nav/policies/data/semantic_prior.yaml.
+};
+
+/// "frontier-value"
+struct FrontierValueSettings {
+  FrontierSettings search;
+  ScorerSettings scorer;
+};
+
+/// "vlfm"
+struct VlfmSettings {
+  VlfmRules rules;                            ///< `parity`, then `quirks`.
+  Motion motion = Motion::kPursuit;           ///< `motion`, or `follower`.
+  bool dynamic_window = false;                ///< Of pursuit: `follower: dwa`.
+  GridPlanner planner = GridPlanner::kAstar;  ///< Of discrete motion.
+  bool second_look = true;                    ///< Default: false with `parity: vlfm`.
+  bool approach = true, sweep = true;         ///< The same.
+  bool clean_cloud = true;                    ///< Only with `approach`; see VlfmOptions.
+  double give_up_s = 45.0;                    ///< 0: never. Only with `sweep`.
+  double min_score = 0.0;
+  FusionRule fusion = FusionRule::kWeighted;
+  ScorerSettings scorer;
+};
+
+/// "random"
+struct RandomSettings {
+  double stop_chance = RandomPolicyOptions{}.stop_chance;
+};
+
+/// "script"
+struct ScriptSettings {
+  std::vector<DiscreteAction> actions;
+};
+
+/// Adds "frontier", "frontier-nearest", "frontier-value", "vlfm", "oracle-path", "random" and
+/// "script".
+void add_built_in_policies(PolicyRegistry& registry);
+
+/// The built-in prior.
+[[nodiscard]] const SemanticPrior& default_semantic_prior();
+
+}  // namespace segsim::nav
