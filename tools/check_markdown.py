@@ -2,7 +2,7 @@
 """Checks of the Markdown pages.
 
   check_markdown.py links ROOT   every link leads to a file and, with #..., to a heading in it; every path of this repository
-                                 that is named in `backticks` is there; every page of docs/ is in the site's menu
+                                 that is named in `backticks` is there and has no line number; every page of docs/ is in the site's menu
   check_markdown.py prose ROOT   no line of prose is longer than 120 characters
   check_markdown.py wrap FILE... wraps the paragraphs that have such a line
 
@@ -27,6 +27,7 @@ FENCE = re.compile(r"^\s*(```+|~~~+)")
 HTML_ANCHOR = re.compile(r"<a\s+(?:id|name)=\"([^\"]+)\"")
 GENERATED_BEGIN = re.compile(r"^<!-- (records|generated)\b")
 GENERATED_END = re.compile(r"^<!-- end of (records|generated)")
+LINE_NUMBER = re.compile(r"/[\w.]+\.(?:cpp|cu|h|py|cmake|txt|md):\d+$")
 PATH = re.compile(r"[\w.{},*-]+(?:/[\w.{},*-]+)+/?")
 
 
@@ -165,6 +166,8 @@ def link_faults(root, page):
         if page.name in NAMES_OLD_FILES or line.code:
             continue
         for code in CODE.findall(line.text):
+            if LINE_NUMBER.search(code):
+                yield line.number, f"{code}: lines move; name what stands there"
             missing = missing_file(root, code)
             if missing:
                 yield line.number, f"there is no {missing}"

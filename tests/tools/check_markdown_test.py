@@ -57,6 +57,9 @@ class Links(Repository):
         self.assert_fault("links", "README.md", "as in `core/gone.h`", "no core/gone.h")
         self.assert_fault("links", "README.md", "as in `core/{camera,gone}.h`", "no core/gone.h")
 
+    def test_line_numbers(self):
+        self.assert_fault("links", "README.md", "as in `core/camera.h:12`", "lines move")
+
     def test_a_page_of_the_site_leads_nowhere_else(self):
         self.write("README.md", "")
         self.assert_fault("links", "docs/index.md", "see [this](../README.md)", "outside of docs/")
