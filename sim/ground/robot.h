@@ -3,10 +3,10 @@
 /// @file
 /// A differential-drive base: limits, footprint, and exact motion along circular arcs.
 ///
-/// Order within one step (design notes on kinematics; numbers of the Jackal profile from the
-/// public jackal repository: jackal_control/config/control.yaml,
-/// jackal_description/urdf/jackal.urdf.xacro): command limits -> acceleration limits -> wheel
-/// saturation (curvature is kept) -> exact arc
+/// The numbers of the Jackal profile are from the public jackal repository
+/// (jackal_control/config/control.yaml, jackal_description/urdf/jackal.urdf.xacro). Order
+/// within one step: command limits -> acceleration limits -> wheel saturation (curvature is
+/// kept) -> exact arc
 ///
 ///     x += v/w (sin(yaw + w h) - sin yaw),  y -= v/w (cos(yaw + w h) - cos yaw)
 
