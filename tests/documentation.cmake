@@ -2,6 +2,7 @@
 find_package(Python3 REQUIRED COMPONENTS Interpreter)
 set(segsim_check_markdown Python3::Interpreter ${PROJECT_SOURCE_DIR}/tools/check_markdown.py)
 add_test(NAME links COMMAND ${segsim_check_markdown} links ${PROJECT_SOURCE_DIR})
+add_test(NAME prose COMMAND ${segsim_check_markdown} prose ${PROJECT_SOURCE_DIR})
 add_test(NAME markdown_checker
   COMMAND Python3::Interpreter ${PROJECT_SOURCE_DIR}/tests/tools/check_markdown_test.py)
 

@@ -193,6 +193,8 @@ def prose_faults(root, page):
             yield line.number, f"{length} characters of prose, at most {LONGEST_LINE}"
 
 
+# At the beginning of a line these would make it a list item, a heading or a quotation.
+MARKER = re.compile(r"[-*+#]+|\d+[.)]|[=>|].*")
 ITEM = re.compile(r"^(\s*)([-*+]|\d+[.)])(\s+)")
 # A piece that must stay on one line: code, a link's target with the last word of its text, any other word.
 PIECE = re.compile(r"(?:`[^`]*`|\]\([^)]*\)|[^\s`])+")
@@ -203,11 +205,15 @@ def wrapped(texts):
     item = ITEM.match(texts[0])
     first = item.group(0) if item else re.match(r"\s*", texts[0]).group(0)
     rest = " " * len(first)
-    pieces = PIECE.findall(" ".join([texts[0][len(first):]] + [text.strip() for text in texts[1:]]))
+    pieces = []
+    for piece in PIECE.findall(" ".join([texts[0][len(first):]] + [text.strip() for text in texts[1:]])):
+        if pieces and MARKER.fullmatch(piece):
+            pieces[-1] += " " + piece
+        else:
+            pieces.append(piece)
     lines, line = [], first + pieces[0]
     for piece in pieces[1:]:
-        # No line may begin with what would make it a list item or a heading.
-        if shown_length(f"{line} {piece}") <= LONGEST_LINE or re.fullmatch(r"[-*+#]+|\d+[.)]|[=>|].*", piece):
+        if shown_length(f"{line} {piece}") <= LONGEST_LINE:
             line += " " + piece
         else:
             lines.append(line)
