@@ -14,6 +14,7 @@ constexpr LibrarySetting kReproducible[] = {
     {"DNNL_MAX_CPU_ISA", "AVX2", false},  // The same for oneDNN inside older libtorch.
     // Sums are split among libtorch's threads, so their number is part of the result.
     {"OMP_NUM_THREADS", "1", true},
+    {"MKL_NUM_THREADS", "1", true},  // libtorch prefers it, also when it is built without MKL.
     {"OPENBLAS_CORETYPE", "Haswell", true},
     {"OPENBLAS_NUM_THREADS", "1", true},
     {"OPENCV_CPU_DISABLE", "AVX512-SKX", true},

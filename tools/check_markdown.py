@@ -20,13 +20,14 @@ SKIPPED_FOLDERS = ("build", "out", ".git")
 # A history names files that are gone.
 NAMES_OLD_FILES = ("CHANGELOG.md",)
 LINK = re.compile(r"!?\[((?:[^\[\]]|\[[^\]]*\])*)\]\(\s*<?([^)\s>]+)>?(?:\s+\"[^\"]*\")?\s*\)")
+TARGET = re.compile(r"\]\(\s*<?([^)\s>]+)>?(?:\s+\"[^\"]*\")?\s*\)")
 DEFINITION = re.compile(r"^\[[^\]]+\]:\s*(\S+)")
 CODE = re.compile(r"`([^`]+)`")
 HEADING = re.compile(r"^(#{1,6})\s+(.*?)\s*#*\s*$")
 FENCE = re.compile(r"^\s*(```+|~~~+)")
 HTML_ANCHOR = re.compile(r"<a\s+(?:id|name)=\"([^\"]+)\"")
-GENERATED_BEGIN = re.compile(r"^<!-- (records|generated)\b")
-GENERATED_END = re.compile(r"^<!-- end of (records|generated)")
+GENERATED_BEGIN = re.compile(r"^<!-- (records?|generated)\b")
+GENERATED_END = re.compile(r"^<!-- end of (records?|generated)")
 LINE_NUMBER = re.compile(r"/[\w.]+\.(?:cpp|cu|h|py|cmake|txt|md):\d+$")
 PATH = re.compile(r"[\w.{},*-]+(?:/[\w.{},*-]+)+/?")
 
@@ -103,9 +104,7 @@ def targets(line):
     if line.code:
         return
     text = CODE.sub(lambda code: "x" * len(code.group(0)), line.text)
-    for link in LINK.finditer(text):
-        yield link.group(2)
-        yield from (inner.group(2) for inner in LINK.finditer(link.group(1)))
+    yield from TARGET.findall(text)  # The link's text may have begun on the line before.
     definition = DEFINITION.match(text)
     if definition:
         yield definition.group(1)

@@ -3,11 +3,11 @@
 #
 #   tools/record_quickstart.sh [SEEDS, default 10] [--work DIR, default out/flat-SEEDS]
 #
-# Writes results/quickstart.json (what ran where, and what came out) and puts its table into README.md. What is there is
-# not run again.
+# Writes results/object_search/quickstart.json (what ran where, and what came out) and makes README.md's table and the
+# pages of docs/ anew. What is there is not run again.
 set -euo pipefail
 if [[ ${1:-} == --help || ${1:-} == -h ]]; then
-  sed -n '2,6s/^# \{0,1\}//p' "$0"
+  sed -n '2,7s/^# \{0,1\}//p' "$0"
   exit 0
 fi
 source "$(dirname "${BASH_SOURCE[0]}")/setup.sh"
@@ -32,5 +32,5 @@ sed -e "s#\${spec}#$root/experiments/specs#" -e "s/finetune_seeds: [0-9]*/finetu
 grep -q "finetune_seeds: $seeds" "$spec" || fail "experiments/specs/flat.yaml names no finetune_seeds"
 "$segsim" run "$spec" --work "$work" --workers "$(nproc)" || fail "segsim run ended with code $?; run this again to go on"
 
-python3 tools/readme_tables.py record "$work" results/quickstart.json "tools/record_quickstart.sh $seeds"
-python3 tools/readme_tables.py write .
+python3 tools/results run "$work" results/object_search/quickstart.json "tools/record_quickstart.sh $seeds"
+python3 tools/results write .

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/check.h"
+#include "core/measurement_record.h"
 #include "core/version.h"
 #include "experiments/records/store.h"
 #include "experiments/support/text_grid.h"
@@ -20,20 +21,6 @@ using Json = nlohmann::ordered_json;
 
 std::string size_text(const BenchCase& setup) {
   return std::to_string(setup.width_px) + "x" + std::to_string(setup.height_px);
-}
-
-std::string channels_text(core::Channels channels) {
-  std::string text;
-  const auto add = [&](core::Channels channel, const char* word) {
-    if (core::has(channels, channel)) text += (text.empty() ? "" : "+") + std::string(word);
-  };
-  add(core::Channels::kRgb, "rgb");
-  add(core::Channels::kDepth, "depth");
-  add(core::Channels::kNormal, "normal");
-  add(core::Channels::kLabels, "labels");
-  add(core::Channels::kDepthNormal, "depth-normal");
-  add(core::Channels::kFeatures, "features");
-  return text;
 }
 
 /// Names and values of one result, in the order of the CSV's columns.
@@ -74,6 +61,20 @@ std::vector<std::pair<std::string, Json>> fields_of(const BenchProvenance& prove
 
 }  // namespace
 
+std::string channels_text(core::Channels channels) {
+  std::string text;
+  const auto add = [&](core::Channels channel, const char* word) {
+    if (core::has(channels, channel)) text += (text.empty() ? "" : "+") + std::string(word);
+  };
+  add(core::Channels::kRgb, "rgb");
+  add(core::Channels::kDepth, "depth");
+  add(core::Channels::kNormal, "normal");
+  add(core::Channels::kLabels, "labels");
+  add(core::Channels::kDepthNormal, "depth-normal");
+  add(core::Channels::kFeatures, "features");
+  return text;
+}
+
 const MachinePeaks& BenchProvenance::peaks_for(int threads) const {
   const auto found = std::find_if(peaks.begin(), peaks.end(),
                                   [&](const MachinePeaks& p) { return p.threads == threads; });
@@ -83,9 +84,14 @@ const MachinePeaks& BenchProvenance::peaks_for(int threads) const {
 
 BenchProvenance bench_provenance(const BenchScene& scene, std::span<const BenchCase> cases,
                                  int repeat) {
-  BenchProvenance provenance{core::version(), cpu_model(), renderer::simd_target(),
-                             utc_now(),       scene.name,  static_cast<int>(scene.path.size()),
-                             repeat,          {}};
+  BenchProvenance provenance{core::version(),
+                             core::processor_name(),
+                             renderer::simd_target(),
+                             utc_now(),
+                             scene.name,
+                             static_cast<int>(scene.path.size()),
+                             repeat,
+                             {}};
   std::vector<int> threads{1};
   for (const BenchCase& setup : cases) threads.push_back(thread_count(setup.options.threads));
   std::sort(threads.begin(), threads.end());

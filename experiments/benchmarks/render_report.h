@@ -22,6 +22,9 @@ struct BenchProvenance {
   [[nodiscard]] const MachinePeaks& peaks_for(int threads) const;
 };
 
+/// "rgb+depth".
+[[nodiscard]] std::string channels_text(core::Channels channels);
+
 /// Measures the machine for one thread and for every thread count in `cases`.
 [[nodiscard]] BenchProvenance bench_provenance(const BenchScene& scene,
                                                std::span<const BenchCase> cases, int repeat);

@@ -12,9 +12,11 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
+#include "core/measurement_record.h"
 #include "core/progress.h"
 #include "core/version.h"
 #include "experiments/benchmarks/bench_curves.h"
+#include "experiments/benchmarks/render_record.h"
 #include "experiments/benchmarks/render_report.h"
 #include "experiments/commands/commands.h"
 #include "perception/data/image_file.h"
@@ -32,7 +34,7 @@ struct Flags {
   std::vector<std::string> channels{"rgb", "depth", "normal", "labels"};
   std::vector<int> threads{0};
   int repeat = 5;
-  fs::path json, csv;
+  fs::path json, csv, record;
 };
 
 /// A word of a list, or an error that names the list.
@@ -123,6 +125,14 @@ void save(const fs::path& file, const std::string& text) {
   core::write_file_atomically(file, [&](std::ostream& out) { out << text; });
 }
 
+void save_record(const fs::path& file, const core::MeasurementRecord& record) {
+  if (!file.empty()) save(file, core::record_text(record));
+}
+
+void add_record_flag(CLI::App& command, fs::path& record) {
+  command.add_option("--record", record, "Save a record for results/ (results/README.md)");
+}
+
 BenchScene load_scene(BenchSceneOptions options, core::Channels channels) {
   options.features = core::has(channels, core::Channels::kFeatures);
   BenchScene scene = load_bench_scene(options);
@@ -154,6 +164,7 @@ void bench_render(const Flags& flags) {
   std::fputs(bench_text(provenance, results).c_str(), stdout);
   save(flags.json, bench_json(provenance, results));
   save(flags.csv, bench_csv(provenance, results));
+  save_record(flags.record, bench_record(provenance, results));
 }
 
 void add_scene_flags(CLI::App& command, BenchSceneOptions& scene) {
@@ -203,6 +214,7 @@ void add_render_bench(CLI::App& bench) {
       ->capture_default_str();
   command->add_option("--json", flags->json, "Save results and provenance");
   command->add_option("--csv", flags->csv, "Save one line per case");
+  add_record_flag(*command, flags->record);
   command->callback([flags] { bench_render(*flags); });
 }
 
@@ -221,8 +233,8 @@ void bench_curves(const CurveFlags& flags) {
   progress.finish();
   const std::string footer =
       "room, " + std::to_string(options.scene.surfels) + " surfels per room; " +
-      std::to_string(thread_count(options.threads)) + " threads of " + cpu_model() + ", " +
-      renderer::simd_target() + "; segsim " + core::version();
+      std::to_string(thread_count(options.threads)) + " threads of " + core::processor_name() +
+      ", " + renderer::simd_target() + "; segsim " + core::version();
   perception::write_image(flags.out, draw_curves(curves, footer));
   for (const Curve& curve : curves) {
     std::printf("%s: %s\n", curve.title.c_str(), curve.note.c_str());
@@ -259,7 +271,7 @@ void add_curves_bench(CLI::App& bench) {
 struct AblationFlags {
   BenchSceneOptions scene;
   std::string size = "1296x968", format = "text";
-  std::filesystem::path output;
+  fs::path output, record;
   int threads = 0, repeat = 3;
 };
 
@@ -286,6 +298,7 @@ void print_ablation(const AblationFlags& flags) {
       });
     }
   }
+  save_record(flags.record, ablation_record(rows, results));
   std::fputs(ablation_table(provenance, rows, results, format).c_str(), stdout);
 }
 
@@ -316,6 +329,7 @@ void add_ablation_table(CLI::App& table) {
       ->capture_default_str();
   command->add_option("-o,--output", flags->output,
                       "Folder for table2.txt, .md, .tex, .csv and .json");
+  add_record_flag(*command, flags->record);
   command->callback([flags] { print_ablation(*flags); });
 }
 

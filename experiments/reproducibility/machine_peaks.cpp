@@ -4,7 +4,6 @@
 #include <barrier>
 #include <chrono>
 #include <cstdint>
-#include <fstream>
 #include <functional>
 #include <thread>
 #include <vector>
@@ -175,16 +174,6 @@ MachinePeaks measure_machine_peaks(int threads, double round_s) {
                       return static_cast<double>(piece * sizeof(std::uint64_t));
                     });
   return peaks;
-}
-
-std::string cpu_model() {
-  std::ifstream file("/proc/cpuinfo");
-  for (std::string line; std::getline(file, line);) {
-    if (line.rfind("model name", 0) != 0) continue;
-    const std::size_t colon = line.find(": ");
-    if (colon != std::string::npos) return line.substr(colon + 2);
-  }
-  return "unknown";
 }
 
 }  // namespace segsim::experiments

@@ -19,7 +19,4 @@ struct MachinePeaks {
 /// the rounds; 0.02 s is enough to be steady.  Needs 256 MiB of memory.
 [[nodiscard]] MachinePeaks measure_machine_peaks(int threads, double round_s = 0.03);
 
-/// "Intel(R) Xeon(R) ...", or "unknown".
-[[nodiscard]] std::string cpu_model();
-
 }  // namespace segsim::experiments

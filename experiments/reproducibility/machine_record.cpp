@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "core/file_io.h"
+#include "core/measurement_record.h"
 #include "core/random.h"
-#include "experiments/reproducibility/machine_peaks.h"
 #include "perception/detector/library_versions.h"
 #include "perception/detector/numeric_fingerprints.h"
 #include "renderer/cpu_renderer.h"
@@ -96,7 +96,7 @@ std::map<std::string, std::string> processor_features() {
 MachineRecord describe_machine() {
   MachineRecord record;
   record.kernels = core::kernel_choice();
-  record.processor = cpu_model();
+  record.processor = core::processor_name();
   record.features = processor_features();
   record.libraries = perception::library_versions();
   record.libraries.merge(worlds::library_versions());

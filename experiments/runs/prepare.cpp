@@ -35,7 +35,7 @@ namespace fs = std::filesystem;
 
 constexpr int kValidationShare =
     5;  ///< One view in five as many again for each of the other sets.
-/// Rooms and homes by seed; pre-training uses seeds from 1 (docs/results.md).
+/// Rooms and homes by seed; pre-training uses seeds from 1 (docs/results/detectors.md).
 constexpr std::uint64_t kMixSeed = 500'000, kSourceSeed = 900'000, kUnseenSeed = 700'000;
 constexpr int kSourceRooms = 20, kViewsPerRoom = 8;
 constexpr double kStartRegion_m = 0.5;  ///< At least, that the table counts leaks in.

@@ -5,6 +5,7 @@
 #include <sstream>
 
 #include "core/file_io.h"
+#include "core/kernel_choice.h"
 #include "core/progress.h"
 #include "core/scene_bundle.h"
 #include "experiments/runs/prepare.h"
@@ -155,7 +156,10 @@ std::vector<fs::path> prepare_scenes(const ExperimentSpec& spec, const fs::path&
     if (steps[k].is_current()) return;
     timer.working();
     std::optional<perception::ThreadCountScope> part;
-    if (at_once > 1) part.emplace(std::max(1, processor_count() / at_once));
+    // Sums are split among libtorch's threads: reproducible work leaves them at one.
+    if (at_once > 1 && core::kernel_choice() == core::KernelChoice::kFast) {
+      part.emplace(std::max(1, processor_count() / at_once));
+    }
     steps[k].reconstruct();
   });
   return bundles;

@@ -10,8 +10,8 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
+#include "core/measurement_record.h"
 #include "core/kernel_choice.h"
-#include "experiments/reproducibility/machine_peaks.h"
 #include "experiments/specs/clock_spec.h"
 #include "perception/detector/library_versions.h"
 #include "renderer/scene/simd_target.h"
@@ -87,7 +87,7 @@ SceneExposure exposure_of_arm(const ExperimentSpec& spec, const ArmSpec& arm,
 std::string host_and_processor() {
   char name[256] = {};
   const bool known = gethostname(name, sizeof name - 1) == 0;
-  return std::string(known ? name : "unknown") + ", " + cpu_model();
+  return std::string(known ? name : "unknown") + ", " + core::processor_name();
 }
 
 std::string library_versions() {

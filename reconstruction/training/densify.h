@@ -60,7 +60,7 @@ class HoleFiller {
   /// Every second pixel of every second row with alpha < kHoleAlpha gives a surfel as large as
   /// the pixels where a depth in (min, max) says, facing as the depth's normals say.
   /// Where none was measured there is none: surfels at guessed depths stand in the way of
-  /// other views (docs/results.md, break room).
+  /// other views (docs/results/reconstruction.md).
   /// @param T_world_camera  Of the view: training may have moved it.
   /// @param alpha  [height, width] of the view as drawn.
   void add_view(const TrainingView& view, const core::CameraPose& T_world_camera,

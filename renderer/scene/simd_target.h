@@ -4,7 +4,7 @@
 
 namespace segsim::renderer {
 
-/// Name of the instruction set that the CPU renderer uses on this machine, in Highway's words:
+/// Name of the instruction set that the CPU renderer uses in this process, in Highway's words:
 /// "AVX3" (AVX-512), "AVX2", "SSE4", "NEON", "EMU128" (scalar), ...
 [[nodiscard]] std::string simd_target();
 

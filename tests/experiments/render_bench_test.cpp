@@ -1,6 +1,9 @@
 #include "experiments/benchmarks/render_bench.h"
 
 #include <cmath>
+#include <map>
+#include <string>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -9,6 +12,7 @@
 #include "core/check.h"
 #include "core/error.h"
 #include "experiments/benchmarks/bench_curves.h"
+#include "experiments/benchmarks/render_record.h"
 #include "experiments/benchmarks/render_report.h"
 
 namespace segsim::experiments {
@@ -189,7 +193,44 @@ TEST(MachinePeaks, AreThoseOfARealMachine) {
   EXPECT_LT(one.read_gbps, 1000.0);
   EXPECT_EQ(measure_machine_peaks(2, 0.005).threads, 2);
   EXPECT_THROW(static_cast<void>(measure_machine_peaks(0)), core::ContractViolation);
-  EXPECT_FALSE(cpu_model().empty());
+}
+
+std::map<std::string, double> values_of(const core::MeasurementRecord& record,
+                                        const std::string& case_name) {
+  std::map<std::string, double> values;
+  for (const core::MeasuredValue& value : record.values) {
+    if (value.case_name == case_name) values[value.name] = value.value;
+  }
+  return values;
+}
+
+TEST(RenderRecord, HasACaseForEachResult) {
+  BenchResult other = made_up_result();
+  other.setup.options.top_k = 8;
+  other.setup.channels = core::Channels::kRgbd;
+  const core::MeasurementRecord record =
+      bench_record(made_up_machine(), std::vector{made_up_result(), other});
+  EXPECT_FALSE(record.on_gpu);
+  const auto usual = values_of(record, "made up; 80x56, 1 thread");
+  EXPECT_EQ(usual.at("median"), 20.0);
+  EXPECT_EQ(usual.at("frames/s"), 50.0);
+  EXPECT_DOUBLE_EQ(usual.at("evaluations per pixel"), 1e6 / (80 * 56));
+  EXPECT_EQ(values_of(record, "made up; 80x56, 1 thread, rgb+depth, top-k 8").at("p95"), 30.0);
+}
+
+TEST(RenderRecord, OfTable2HasThePapersFiguresWhereItHasTheRow) {
+  const std::vector<AblationRow> rows = ablation_rows(small_case());
+  std::vector<BenchResult> results(rows.size(), made_up_result());
+  results[1].agreement = std::nan("");
+  const core::MeasurementRecord record = ablation_record(rows, results);
+  const auto first = values_of(record, "(A) aabb, all surfels");
+  EXPECT_EQ(first.at("agreement"), 75.0);
+  EXPECT_EQ(first.at("paper: PQ"), 74.75);
+  EXPECT_DOUBLE_EQ(first.at("pairs"), 0.004);
+  const auto second = values_of(record, "(B) accutile, all surfels");
+  EXPECT_EQ(second.count("agreement"), 0U);  // Not a number, so nobody measured it.
+  EXPECT_EQ(values_of(record, "(C') aabb, first 3 met").count("paper: PQ"), 0U);
+  EXPECT_EQ(values_of(record, "(C') aabb, first 3 met").count("time"), 1U);
 }
 
 TEST(Curves, FitsOfKnownFunctions) {

@@ -1,15 +1,18 @@
 // From the pose that Gazebo sends to the images that it receives, over the real transport with
 // a second process: latency beside the time to draw, and loss.
 //
-//     gazebo_bench [seconds=60] [rate=30] [bundle=DIR] [limits=on|off]
+//     gazebo_bench [seconds=60] [rate=30] [bundle=DIR] [limits=on|off] [--record=FILE]
 //
 // Without a bundle: the two rooms of TinyScene. 640 x 480, colour, depth and labels. Exits
 // with 1 if the median latency exceeds 1.2 x the median time to draw + 3 ms, or a frame that
-// was due did not come back.
+// was due did not come back. --record saves a record for results/ (results/README.md).
 
 #include <cstdio>
+#include <ostream>
 #include <string>
 
+#include "core/file_io.h"
+#include "core/measurement_record.h"
 #include "core/scene_bundle.h"
 #include "tests/experiments/tiny_scene.h"
 #include "tests/system/gazebo_processes.h"
@@ -26,6 +29,24 @@ std::string option(int argc, char** argv, const std::string& key,
     if (argument.rfind(key + "=", 0) == 0) return argument.substr(key.size() + 1);
   }
   return otherwise;
+}
+
+struct Figures {
+  double render_ms, latency_ms, limit_ms, memory_mb;
+  int complete, due;  ///< Frames.
+};
+
+segsim::core::MeasurementRecord record_of(const Figures& f) {
+  using Goal = segsim::core::MeasurementGoal;
+  return {"Gazebo bridge",
+          false,
+          {{"", "frames due", "", static_cast<double>(f.due)},
+           {"", "frames that came back", "", static_cast<double>(f.complete),
+            Goal{Goal::Kind::kAtLeast, static_cast<double>(f.due), {}}},
+           {"", "drawing, median", "ms", f.render_ms},
+           {"", "pose to images, median", "ms", f.latency_ms,
+            Goal{Goal::Kind::kAtMost, f.limit_ms, {}}},
+           {"", "memory", "MB", f.memory_mb}}};
 }
 
 }  // namespace
@@ -82,5 +103,12 @@ int main(int argc, char** argv) {
       "pose in to images out: median %.2f ms, limit 1.2 x %.2f + 3 = %.2f ms\n"
       "frames: %d of %d\n",
       latency_ms, render_ms, limit_ms, complete, due);
+  const std::string record = option(argc, argv, "--record", "");
+  if (!record.empty()) {
+    core::write_file_atomically(record, [&](std::ostream& out) {
+      out << core::record_text(
+          record_of({render_ms, latency_ms, limit_ms, memory_mb, complete, due}));
+    });
+  }
   return limits && (latency_ms > limit_ms || complete != due) ? 1 : 0;
 }

@@ -1,0 +1,42 @@
+"""Finds figures in the documentation that no record stands behind.
+
+A figure is a number with a unit of a measurement. Those that the text sets rather than measures (limits, settings, sizes,
+examples) are listed in results/specified_figures.txt, a line each: `docs/FILE.md: FIGURE`. Blocks that are made from
+records, and code, are not looked at.
+"""
+import os
+import re
+
+UNIT = r"(?:ms|us|dB|FPS|frames/s|images/s|steps/s|GFLOP/s|GB/s)"
+NUMBER = r"(?:\d{1,3}(?: \d{3})+|\d+)(?:\.\d+)?"
+FIGURE = re.compile(rf"(?<![\w.-]){NUMBER}\s{UNIT}(?![\w/])|\bPQ \d+(?:\.\d+)?")
+MADE_BLOCK = re.compile(r"<!-- records?: .*?<!-- end of records? -->", re.DOTALL)
+FENCED = re.compile(r"^```.*?^```", re.DOTALL | re.MULTILINE)
+LIST = "results/specified_figures.txt"
+
+
+def blank(match):
+    return re.sub(r"[^\n]", " ", match[0])
+
+
+def prose_of(text):
+    """With everything else made blank, so that lines keep their numbers."""
+    text = FENCED.sub(blank, MADE_BLOCK.sub(blank, text))
+    return [("" if line.startswith("    ") else re.sub(r"`[^`]*`", " ", line)) for line in text.split("\n")]
+
+
+def specified(root):
+    with open(os.path.join(root, LIST)) as file:
+        lines = (line.strip() for line in file)
+        return {tuple(line.split(": ", 1)) for line in lines if line and not line.startswith("#")}
+
+
+def figures_without_record(root, pages):
+    """Yields "docs/FILE.md:LINE: FIGURE"."""
+    allowed = specified(root)
+    for page in pages:
+        with open(os.path.join(root, page)) as file:
+            for number, line in enumerate(prose_of(file.read()), 1):
+                for figure in FIGURE.findall(line):
+                    if (page, " ".join(figure.split())) not in allowed:
+                        yield f"{page}:{number}: {figure}"
