@@ -10,7 +10,6 @@
 #include "core/process_memory.h"
 #include "core/version.h"
 #include "experiments/commands/commands.h"
-#include "renderer/scene/simd_target.h"
 
 namespace {
 
@@ -25,7 +24,6 @@ int main(int argc, char** argv) {
   using namespace segsim;  // NOLINT(google-build-using-namespace): main wires everything
 
   core::keep_freed_memory();
-  renderer::apply_kernel_choice();
   std::signal(SIGXFSZ, SIG_IGN);  // A file at its limit is an error like a full disk.
   CLI::App app{
       "Fast-SegSim: does this perception change make the robot reach its goal more often?\n"

@@ -215,29 +215,29 @@ void read_line(const Json& json, ReplayLog& log) {
   }
 }
 
-std::string print(double value) {
+std::string exact(double value) {
   char text[32];
   std::snprintf(text, sizeof text, "%.17g", value);
   return text;
 }
 
-std::string print(const core::Pose2& pose) {
-  return "(" + print(pose.x_m) + ", " + print(pose.y_m) + ", " + print(pose.yaw_rad) + ")";
+std::string exact(const core::Pose2& pose) {
+  return "(" + exact(pose.x_m) + ", " + exact(pose.y_m) + ", " + exact(pose.yaw_rad) + ")";
 }
 
-std::string print(const core::VelocityCommand& command) {
-  return "(" + print(command.forward_mps) + ", " + print(command.turn_radps) + ")";
+std::string exact(const core::VelocityCommand& command) {
+  return "(" + exact(command.forward_mps) + ", " + exact(command.turn_radps) + ")";
 }
 
 /// Fields in the order in which one follows from the other.
 std::vector<std::pair<const char*, std::string>> fields_of(const sim::TickRecord& tick) {
   return {{"time_ns", std::to_string(tick.time_ns)},
-          {"pose", print(tick.pose)},
+          {"pose", exact(tick.pose)},
           {"contact", tick.in_contact ? "yes" : "no"},
           {"image", std::to_string(tick.capture_index)},
           {"age_ns", std::to_string(tick.age_ns)},
           {"detections", hex(tick.detections_hash)},
-          {"command", print(tick.command)},
+          {"command", exact(tick.command)},
           {"mode", core::to_string(tick.mode)},
           {"goal_pixels", std::to_string(tick.goal_pixels)},
           {"hash", hex(tick.state_hash)}};

@@ -1,6 +1,9 @@
 // CSV form of trial rows.
 #include <cmath>
-#include <cstdio>
+#include <concepts>
+#include <cstdint>
+#include <optional>
+#include <string>
 
 #include "experiments/records/store.h"
 #include "experiments/support/formatted.h"
@@ -16,68 +19,45 @@ std::string csv_field(const std::string& text) {
   return quoted + "\"";
 }
 
-std::string csv_number(double value) {
-  if (!std::isfinite(value)) return "";
-  char text[32];
-  std::snprintf(text, sizeof text, "%.6g", value);
-  return text;
+std::string csv_value(const Column& /*column*/, const std::string& text) {
+  return csv_field(text);
 }
 
-void write_attribution(std::ostream& out, const Attribution& why) {
-  if (!why.known()) {
-    out << ",,,,,,,,,,,,,,,,,,,,";
-    return;
-  }
-  out << ',' << why.cause;
-  for (const int value :
-       {why.inevitable_tick, why.decisive_tick, why.visible_frames, why.detected_frames,
-        why.true_detections, why.false_detections, why.first_true_tick, why.true_clouds,
-        why.false_clouds, why.stopped ? 1 : 0, why.final_visible_px}) {
-    out << ',' << value;
-  }
-  for (const std::optional<double>& value :
-       {why.object_m, why.planar_m, why.shortest_object_m}) {
-    out << ',' << csv_number(value.value_or(std::nan("")));
-  }
-  out << ',' << why.collision_ticks << ',' << why.off_navmesh_ticks << ','
-      << why.reached_instance << ',' << why.images << ',';
-  if (why.misplaced_clouds >= 0) out << why.misplaced_clouds;
+std::string csv_value(const Column& /*column*/, double value) {
+  return std::isfinite(value) ? print("%.6g", value) : "";
+}
+
+std::string csv_value(const Column& column, const std::optional<double>& value) {
+  return value ? csv_value(column, *value) : "";
+}
+
+template <std::integral Integer>
+std::string csv_value(const Column& column, Integer value) {
+  if (column.hexadecimal) return hex(static_cast<std::uint64_t>(value));
+  if (column.unknown_below_zero && static_cast<std::int64_t>(value) < 0) return "";
+  return std::to_string(value);
+}
+
+/// Calls `f(column, value)` with a comma between two calls.
+template <class F>
+void write_line(std::ostream& out, const TrialRow& trial, const F& f) {
+  const char* comma = "";
+  visit_columns(trial, [&](const Column& column, const auto& value) {
+    out << comma;
+    comma = ",";
+    f(column, value);
+  });
+  out << '\n';
 }
 
 }  // namespace
 
 void write_trials_csv(std::ostream& out, const std::vector<TrialRow>& trials) {
-  out << "scene,episode,goal_class,repetition,arm,outcome,success,stop_reason,spl,soft_spl,"
-         "path_m,"
-         "shortest_path_m,distance_to_goal_m,sim_s,wall_s,ticks,contacts,contact_s,"
-         "first_visible_tick,first_detected_tick,invalid_pixel_fraction,state_hash,render_ms,"
-         "detect_ms,policy_ms,error,cause,inevitable_tick,decisive_tick,visible_frames,"
-         "detected_frames,true_detections,false_detections,first_true_tick,true_clouds,"
-         "false_clouds,stopped,final_visible_px,object_m,planar_m,shortest_object_m,"
-         "collision_ticks,off_navmesh_ticks,reached_instance,images,misplaced_clouds,trial_id,"
-         "log,picture,video,track\n";
-  for (const TrialRow& t : trials) {
-    out << csv_field(t.scene) << ',' << csv_field(t.episode) << ',' << csv_field(t.goal_class)
-        << ',' << t.repetition << ',' << csv_field(t.arm) << ',' << t.outcome << ','
-        << (t.success ? 1 : 0) << ',' << csv_field(t.stop_reason);
-    const double distance_m = t.distance_to_goal_m.value_or(std::nan(""));
-    for (const double value :
-         {t.spl, t.soft_spl, t.path_m, t.shortest_path_m, distance_m, t.sim_s, t.wall_s}) {
-      out << ',' << csv_number(value);
-    }
-    out << ',' << t.ticks << ',' << t.contacts << ',' << csv_number(t.contact_s) << ','
-        << t.first_visible_tick << ',' << t.first_detected_tick << ','
-        << csv_number(t.invalid_pixel_fraction) << ',' << hex(t.state_hash);
-    for (const double value : {t.render_ms, t.detect_ms, t.policy_ms}) {
-      out << ',' << csv_number(value);
-    }
-    out << ',' << csv_field(t.error);
-    write_attribution(out, t.why);
-    out << ',' << t.trial_id;
-    for (const std::string* file : {&t.log, &t.picture, &t.video, &t.track}) {
-      out << ',' << csv_field(*file);
-    }
-    out << '\n';
+  write_line(out, {}, [&](const Column& column, const auto&) { out << column.name; });
+  for (const TrialRow& trial : trials) {
+    write_line(out, trial, [&](const Column& column, const auto& value) {
+      if (column.part != Part::kWhy || trial.why.known()) out << csv_value(column, value);
+    });
   }
 }
 

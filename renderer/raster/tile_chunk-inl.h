@@ -55,17 +55,9 @@ HWY_INLINE std::uint64_t bits_of(M mask) {
   return bits;
 }
 
-/// 1 / x. With AVX-512 and elsewhere the estimate of the hardware and one Newton step, which
-/// is quicker; its last bits differ between the makers of processors. With AVX2, which runs
-/// that must be equal everywhere are held to (core/kernel_choice.h), a division.
-HWY_INLINE V inverse_of(V x) {
-#if HWY_TARGET == HWY_AVX2
-  return hn::Div(hn::Set(Floats(), 1.0F), x);
-#else
-  const V estimate = hn::ApproximateReciprocal(x);
-  return hn::Mul(estimate, hn::NegMulAdd(x, estimate, hn::Set(Floats(), 2.0F)));
-#endif
-}
+/// 1 / x, correctly rounded. The estimates of the hardware would be a little quicker, and differ
+/// between instruction sets and between the makers of processors.
+HWY_INLINE V inverse_of(V x) { return hn::Div(hn::Set(Floats(), 1.0F), x); }
 
 /// Rounding of f: a cell this far outside is looked at too.
 inline constexpr float kHitSlack = -1e-4F;

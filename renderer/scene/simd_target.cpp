@@ -1,9 +1,5 @@
 #include "renderer/scene/simd_target.h"
 
-#include <cstdint>
-
-#include "core/kernel_choice.h"
-
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "renderer/scene/simd_target.cpp"
 #include <hwy/foreach_target.h>
@@ -25,17 +21,7 @@ namespace {
 HWY_EXPORT(name_of_target);
 }  // namespace
 
-// hwy::SupportedTargets() would tell, too, but on the way it chooses anew for all functions,
-// without regard to what is disabled.
 std::string simd_target() { return HWY_DYNAMIC_DISPATCH(name_of_target)(); }
-
-void apply_kernel_choice() {
-  if (core::kernel_choice() != core::KernelChoice::kReproducible) return;
-  hwy::DisableTargets(~static_cast<std::int64_t>(HWY_AVX2));
-  // For a moment of its first call Highway's choice has no regard to what is disabled. So that
-  // call is made here, before there are other threads.
-  (void)simd_target();
-}
 
 }  // namespace segsim::renderer
 #endif  // HWY_ONCE

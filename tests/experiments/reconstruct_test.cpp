@@ -147,6 +147,7 @@ TEST_F(ReconstructTest, TrainedBundleIsLevelledAndKeepsItsLabels) {
   // A robot has room, and the box has a place in the levelled world.
   const sim::World world = sim::World::load(bundle, options_.robot);
   EXPECT_GT(world.free_space().area_m2(), 3.0);
+  ASSERT_FALSE(bundle.manifest.instances.empty());
   for (const core::SceneInstance& instance : bundle.manifest.instances) {
     EXPECT_LT(instance.box_max_m.z, 2.5);
     EXPECT_GT(instance.box_min_m.z, -0.1);

@@ -159,6 +159,7 @@ TEST_F(Repetitions, EveryTrainingHasItsViewsWeightsAndTrials) {
   // A second call finds everything.
   const RunReport again = run(spec_text("{finetune_seeds: 2}"), "two", 1);
   EXPECT_EQ(again.trials_run, 0);
+  EXPECT_EQ(again.times.size(), report.times.size() - 1) << "all but the trials";
   for (const StageTime& time : again.times) EXPECT_EQ(time.made, time.stage == "tables");
   EXPECT_EQ(load_run(folder).run.provenance.at("time/fine-tuning"),
             stored.run.provenance.at("time/fine-tuning"));

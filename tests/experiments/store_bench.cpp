@@ -1,11 +1,11 @@
 // What the store costs: adding a trial, reading a run to go on with it, its table.
 #include "experiments/records/store.h"
 
-#include <map>
+#include <cstdint>
 #include <string>
+#include <vector>
 
 #include <benchmark/benchmark.h>
-#include <sqlite3.h>
 
 #include "core/check.h"
 #include "experiments/results/stored_run.h"
@@ -31,35 +31,43 @@ std::int64_t begin(Store& store) {
                          {{"before", "a", "c", "", -1, {}}, {"after", "b", "d", "", -1, {}}});
 }
 
-/// Two arms and ten scenes; half of the trials of "before" and nine tenths of "after" succeed.
+/// Of two arms and ten scenes; half of the trials of "before" and nine tenths of "after"
+/// succeed.
+TrialRow trial_of(std::int64_t number) {
+  const std::int64_t episode = number / 2;
+  const bool after = number % 2 == 1;
+  TrialRow trial;
+  trial.arm = after ? "after" : "before";
+  trial.scene = "scene-" + std::to_string(episode % kScenes);
+  trial.episode = trial.scene + "/chair/" + std::to_string(episode);
+  trial.goal_class = "class-" + std::to_string(episode % 7);
+  trial.success = number * 7919 / 2 % 10 < (after ? 9 : 5);
+  trial.outcome = trial.success ? "success" : "timeout";
+  trial.stop_reason = "goal_reached";
+  trial.spl = trial.soft_spl = 0.5;
+  trial.path_m = 5.0 + static_cast<double>(number % 11);
+  trial.shortest_path_m = 4.0;
+  trial.distance_to_goal_m = 0.5;
+  trial.sim_s = 20.0 + static_cast<double>(number % 13);
+  trial.wall_s = 1.0;
+  trial.ticks = 80;
+  trial.state_hash = 0xfedcba9876543210ULL;
+  trial.picture = "pictures/scene/chair.png";
+  trial.log = "logs/scene/chair.json.gz";
+  trial.why.cause = trial.success ? "did_not_fail" : "false_positive";
+  trial.why.images = 80;
+  trial.why.visible_frames = trial.why.detected_frames = 10;
+  return trial;
+}
+
 /// All in one transaction: only reading is measured with it.
 fs::path run_of(const fs::path& folder, std::int64_t trials) {
   const fs::path file = folder / (std::to_string(trials) + ".sqlite");
   if (fs::exists(file)) return file;
-  {
-    Store store(file);
-    (void)begin(store);
-  }
-  sqlite3* db = nullptr;
-  SEGSIM_CHECK(sqlite3_open(file.c_str(), &db) == SQLITE_OK, file.string());
-  const std::string sql =
-      "BEGIN; WITH RECURSIVE k(i) AS (SELECT 0 UNION ALL SELECT i + 1 FROM k WHERE i + 1 < " +
-      std::to_string(trials) +
-      ") INSERT INTO trial SELECT i + 1, 1, CASE i % 2 WHEN 0 THEN 'before' ELSE 'after' END, "
-      "'scene-' || (i / 2 % 10), 'scene-' || (i / 2 % 10) || '/chair/' || (i / 2), "
-      "'class-' || (i / 2 % 7), 0, CASE WHEN (i * 7919 / 2) % 10 < 5 + 4 * (i % 2) THEN "
-      "'success' ELSE 'timeout' END, (i * 7919 / 2) % 10 < 5 + 4 * (i % 2), 'goal_reached', "
-      "0.5, "
-      "0.5, 5.0 + i % 11, 4.0, 0.5, 20.0 + i % 13, 1.0, 80, 0, 0.0, 10, 12, 0.001, "
-      "'fedcba9876543210', 10.0, 5.0, 3.0, '', 'pictures/scene/chair.png', '', 'tracks/t', "
-      "'2026-01-01T00:00:00Z' FROM k;"
-      "INSERT INTO attribution SELECT trial_id, CASE success WHEN 1 THEN 'did_not_fail' ELSE "
-      "'false_positive' END, 70, 60, 20, 10, 10, 3, 12, 1, 1, 1, 50, 0.5, 0.5, 3.0, 0, 0, 1, "
-      "'logs/scene/chair.json.gz', 80 FROM trial; COMMIT;";
-  char* message = nullptr;
-  const int code = sqlite3_exec(db, sql.c_str(), nullptr, nullptr, &message);
-  SEGSIM_CHECK(code == SQLITE_OK, message == nullptr ? "" : message);
-  sqlite3_close(db);
+  std::vector<TrialRow> rows;
+  for (std::int64_t k = 0; k < trials; ++k) rows.push_back(trial_of(k));
+  Store store(file);
+  store.add_trials(begin(store), rows);
   return file;
 }
 

@@ -1,6 +1,14 @@
 // Databases of older and newer versions of the store.
+#include <filesystem>
+#include <set>
+#include <string>
+
 #include <gmock/gmock.h>
 
+#include "column_values.h"
+#include "experiments/records/internal/sqlite_statement.h"
+#include "experiments/records/internal/store_schema.h"
+#include "old_databases.h"
 #include "store_fixture.h"
 
 namespace segsim::experiments {
@@ -62,46 +70,6 @@ TEST_F(StoreTest, AFileOfVersion2IsBroughtUpToDate) {
   EXPECT_EQ(store.trials(id)[1].why.cause, "stuck");
 }
 
-/// A file as version 1 of the store made it: one run, one arm, one trial.
-constexpr const char* kVersion1 = R"sql(
-CREATE TABLE meta (schema_version INTEGER NOT NULL, created TEXT NOT NULL);
-CREATE TABLE run (
-  run_id INTEGER PRIMARY KEY, name TEXT NOT NULL, title TEXT NOT NULL,
-  spec_sha256 TEXT NOT NULL, spec_text TEXT NOT NULL, code_version TEXT NOT NULL,
-  host TEXT NOT NULL, libraries TEXT NOT NULL, success_profile TEXT NOT NULL,
-  seed INTEGER NOT NULL, planned_n INTEGER NOT NULL, planned_trials INTEGER NOT NULL,
-  started TEXT NOT NULL, ended TEXT NOT NULL);
-CREATE TABLE scene (
-  run_id INTEGER NOT NULL REFERENCES run, position INTEGER NOT NULL, name TEXT NOT NULL,
-  title TEXT NOT NULL, scene_sha256 TEXT NOT NULL, episodes_sha256 TEXT NOT NULL,
-  episodes INTEGER NOT NULL, UNIQUE (run_id, name));
-CREATE TABLE arm (
-  run_id INTEGER NOT NULL REFERENCES run, position INTEGER NOT NULL, name TEXT NOT NULL,
-  detector TEXT NOT NULL, weights_sha256 TEXT NOT NULL, tuned_on TEXT NOT NULL,
-  score_threshold REAL NOT NULL, UNIQUE (run_id, name));
-CREATE TABLE trial (
-  trial_id INTEGER PRIMARY KEY, run_id INTEGER NOT NULL REFERENCES run,
-  arm TEXT NOT NULL, scene TEXT NOT NULL, episode TEXT NOT NULL, goal_class TEXT NOT NULL,
-  repetition INTEGER NOT NULL, outcome TEXT NOT NULL, success INTEGER NOT NULL,
-  stop_reason TEXT NOT NULL, spl REAL NOT NULL, soft_spl REAL NOT NULL, path_m REAL NOT NULL,
-  shortest_path_m REAL NOT NULL, distance_to_goal_m REAL, sim_s REAL NOT NULL,
-  wall_s REAL NOT NULL, ticks INTEGER NOT NULL, contacts INTEGER NOT NULL,
-  contact_s REAL NOT NULL, first_visible_tick INTEGER NOT NULL,
-  first_detected_tick INTEGER NOT NULL, invalid_pixel_fraction REAL NOT NULL,
-  state_hash TEXT NOT NULL, render_ms REAL NOT NULL, detect_ms REAL NOT NULL,
-  policy_ms REAL NOT NULL, error TEXT NOT NULL, picture TEXT NOT NULL, video TEXT NOT NULL,
-  track TEXT NOT NULL, finished TEXT NOT NULL,
-  UNIQUE (run_id, arm, episode, repetition));
-INSERT INTO meta VALUES (1, '2025-01-01T00:00:00Z');
-INSERT INTO run VALUES (1, 'old', 'Old', 'aa', 'name: old', '0.0.1', 'h', 'l', 'p', 5, 0, 1,
-  '2025-01-01T00:00:00Z', '');
-INSERT INTO scene VALUES (1, 0, 'b', 'Scene B', 's', 'e', 1);
-INSERT INTO arm VALUES (1, 0, 'before', 'w.bin', 'ff', 'b', 0.25);
-INSERT INTO trial VALUES (1, 1, 'before', 'b', 'b/chair/00', 'chair', 0, 'success', 1, 'stop',
-  0.5, 0.5, 3.25, 2.0, NULL, 10, 1, 40, 0, 0, 3, 4, 0.01, 'fedcba9876543210', 1, 2, 3, '', '',
-  '', '', '2025-01-01T00:01:00Z');
-)sql";
-
 TEST_F(StoreTest, AFileOfVersion1IsBroughtUpToDate) {
   execute_sql(file_, kVersion1);
   for (int opening = 0; opening < 2; ++opening) {  // The second finds nothing to do.
@@ -124,6 +92,109 @@ TEST_F(StoreTest, AFileOfVersion1IsBroughtUpToDate) {
   store.add_trial(id, trial);
   EXPECT_EQ(store.trials(id)[0].why.cause, "stuck");
   EXPECT_EQ(store.arms(id)[1].held_out->source_ap50, std::optional<double>(0.625));
+}
+
+/// "trial.spl REAL NOT NULL" of every column, and "trial: unique run_id arm" of every index.
+std::set<std::string> schema_of(const std::filesystem::path& file) {
+  sqlite3* db = nullptr;
+  EXPECT_EQ(sqlite3_open(file.c_str(), &db), SQLITE_OK);
+  std::set<std::string> schema;
+  for (const char* sql :
+       {"SELECT t.name || '.' || c.name || ' ' || c.type || (CASE c.\"notnull\" WHEN 1 THEN "
+        "' NOT NULL' ELSE '' END) || (CASE c.pk WHEN 0 THEN '' ELSE ' key ' || c.pk END) "
+        "FROM sqlite_master AS t JOIN pragma_table_info(t.name) AS c WHERE t.type = 'table'",
+        "SELECT t.name || ': unique ' || (SELECT group_concat(c.name, ' ') FROM "
+        "pragma_index_info(i.name) AS c) FROM sqlite_master AS t "
+        "JOIN pragma_index_list(t.name) AS i WHERE t.type = 'table'"}) {
+    Statement select(db, file, sql);
+    while (select.step()) schema.insert(select.text());
+  }
+  sqlite3_close(db);
+  return schema;
+}
+
+/// A column that a migration forgets, or that only a migration knows, is found here.
+TEST_F(StoreTest, AllOlderVersionsGetTheSchemaOfNewFiles) {
+  const std::filesystem::path fresh = folder_ / "new.sqlite";
+  { const Store store(fresh); }
+  const std::set<std::string> present = schema_of(fresh);
+  EXPECT_TRUE(present.contains("trial.distance_to_goal_m REAL"));
+  EXPECT_TRUE(present.contains("trial: unique run_id arm episode repetition"));
+  for (int version = 1; version < Store::kSchemaVersion; ++version) {
+    const std::filesystem::path file = folder_ / (std::to_string(version) + ".sqlite");
+    execute_sql(file, kVersion1);
+    for (const Migration& migration : migrations()) {
+      if (migration.to <= version) execute_sql(file, migration.sql);
+    }
+    execute_sql(file, ("UPDATE meta SET schema_version = " + std::to_string(version)).c_str());
+    const Store store(file);
+    EXPECT_EQ(schema_of(file), present) << "version " << version;
+    ASSERT_EQ(store.trials(1).size(), 1U);
+    EXPECT_EQ(store.trials(1)[0].path_m, 3.25);
+  }
+}
+
+TEST_F(StoreTest, AFileOfVersion7IsReadByTheNamesOfItsColumns) {
+  execute_sql(file_, kVersion7);
+  Store store(file_);
+  const std::filesystem::path fresh = folder_ / "new.sqlite";
+  { const Store other(fresh); }
+  EXPECT_EQ(schema_of(file_), schema_of(fresh));
+
+  const RunRow run = store.runs().at(0);
+  EXPECT_EQ(run.seed, 18446744073709551557ULL);
+  EXPECT_EQ(run.success_profile, "p");
+  EXPECT_EQ(run.planned_n, 2);
+  EXPECT_EQ(run.ended, "2026-01-01T02:00:00Z");
+  EXPECT_EQ(run.provenance.at("clock"), "lockstep");
+  const SceneRow scene = store.scenes(1).at(0);
+  EXPECT_EQ(scene.oracle_episodes, 10);
+  EXPECT_EQ(scene.family, "b");
+  const ArmRow arm = store.arms(1).at(0);
+  EXPECT_EQ(arm.held_out.value().recall, 0.625);
+  EXPECT_EQ(arm.held_out->source_ap50, std::optional<double>(0.375));
+  EXPECT_FALSE(arm.held_out->unseen_ap50.has_value());
+  EXPECT_EQ(arm.start_leak.value().near_starts, 3);
+  EXPECT_EQ(arm.finetune_seed, std::optional<std::uint64_t>(11));
+
+  TrialRow expected;
+  expected.trial_id = 1;
+  expected.arm = "after";
+  expected.scene = "b.r2";
+  expected.episode = "b/chair/00";
+  expected.goal_class = "chair";
+  expected.repetition = 1;
+  expected.outcome = "success";
+  expected.success = true;
+  expected.stop_reason = "goal_reached";
+  expected.spl = 0.5;
+  expected.soft_spl = 0.625;
+  expected.path_m = 3.25;
+  expected.shortest_path_m = 2.0;
+  expected.distance_to_goal_m = 0.125;
+  expected.sim_s = 10.5;
+  expected.wall_s = 1.5;
+  expected.ticks = 40;
+  expected.contacts = 2;
+  expected.contact_s = 0.25;
+  expected.first_visible_tick = 3;
+  expected.first_detected_tick = 4;
+  expected.invalid_pixel_fraction = 0.015625;
+  expected.state_hash = 0xfedcba9876543210ULL;
+  expected.render_ms = 1.25;
+  expected.detect_ms = 2.25;
+  expected.policy_ms = 3.5;
+  expected.error = "none";
+  expected.picture = "p.png";
+  expected.video = "v.mp4";
+  expected.track = "t";
+  expected.finished = "2026-01-01T01:00:00Z";
+  expected.log = "logs/x";
+  expected.why = {"did_not_fail", 36,   35,   150, 21,  20, 22, 5, 23, 6, 7, 12,
+                  true,           1234, 0.75, {},  3.5, 8,  9,  10};
+  EXPECT_EQ(values_of(store.trials(1).at(0)), values_of(expected));
+  store.add_trial(1, a_trial("after", "b/chair/01", true));
+  EXPECT_EQ(store.trials(1).size(), 2U);
 }
 
 TEST_F(StoreTest, AFileOfVersion3IsBroughtUpToDate) {

@@ -93,9 +93,12 @@ TEST_F(ViewLabelsTest, ObjectsAgreeWithThemselvesAndWithTheirExtent) {
 TEST_F(ViewLabelsTest, ObjectsOfLittleAgreementAreIgnored) {
   ViewLabelOptions strict = options();
   strict.min_label_agreement = 1.01;
+  std::size_t boxes = 0;
   for (const auto& image : label(strict).dataset.images) {
     for (const auto& box : image.boxes) EXPECT_TRUE(box.ignore);
+    boxes += image.boxes.size();
   }
+  EXPECT_GT(boxes, 0U);
 }
 
 TEST_F(ViewLabelsTest, AvoidedPlacesStayEmpty) {

@@ -209,6 +209,7 @@ TEST(Lifting, RenderedViewsHaveNoHoles) {
 
 TEST(Lifting, DropsFlyingPixels) {
   const LiftResult result = lift(BallOnFloor{{.flying_pixels = true}});
+  ASSERT_GT(result.surfels.size(), 500U);
   for (const glm::vec3& p : result.surfels.position_m) {
     ASSERT_LT(surface_distance_m(p), 0.03) << p.x << " " << p.y << " " << p.z;
   }

@@ -155,6 +155,8 @@ TEST_F(TrialSensors, ThePolicySeesNoiseAndTheJudgeDoesNot) {
   }
   ASSERT_GT(count, 500);
   EXPECT_NEAR(squares / count, 1.0, 4.0 * std::sqrt(2.0 / count));
+  ASSERT_EQ(true_depth_.size(), truth.size());
+  ASSERT_GT(truth.size(), 15U);
   for (const auto& [time_ns, depth_m] : true_depth_) {
     EXPECT_TRUE(equal_or_nan(depth_m, truth.at(time_ns)));
   }

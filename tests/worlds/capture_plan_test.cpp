@@ -66,6 +66,7 @@ TEST(CapturePlan, ATerraceWithoutARoofIsNotIndoors) {
   // A roof over more than half of all: the rest is outside.
   add_rectangle(scene, {2, -6, 2.5}, {0, 12, 0}, {3, 0, 0}, 0, 3, 0);
   const std::vector<core::CameraPose> roofed = plan_capture_trajectory(scene, plan);
+  ASSERT_FALSE(roofed.empty());
   for (const core::CameraPose& pose : roofed) EXPECT_LT(pose.translation_m().x, 5.1);
 }
 

@@ -84,13 +84,15 @@ class Statement {
   }
   double number() { return sqlite3_column_double(statement_, read_++); }
   std::int64_t integer() { return sqlite3_column_int64(statement_, read_++); }
-  int small_integer() { return static_cast<int>(integer()); }
   std::optional<double> optional_number() {
-    if (sqlite3_column_type(statement_, read_) == SQLITE_NULL) {
-      ++read_;
-      return std::nullopt;
-    }
+    if (skip_null()) return std::nullopt;
     return number();
+  }
+  /// Goes on to the next column if there is nothing in this one.
+  bool skip_null() {
+    const bool none = sqlite3_column_type(statement_, read_) == SQLITE_NULL;
+    if (none) ++read_;
+    return none;
   }
 
  private:

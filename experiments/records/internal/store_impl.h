@@ -69,6 +69,10 @@ struct Store::Impl {
   };
 
   void create_or_check_schema() const;
+  /// Within a transaction, in an empty file.
+  void create_schema() const;
+  /// Within a transaction.
+  void migrate() const;
   /// Within a transaction.
   void put_provenance(std::int64_t run_id, const std::string& name, const std::string& value);
   void put_trial(std::int64_t run_id, const TrialRow& trial);

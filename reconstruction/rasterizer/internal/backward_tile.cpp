@@ -1,6 +1,7 @@
 #include <bit>
 #include <cstdint>
 
+#include "core/kernel_choice.h"
 #include "reconstruction/rasterizer/internal/plain_tile.h"
 #include "reconstruction/rasterizer/internal/training_tile.h"
 
@@ -213,14 +214,23 @@ namespace segsim::renderer::internal {
 namespace training {
 namespace {
 HWY_EXPORT(backward);
+
+/// A sum over the lanes of a vector depends on how many there are. So runs that are to be
+/// reproducible add as AVX2 does, which all their processors have.
+[[nodiscard]] auto backward_of_run() {
+#if HWY_TARGETS & HWY_AVX2
+  static const bool held = core::kernel_choice() == core::KernelChoice::kReproducible;
+  if (held) return &N_AVX2::backward;
+#endif
+  return &HWY_DYNAMIC_DISPATCH(backward);
+}
 }  // namespace
 }  // namespace training
 
 void backward_tile(const TileView<float>& tile, const TileRecord<float>& record,
                    const std::uint16_t* cells, const TileLoss<float>& loss,
                    LocalGradient<float>* gradients) {
-  using namespace training;
-  HWY_DYNAMIC_DISPATCH(backward)(tile, record, cells, loss, gradients);
+  training::backward_of_run()(tile, record, cells, loss, gradients);
 }
 
 void backward_tile(const TileView<double>& tile, const TileRecord<double>& record,

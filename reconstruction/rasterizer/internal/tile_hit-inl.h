@@ -31,20 +31,9 @@ using M = hn::Mask<Floats>;
 HWY_INLINE V set(float x) { return hn::Set(Floats(), x); }
 HWY_INLINE V load(const float* from) { return hn::Load(Floats(), from); }
 HWY_INLINE bool none(M mask) { return hn::AllFalse(Floats(), mask); }
-/// Vectors of a cell.
-HWY_INLINE int vectors_of_cell() { return kCellSize / static_cast<int>(hn::Lanes(Floats())); }
 
-/// 1 / x. With AVX-512 and elsewhere the estimate of the hardware and one Newton step, which
-/// is quicker; its last bits differ between the makers of processors. With AVX2, which runs
-/// that must be equal everywhere are held to (core/kernel_choice.h), a division.
-HWY_INLINE V inverse_of(V x) {
-#if HWY_TARGET == HWY_AVX2
-  return hn::Div(set(1.0F), x);
-#else
-  const V estimate = hn::ApproximateReciprocal(x);
-  return hn::Mul(estimate, hn::NegMulAdd(x, estimate, set(2.0F)));
-#endif
-}
+/// 1 / x, correctly rounded, as in the renderer.
+HWY_INLINE V inverse_of(V x) { return hn::Div(set(1.0F), x); }
 
 /// e^(-rho / 2) for rho in [0, 20], relative error 3e-7.
 HWY_INLINE V gaussian(V rho) {

@@ -1,0 +1,131 @@
+#include "experiments/runs/internal/fine_tuning.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <mutex>
+#include <numeric>
+#include <sstream>
+
+#include "core/file_io.h"
+#include "core/progress.h"
+#include "experiments/detection/source_dataset.h"
+#include "experiments/support/formatted.h"
+#include "experiments/support/side_by_side.h"
+#include "perception/training/training.h"
+
+namespace segsim::experiments::internal {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Of the rooms that are mixed in; pre-training uses seeds from 1 (docs/results/detectors.md).
+constexpr std::uint64_t kMixSeed = 500'000;
+
+/// "detector-after.bin" -> "detector-after.s3.bin"
+fs::path with_suffix(const fs::path& file, const std::string& suffix) {
+  return file.parent_path() / (file.stem().string() + suffix + file.extension().string());
+}
+
+}  // namespace
+
+std::vector<Training> trainings_of(const ExperimentSpec& spec) {
+  std::vector<Training> trainings;
+  for (const ArmSpec& arm : spec.arms) {
+    if (!arm.finetune_seed) continue;
+    const auto same = [&](const Training& training) {
+      return training.reconstruction == arm.reconstruction &&
+             training.seed == *arm.finetune_seed;
+    };
+    if (std::any_of(trainings.begin(), trainings.end(), same)) continue;
+    trainings.push_back({arm.reconstruction, *arm.finetune_seed,
+                         repetition_suffix(spec, arm.reconstruction, arm.finetune_seed)});
+  }
+  return trainings;
+}
+
+FineTuning::FineTuning(const ExperimentSpec& spec, const fs::path& before,
+                       const fs::path& views, const fs::path& validation,
+                       const Training& training, const fs::path& work)
+    : finetune_(*spec.detectors.finetune),
+      before_(before),
+      views_(views),
+      validation_(validation),
+      seed_(training.seed),
+      output_(with_suffix(spec.detectors.after, training.suffix)),
+      record_(work / ("detector-after" + training.suffix + ".step"), recipe()) {}
+
+bool FineTuning::is_current() const { return fs::exists(output_) && record_.is_current(); }
+
+void FineTuning::make(const fs::path& mix,
+                      const std::function<void(int, double)>& on_step) const {
+  perception::TrainOptions train;
+  train.initial_weights = before_;
+  train.train_json = views_;
+  train.validation_json = validation_;
+  train.output = output_;
+  train.steps = finetune_.steps;
+  train.seed = seed_;
+  train.threads = finetune_.threads;
+  if (finetune_.learning_rate > 0.0) train.learning_rate = finetune_.learning_rate;
+  if (!mix.empty()) {
+    train.mix_json = mix;
+    train.mix_share = finetune_.mix_share;
+  }
+  train.show_progress = false;
+  train.on_step = [&](int steps_done, double loss) {
+    on_step(steps_done, loss);
+    return true;
+  };
+  perception::train(train);
+  record_.mark_done();
+}
+
+std::string FineTuning::recipe() const {
+  std::ostringstream text;
+  text << "finetune v2 from " << core::sha256_of_file(before_) << " on "
+       << core::sha256_of_file(views_) << ", " << finetune_.steps << " steps, rate "
+       << finetune_.learning_rate << ", seed " << seed_ << ", " << finetune_.threads
+       << " threads";
+  if (finetune_.mix_share > 0.0) {
+    text << ", mixed " << finetune_.mix_share << " of " << finetune_.mix_rooms << " rooms";
+  }
+  return text.str();
+}
+
+void fine_tune(const ExperimentSpec& spec, const std::vector<FineTuning>& steps,
+               const fs::path& work, int workers, StageTimes& times) {
+  StageTimes::Timer timer(times, "fine-tuning");
+  std::vector<const FineTuning*> missing;
+  for (const FineTuning& step : steps) {
+    if (!step.is_current()) missing.push_back(&step);
+  }
+  if (missing.empty()) return;
+  timer.working();
+  const FinetuneSpec& finetune = *spec.detectors.finetune;
+  fs::path mix;
+  if (finetune.mix_share > 0.0) {
+    SourceDatasetOptions source;
+    source.seed = kMixSeed;
+    source.rooms = finetune.mix_rooms;
+    source.views_per_room = kViewsPerRoom;
+    mix = render_source_dataset(source, work / "source_mix");
+  }
+  const int at_once =
+      std::clamp(workers / finetune.threads, 1, static_cast<int>(missing.size()));
+  std::printf("fine-tuning the detector: %zu x %d steps, %d side by side\n", missing.size(),
+              finetune.steps, at_once);
+  core::Progress progress("fine-tuning",
+                          static_cast<std::int64_t>(missing.size()) * finetune.steps);
+  std::mutex mutex;  // Guards what follows.
+  std::vector<int> done(missing.size(), 0);
+  side_by_side(missing.size(), at_once, [&](std::size_t k) {
+    missing[k]->make(mix, [&, k](int steps_done, double loss) {
+      const std::lock_guard<std::mutex> lock(mutex);
+      done[k] = steps_done;
+      progress.update(std::accumulate(done.begin(), done.end(), std::int64_t{0}),
+                      print("loss %.3f", loss));
+    });
+  });
+}
+
+}  // namespace segsim::experiments::internal
