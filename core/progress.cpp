@@ -33,7 +33,7 @@ std::string format_duration(double duration_s) {
   return text;
 }
 
-Progress::Progress(std::string label, std::int64_t total)
+Progress::Progress(const std::string& label, std::int64_t total)
     : label_(prefix + label),
       total_(std::max<std::int64_t>(total, 1)),
       terminal_(::isatty(STDERR_FILENO) == 1),

@@ -10,7 +10,7 @@ namespace segsim::core {
 /// terminal, printed every ten seconds elsewhere (logs, CI).
 class Progress {
  public:
-  Progress(std::string label, std::int64_t total);
+  Progress(const std::string& label, std::int64_t total);
   ~Progress();
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;

@@ -2,15 +2,22 @@
 # Installs what is missing, builds everything and runs all tests.
 #
 #   tests/run.sh [--help] [preset, default release] [ctest options]
+#   tests/run.sh quick [ctest options]     the tests that take below three minutes on two cores, and nothing for GPUs
+#
+# SEGSIM_REQUIRE_GPU=1: what needs a GPU fails where there is none, instead of being left out.
 set -euo pipefail
 if [[ ${1:-} == --help || ${1:-} == -h ]]; then
-  sed -n '2,5s/^# \{0,1\}//p' "$0"
+  sed -n '2,7s/^# \{0,1\}//p' "$0"
   exit 0
 fi
 source "$(dirname "${BASH_SOURCE[0]}")/../tools/setup.sh"
 cd "$root"
 preset=release
-if [[ ${1:-} =~ ^[a-z]+$ ]]; then
+quick=
+if [[ ${1:-} == quick ]]; then
+  quick=yes
+  shift
+elif [[ ${1:-} =~ ^[a-z]+$ ]]; then
   preset=$1
   shift
 fi
@@ -27,7 +34,9 @@ build "$preset"
 # The GPU renderer compiles wherever there is a CUDA compiler; it is run where there is a GPU.
 # Machine code for compute capability 8.0 and 9.0, PTX for later ones.
 nvcc=$(command -v nvcc || echo /usr/local/cuda/bin/nvcc)
-if [[ $preset == release && -x $nvcc ]]; then
+if [[ -n $quick ]]; then
+  :
+elif [[ $preset == release && -x $nvcc ]]; then
   say "Compiling the GPU renderer ($nvcc)"
   cmake --preset cuda-minimal -DCMAKE_CUDA_COMPILER="$nvcc" \
     "-DCMAKE_CUDA_ARCHITECTURES=80-real;90" >/dev/null || fail "cmake could not configure; see above"
@@ -36,9 +45,16 @@ if [[ $preset == release && -x $nvcc ]]; then
     || fail "the GPU renderer differs from the reference; see above"
   build/cuda-minimal/tests/renderer/cuda_minimal/training_check || (($? == 2)) \
     || fail "the GPU's gradients differ from the reference; see above"
+elif [[ -n ${SEGSIM_REQUIRE_GPU:-} && $SEGSIM_REQUIRE_GPU != 0 ]]; then
+  fail "SEGSIM_REQUIRE_GPU demands the GPU renderer's checks; they need a CUDA compiler and the preset release"
 else
   say "The GPU renderer is not compiled: no CUDA compiler, or another preset"
 fi
 
 say "Running the tests"
-ctest --preset "$preset" -j "$(nproc)" "$@"
+options=()
+if [[ -n $quick ]]; then
+  # One regular expression of all lines.
+  options=(--exclude-regex "^($(grep -v '^#' tests/slow_tests.txt | paste -sd'|'))\$")
+fi
+ctest --preset "$preset" -j "$(nproc)" "${options[@]}" "$@"

@@ -10,8 +10,8 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
-#include "core/measurement_record.h"
 #include "core/kernel_choice.h"
+#include "core/measurement_record.h"
 #include "experiments/specs/clock_spec.h"
 #include "perception/detector/library_versions.h"
 #include "renderer/scene/simd_target.h"

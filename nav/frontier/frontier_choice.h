@@ -1,8 +1,8 @@
 #pragma once
 
 /// @file
-/// Which frontier VLFM visits next (A9 of the design notes): the most valuable one, with
-/// stickiness to the last choice and a memory of states against going in circles.
+/// Which frontier VLFM visits next: the most valuable one. It prefers the frontier that it
+/// chose last, and remembers states so that it does not go in circles.
 
 #include <functional>
 #include <optional>

@@ -81,7 +81,7 @@ Pool& pool() {
 }  // namespace
 
 ZeroPages::ZeroPages(std::size_t size)
-    : data(nullptr), bytes(std::max(size + kPage - 1, kPage) / kPage * kPage) {
+    : bytes(std::max(size + kPage - 1, kPage) / kPage * kPage) {
   data = pool().take(bytes);
   if (data != nullptr) return;
   data = mmap(nullptr, bytes, PROT_READ | PROT_WRITE,

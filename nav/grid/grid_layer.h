@@ -32,7 +32,7 @@ struct ZeroPages {
   ~ZeroPages();
   ZeroPages(const ZeroPages&) = delete;
   ZeroPages& operator=(const ZeroPages&) = delete;
-  void* data;
+  void* data = nullptr;
   std::size_t bytes;
 };
 
@@ -175,6 +175,8 @@ class GridLayer {
   }
   void fill_box(const CellBox& box) {
     constexpr std::array<unsigned char, sizeof(Pixel)> kZeros{};
+    // Whether the bits are zero, as those of fresh pages are: no question of values.
+    // NOLINTNEXTLINE(bugprone-suspicious-memory-comparison)
     if (box.empty() || std::memcmp(&fill_, kZeros.data(), kZeros.size()) == 0) return;
     for (int j = box.low.y; j <= box.high.y; ++j) {
       std::fill_n(row(j) + box.low.x, box.width(), fill_);

@@ -41,7 +41,8 @@ struct GrowthOptions {
   const int cells = static_cast<int>(std::lround(options.start_extent_m / r));
   frame.width_cells = frame.height_cells = cells;
   const glm::dvec2 middle = glm::floor(center_m / r + 0.5);
-  frame.origin_m = (middle - glm::dvec2(cells / 2)) * r;
+  const int half = cells / 2;
+  frame.origin_m = (middle - glm::dvec2(half)) * r;
   if (options.centered_cells) frame.origin_m -= glm::dvec2(0.5 * r);
   return frame;
 }

@@ -27,7 +27,7 @@ ObstacleHorizon::Shadow ObstacleHorizon::shadow_of(int dx, int dy) {
     high = std::max(high, off);
   }
   // One bin more on each side, and one cell less, for rounding.
-  constexpr float kPerBin = kBins / 4;
+  constexpr float kPerBin = kBinsPerQuarter;
   const int first = static_cast<int>(std::floor((middle + low) * kPerBin)) - 1;
   const int last = static_cast<int>(std::floor((middle + high) * kPerBin)) + 1;
   const float away =

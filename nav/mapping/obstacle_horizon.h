@@ -23,6 +23,7 @@ class ObstacleHorizon {
 
  private:
   static constexpr int kBins = 512;
+  static constexpr int kBinsPerQuarter = kBins / 4;
   /// What an obstacle in one cell of the window hides.
   struct Shadow {
     std::uint16_t first_bin = 0, bins = 0;
@@ -34,7 +35,7 @@ class ObstacleHorizon {
     return x < 0.0F ? 2.0F - share : y < 0.0F ? 4.0F + share : share;
   }
   [[nodiscard]] static std::size_t bin_of(float x, float y) {
-    return static_cast<std::size_t>(diamond_angle(x, y) * (kBins / 4)) % kBins;
+    return static_cast<std::size_t>(diamond_angle(x, y) * kBinsPerQuarter) % kBins;
   }
   [[nodiscard]] static Shadow shadow_of(int dx, int dy);
   void make_shadows(int side);

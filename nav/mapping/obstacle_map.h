@@ -1,7 +1,7 @@
 #pragma once
 
 /// @file
-/// VLFM's map of obstacles, navigable cells and explored area (A5 and A6 of the design notes),
+/// VLFM's map of obstacles, navigable cells and explored area,
 /// in metres and frame Odom, with its frontiers.
 ///
 /// Two rules for obstacles. As published (quirk Q4) a pixel whose point lies in the height

@@ -16,7 +16,7 @@
 ///
 /// Two layers: what the body can hit (`obstacle_min_m` .. `obstacle_max_m`) and what only the
 /// mast can hit (table tops, from there up to the camera). Differs from VLFM, whose cells are
-/// never cleared (quirk Q4 of the design notes) and whose single band is 0.61 .. 0.88 m.
+/// never cleared (Quirk::kObstaclesStay) and whose single band is 0.61 .. 0.88 m.
 
 #include <cstdint>
 

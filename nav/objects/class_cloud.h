@@ -1,7 +1,7 @@
 #pragma once
 
 /// @file
-/// VLFM's object map (A11 of the design notes): one cloud for all instances of the target
+/// VLFM's object map: one cloud for all instances of the target
 /// class. Per detection: erode the mask, take at most 5000 of its points, keep the largest
 /// DBSCAN cluster, reject what is nearer than 1 m; points within 95 % of the depth range are
 /// trusted, the others and whole detections at the image's side edge are second class.

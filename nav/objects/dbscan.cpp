@@ -17,7 +17,7 @@ namespace {
 /// Points sorted into cells; neighbours lie at most two cells away.
 class Cells {
  public:
-  Cells(const std::vector<glm::vec3>& points, double side_m) : points_(points) {
+  Cells(const std::vector<glm::vec3>& points, double side_m) {
     for (std::size_t k = 0; k < points.size(); ++k) {
       const glm::ivec3 cell(glm::floor(glm::dvec3(points[k]) / side_m));
       const auto [entry, added] = index_.try_emplace(key(cell), members_.size());
@@ -59,7 +59,6 @@ class Cells {
     std::sort(neighbours_[c].begin(), neighbours_[c].end());
   }
 
-  const std::vector<glm::vec3>& points_;
   std::unordered_map<std::uint64_t, std::size_t> index_;
   std::vector<std::vector<std::size_t>> members_, neighbours_;
   std::vector<glm::ivec3> at_;

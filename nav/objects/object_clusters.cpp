@@ -1,4 +1,5 @@
 #include <pcl/filters/voxel_grid.h>
+#include <pcl/memory.h>
 #include <pcl/point_cloud.h>
 #include <pcl/point_types.h>
 #include <pcl/search/kdtree.h>
@@ -12,7 +13,7 @@ namespace {
 using Cloud = pcl::PointCloud<pcl::PointXYZ>;
 
 Cloud::Ptr to_pcl(const std::vector<glm::vec3>& points_m) {
-  auto cloud = Cloud::Ptr(new Cloud);
+  auto cloud = pcl::make_shared<Cloud>();
   cloud->reserve(points_m.size());
   for (const glm::vec3& p : points_m) cloud->push_back({p.x, p.y, p.z});
   return cloud;
@@ -38,8 +39,7 @@ std::vector<glm::vec3> largest_cluster(const std::vector<glm::vec3>& points_m, d
                                        int min_points) {
   if (static_cast<int>(points_m.size()) < min_points || points_m.empty()) return {};
   const Cloud::Ptr cloud = to_pcl(points_m);
-  const auto tree =
-      pcl::search::KdTree<pcl::PointXYZ>::Ptr(new pcl::search::KdTree<pcl::PointXYZ>);
+  const auto tree = pcl::make_shared<pcl::search::KdTree<pcl::PointXYZ>>();
   tree->setInputCloud(cloud);
   pcl::EuclideanClusterExtraction<pcl::PointXYZ> extraction;
   extraction.setClusterTolerance(gap_m);

@@ -150,6 +150,7 @@ bool GeodesicField::settle_more() const {
   if (waiting_ == 0) return false;
   while (buckets_[next_bucket_].empty()) ++next_bucket_;
   // Rounding may put a neighbour into the bucket that is being emptied: it is visited, too.
+  // NOLINTNEXTLINE(modernize-loop-convert): the bucket grows while it is visited.
   for (std::size_t k = 0; k < buckets_[next_bucket_].size(); ++k) {
     const Waiting cell = buckets_[next_bucket_][k];
     --waiting_;

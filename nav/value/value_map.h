@@ -1,7 +1,7 @@
 #pragma once
 
 /// @file
-/// VLFM's value map (A8 of the design notes): how much each place promises to lead to the
+/// VLFM's value map: how much each place promises to lead to the
 /// target, with a confidence that falls off the optical axis.
 ///
 ///     c(theta) = c_min + (1 - c_min) cos^2( theta / (fov / 2) * pi / 2 ),  c_min = 0.25

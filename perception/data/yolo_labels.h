@@ -24,7 +24,7 @@ namespace segsim::perception {
 /// @return  How many boxes were left out.
 int write_yolo_labels(const std::filesystem::path& folder, const CocoDataset& dataset);
 
-/// Writes `folder`/<split>.txt, a list of image files, for each split, and data.yaml that
+/// Writes `folder/<split>.txt`, a list of image files, for each split, and data.yaml that
 /// names the lists and the classes. Trainers want a `val`: without a split of that name it is
 /// the list of "val_views", else of "val_scenes".
 void write_yolo_splits(const std::filesystem::path& folder,

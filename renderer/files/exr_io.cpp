@@ -48,6 +48,7 @@ std::vector<half> halves(const Image<Pixel>& image) {
   static_assert(sizeof(Pixel) % sizeof(float) == 0);
   std::vector<half> values;
   if (image.empty()) return values;
+  // NOLINTNEXTLINE(bugprone-sizeof-expression): a pixel may be a float.
   constexpr std::size_t kPerPixel = sizeof(Pixel) / sizeof(float);
   values.reserve(kPerPixel * image.size());
   for (const Pixel& pixel : image.pixels()) {

@@ -296,6 +296,7 @@ void add_tiles(const ProjectionJob& job, std::size_t i, std::size_t slot,
   const bool narrow = range.y_end - range.y_begin < 2 || range.x_end - range.x_begin < 2;
   if (exact_rows && outline.syy > 0.0F && !(inside && narrow)) {
     // Most surfels reach few rows, and square roots of short vectors are cheaper.
+    // NOLINTNEXTLINE(bugprone-branch-clone): the vectors differ in length.
     if (range.y_end - range.y_begin <= kFewRows) {
       add_exact_rows(hn::CappedTag<float, kFewRows>(), s, outline, range, entry, writer);
     } else {

@@ -55,8 +55,8 @@ HWY_INLINE std::uint64_t bits_of(M mask) {
   return bits;
 }
 
-/// 1 / x, correctly rounded. The estimates of the hardware would be a little quicker, and differ
-/// between instruction sets and between the makers of processors.
+/// 1 / x, correctly rounded. The estimates of the hardware would be a little quicker, and
+/// differ between instruction sets and between the makers of processors.
 HWY_INLINE V inverse_of(V x) { return hn::Div(hn::Set(Floats(), 1.0F), x); }
 
 /// Rounding of f: a cell this far outside is looked at too.

@@ -208,7 +208,8 @@ TileStats raster_tile_with(const RasterJob& job, std::size_t tile, bool last,
     finish_planes<kRgb, kNormal>(job, tile, key_count, state);
     stats.feature_fetches = write_tile(job, tile, job.bins.list(tile), progress.window, state);
   } else if (!stays) {
-    if (!progress.state) progress.state.reset(new TileState);  // Not initialised.
+    // NOLINTNEXTLINE(modernize-make-unique): that would clear it, which nobody needs.
+    if (!progress.state) progress.state.reset(new TileState);
     copy_state<kRgb, kNormal>(job, key_count, state, *progress.state);
   }
   return stats;

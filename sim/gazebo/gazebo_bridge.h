@@ -45,7 +45,7 @@ inline constexpr int kSendQueue = 16;
 
 struct GazeboBridgeOptions {
   std::string world;
-  std::string pose_topic;  ///< Empty: /world/<world>/dynamic_pose/info
+  std::string pose_topic;  ///< Empty: `/world/<world>/dynamic_pose/info`
   GazeboFlavour flavour = GazeboFlavour::kBoth;
   std::vector<GazeboCamera> cameras;
 };

@@ -5,7 +5,7 @@
 ///
 /// Robots are YAML files: those of sim/robots/ are built in, others are given by their path.
 ///
-/// Order within one step (design notes on kinematics): command limits -> acceleration limits
+/// Order within one step: command limits -> acceleration limits
 /// -> wheel saturation (curvature is kept) -> exact arc
 ///
 ///     x += v/w (sin(yaw + w h) - sin yaw),  y -= v/w (cos(yaw + w h) - cos yaw)

@@ -17,7 +17,7 @@ using testing::HasSubstr;
 using tests::input_error_of;
 using Kind = sim::DurationModel::Kind;
 
-/// The example of the design notes (nav.md, E9).
+/// The example of docs/simulation.md, in other numbers.
 const char* const kExample = R"(schema: segsim.budget/1
 id: edge-orin-v1
 resources: {gpu: 1, cpu: 2}

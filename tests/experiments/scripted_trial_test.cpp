@@ -25,7 +25,7 @@ using testing::AllOf;
 using testing::HasSubstr;
 using tests::input_error_of;
 
-/// The example of the design notes (nav.md, E8), on two rooms instead of a lab.
+/// The example of docs/trials.md, in two rooms.
 const char* const kExample = R"(schema: segsim.trial/1
 scene: tiny
 robot: jackal-gentle
@@ -174,7 +174,7 @@ TEST_F(ScriptedTrialTest, ErrorsNameTheLineAndTheNearestWord) {
 }
 
 TEST_F(ScriptedTrialTest, PlacesOnTheGlobeAreThoseOfTheWorld) {
-  // 10 m east and 20 m north of the origin, from the design notes.
+  // 10 m east and 20 m north of the origin.
   ScriptedTrial trial = script("  - hold: {for_s: 0.1}\n");
   trial.steps[0].places = {sim::GeodeticPoint{49.9001798121, 8.9001391903, 123.0}};
   const sim::LocalFrame frame({49.9, 8.9, 0.0, 0.0});

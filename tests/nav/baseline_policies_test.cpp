@@ -39,8 +39,8 @@ TEST(BaselinePolicies, OraclePathDrivesItsWayAndLooksForTheGoal) {
   EXPECT_EQ(result.contacts, 0);
 }
 
-/// Held where it stands, it backs out; then it drives the same way at a walk, until it is
-/// away.
+/// If something stops the robot, it backs out. Then it follows the same path slowly until it
+/// is away.
 TEST(BaselinePolicies, AfterItWasHeldTheOracleIsCareful) {
   auto policy = make_oracle_path_policy([](const glm::dvec2& from) {
     return std::vector<glm::dvec2>{from, {8.0, 0.0}};

@@ -12,7 +12,7 @@
 namespace segsim::sim {
 namespace {
 
-/// The design notes' fixture, turned to z up: (x, y, z) there is (x, z, -y) here.
+/// Made for y up, as Recast has it, and turned to z up: (x, y, z) there is (x, z, -y) here.
 TriangleMesh make_fixture() {
   TriangleMesh mesh;
   append_floor(mesh, -5, -5, 5, 5);

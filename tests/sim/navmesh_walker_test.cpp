@@ -12,7 +12,7 @@
 namespace segsim::sim {
 namespace {
 
-/// The design notes' fixture, turned to z up: a wall of 0.2 m that ends at y = -2.
+/// A wall of 0.2 m that ends at y = -2.
 Navmesh fixture(double radius_m = 0.18) {
   TriangleMesh mesh;
   append_floor(mesh, -5, -5, 5, 5);

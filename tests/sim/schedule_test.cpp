@@ -83,7 +83,7 @@ Played play(const LatencyBudget& budget, int ticks) {
   return played;
 }
 
-// The worked timeline of the design notes (nav.md, E2), exact to the nanosecond.
+// The worked timeline of docs/simulation.md, exact to the nanosecond.
 TEST(Schedule, WorkedTimelineOfASlowPipeline) {
   const Played played = play(serial_budget(80, 25, 10), 13);
   using V = std::vector<core::TimeNs>;

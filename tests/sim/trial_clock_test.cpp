@@ -160,7 +160,7 @@ TEST_F(TrialClockTest, RegistrationAtUseMovesLabelsByTheFormula) {
     }
     EXPECT_GT(decided, 30U);
   }
-  EXPECT_NEAR(6.0 * std::sin(0.1), 0.599, 5e-4) << "the figure of the design notes";
+  EXPECT_NEAR(6.0 * std::sin(0.1), 0.599, 5e-4) << "the figure of docs/simulation.md";
 }
 
 /// Without a capture latency, images arrive at the very moment at which a server of 50 ms jobs

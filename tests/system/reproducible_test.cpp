@@ -37,11 +37,11 @@ TEST(Reproducible, EveryStageIsAsRecordedWhateverTheNumberOfCores) {
 
 TEST(Reproducible, OneCoreAndAShellWithOtherSettingsMakeTheSame) {
   const TemporaryFolder folder;
-  const ProcessOutput run = run_small(
-      folder,
-      "OPENBLAS_CORETYPE=SkylakeX ATEN_CPU_CAPABILITY=default OMP_NUM_THREADS=7 MKL_NUM_THREADS=7 "
-      "taskset -c 0",
-      "--workers 1");
+  const ProcessOutput run = run_small(folder,
+                                      "OPENBLAS_CORETYPE=SkylakeX ATEN_CPU_CAPABILITY=default "
+                                      "OMP_NUM_THREADS=7 MKL_NUM_THREADS=7 "
+                                      "taskset -c 0",
+                                      "--workers 1");
   ASSERT_EQ(run.exit_code, 0) << run.text;
   const ProcessOutput comparison = doctor(folder, kRecord);
   EXPECT_EQ(comparison.exit_code, 0) << comparison.text;

@@ -28,8 +28,8 @@ struct GazeboImportOptions {
 ///
 /// Departures of real worlds that are accepted: `<pose frame=''>`, COLLADA with an up axis
 /// that Gazebo ignores, texture paths of another machine (looked for by base name in
-/// ../materials/textures and <models>/../photos), missing textures (the material's colour is
-/// used), and errors that leave the world readable, such as an invalid inertia. All but the
+/// `../materials/textures` and `<models>/../photos`), missing textures (the material's colour
+/// is used), and errors that leave the world readable, such as an invalid inertia. All but the
 /// first three are counted in MeshScene::warnings.
 /// @throws InputError  no such file, no world in it, or a mesh file that is missing or
 /// unreadable.

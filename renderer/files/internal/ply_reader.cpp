@@ -110,7 +110,7 @@ void PlyTable::parse_header() {
     }
   }
   if (!format_seen || !vertex_seen) {
-    throw InputError::expected(place_, "lines \"format\" and \"element vertex\" in the header",
+    throw InputError::expected(place_, R"(lines "format" and "element vertex" in the header)",
                                "none");
   }
   body_ = at;

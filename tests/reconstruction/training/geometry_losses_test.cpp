@@ -84,8 +84,8 @@ TEST(Ssim, EqualsTheMetricOnImages) {
   const auto tensor = [&](const std::vector<float>& v) {
     return device_tensor(v, torch::kFloat32, torch::kCPU).view({height, width, 3});
   };
-  EXPECT_NEAR(ssim(tensor(values[0]), tensor(values[1])).item<double>(), renderer::ssim(image, truth),
-              1e-4);
+  EXPECT_NEAR(ssim(tensor(values[0]), tensor(values[1])).item<double>(),
+              renderer::ssim(image, truth), 1e-4);
   EXPECT_NEAR(ssim(tensor(values[1]), tensor(values[1])).item<double>(), 1.0, 1e-6);
 }
 

@@ -20,6 +20,7 @@
 #include "renderer/reference_renderer.h"
 #include "renderer/scene/room_scene.h"
 #include "tests/renderer/cuda_minimal/frame_difference.h"
+#include "tests/renderer/cuda_minimal/gpu_needed.h"
 #include "tests/renderer/panoptic_scenes.h"
 #include "tests/renderer/scenes.h"
 
@@ -405,15 +406,14 @@ int check_full_memory() {
 }  // namespace segsim::renderer
 
 /// @param argv  Frames of the culling test (300 without), and "few" for a part of the cases.
-/// @return  0 if all is well, 1 if not, 2 if there is no GPU to ask.
+/// @return  0 if all is well, 1 if not; exit_code_without_gpu() if there is no GPU to ask.
 int main(int argc, char** argv) {
   using namespace segsim::renderer;
   std::setvbuf(stdout, nullptr, _IOLBF, 0);
   try {
     (void)make_cuda_renderer(shared(stack(1, 0.5F)));
   } catch (const GpuError& error) {
-    std::fprintf(stderr, "cuda_check: nothing checked: %s\n", error.what());
-    return 2;
+    return exit_code_without_gpu("cuda_check", error.what());
   }
   try {
     const int frames = argc > 1 ? std::atoi(argv[1]) : 300;

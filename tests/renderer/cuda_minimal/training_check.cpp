@@ -15,9 +15,11 @@
 
 #include "core/check.h"
 #include "reconstruction/rasterizer/cuda/cuda_rasterizer.h"
+#include "renderer/cuda/gpu_error.h"
 #include "renderer/scene/room_scene.h"
 #include "tests/reconstruction/training/plain_rasterizer.h"
 #include "tests/renderer/cuda_minimal/device_training.h"
+#include "tests/renderer/cuda_minimal/gpu_needed.h"
 #include "tests/renderer/cuda_minimal/training_compare.h"
 #include "tests/renderer/scenes.h"
 
@@ -371,11 +373,18 @@ int run_all(bool small) {
 }  // namespace
 }  // namespace segsim::renderer
 
+/// @return  0 if all is well, 1 if not; exit_code_without_gpu() if there is no GPU to ask.
 int main(int argc, char**) {
+  using namespace segsim::renderer;
   try {
-    return segsim::renderer::run_all(argc > 1);
+    (void)make_cuda_rasterizer();
+  } catch (const GpuError& error) {
+    return exit_code_without_gpu("training_check", error.what());
+  }
+  try {
+    return run_all(argc > 1);
   } catch (const std::exception& error) {
     std::fprintf(stderr, "training_check: %s\n", error.what());
-    return 2;
+    return 1;
   }
 }
