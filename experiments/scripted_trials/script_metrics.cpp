@@ -7,11 +7,10 @@
 
 #include "experiments/scripted_trials/internal/script_metrics.h"
 #include "experiments/support/formatted.h"
+#include "sim/trial/goal_snap.h"
 
 namespace segsim::experiments {
 namespace {
-
-constexpr double kSnap_m = 0.30;
 
 double distance_to_line_m(const glm::dvec2& p_m, const std::vector<glm::dvec2>& corners_m) {
   double best_m = std::numeric_limits<double>::infinity();
@@ -57,7 +56,7 @@ double distance_to_goal_m(const BoundScript& bound,
   }
   if (places_m.empty()) return std::numeric_limits<double>::infinity();
   const glm::dvec2 end_m(trial.final_pose.x_m, trial.final_pose.y_m);
-  return bound.world.distance_to(places_m).at(end_m, kSnap_m);
+  return bound.world.distance_to(places_m).at(end_m, sim::kGoalSnap_m);
 }
 
 const FindResult* find_of(const ScriptedResult& result, int step) {
@@ -75,7 +74,8 @@ std::string failure_of(const ScriptedTrial& script, const ScriptedResult& result
   const StepOutcome& step = result.steps[k];
   if (!step.end) return name + "was not finished: " + outcome;
   if (*step.end != StepEnd::kDone) {
-    return name + to_string(*step.end) + (step.reason.empty() ? "" : ": " + step.reason);
+    const std::string why = reason_of(step);
+    return name + to_string(*step.end) + (why.empty() ? "" : ": " + why);
   }
   const FindResult* find = find_of(result, step.step);
   if (find != nullptr && !find->success) {

@@ -22,6 +22,7 @@
 #include "perception/detector/detector.h"
 #include "perception/models/object_detector.h"
 #include "sim/ground/geodesy.h"
+#include "sim/trial/goal_snap.h"
 #include "sim/trial/oracle_detector.h"
 #include "sim/trial/oracle_way.h"
 
@@ -31,8 +32,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kVideoSpeed = 2.0;  // As the videos of runs.
-constexpr double kSnap_m =
-    0.30;  // As sim/trial/trial.cpp: a base may stand beside the disc's room.
 
 sim::TrialOptions trial_options(const BoundScript& bound) {
   const ScriptedTrial& script = *bound.script;
@@ -176,13 +175,13 @@ class Watcher {
     const sim::DistanceField to_goal = bound_.world.distance_to(goal.view_points_m);
     FindResult result;
     result.step = step.step;
-    result.reason = step.reason;
+    result.stop = step.stop;
     result.visible_px = witness.evidence().front().largest_px;
-    result.view_point_m = to_goal.at(end_m, kSnap_m);
+    result.view_point_m = to_goal.at(end_m, sim::kGoalSnap_m);
     result.path_m = path_m_ - begin.path_m;
-    result.shortest_path_m = to_goal.at(begin.p_m, kSnap_m);
+    result.shortest_path_m = to_goal.at(begin.p_m, sim::kGoalSnap_m);
     sim::TrialEnd end;
-    end.stopped = !step.reason.empty();
+    end.stopped = step.stop.has_value();
     end.view_point_m = result.view_point_m;
     end.visible_px = result.visible_px;
     end.path_m = result.path_m;
@@ -295,8 +294,15 @@ ScriptedResult run_script(BoundScript& bound, const fs::path& folder) {
   };
   const sim::TrialOptions options = trial_options(bound);
   ScriptedResult result;
-  result.trial = sim::run_trial(episode, options, bound.world, bound.world.robot(),
-                                *bound.renderer, *eyes.detector, driver, eyes.truth, observer);
+  result.trial = sim::run_trial({.episode = episode,
+                                 .options = options,
+                                 .world = bound.world,
+                                 .robot = bound.world.robot(),
+                                 .renderer = *bound.renderer,
+                                 .detector = *eyes.detector,
+                                 .policy = driver,
+                                 .truth = eyes.truth,
+                                 .observer = observer});
   result.steps = driver.records();
   result.finds = watcher.finish(result.trial);
   measure(bound, goals, result);

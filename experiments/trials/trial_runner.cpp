@@ -15,14 +15,13 @@
 #include "perception/detector/detector.h"
 #include "perception/models/object_detector.h"
 #include "renderer/renderer_backend.h"
+#include "sim/trial/goal_snap.h"
 #include "sim/trial/oracle_way.h"
 
 namespace segsim::experiments {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr double kSnap_m = 0.30;  // As sim/trial/trial.cpp measures the distance to the goal.
 
 /// What is searched for in a scene, by the spec or by its episodes.
 std::vector<std::string> goal_names(const LoadedScene& scene) {
@@ -92,7 +91,9 @@ TrialScene scene_of(const TrialTask& task, const sim::Episode& episode, int goal
   const auto to_goal = std::make_shared<sim::DistanceField>(
       task.scene->world.distance_to(episode.view_points_m));
   scene.shortest_path_m = to_goal->path_from({episode.start.x_m, episode.start.y_m});
-  scene.distance_m = [to_goal](const glm::dvec2& p_m) { return to_goal->at(p_m, kSnap_m); };
+  scene.distance_m = [to_goal](const glm::dvec2& p_m) {
+    return to_goal->at(p_m, sim::kGoalSnap_m);
+  };
   return scene;
 }
 
@@ -124,7 +125,7 @@ ReplayLog start_log(const ExperimentSpec& spec, const TrialTask& task) {
 void copy_result(const sim::TrialResult& result, TrialRow& row) {
   row.outcome = sim::to_string(result.outcome);
   row.success = result.success;
-  row.stop_reason = result.stop_reason;
+  row.stop_reason = core::to_string(result.stop_reason);
   row.spl = result.spl;
   row.soft_spl = result.soft_spl;
   row.path_m = result.path_m;
@@ -315,9 +316,15 @@ void TrialRunner::run_checked(const TrialTask& task, TrialRow& row) {
   std::optional<RecordingRenderer> kept_images;
   if (log.images) kept_images.emplace(renderer, replay_images(log_file));
   core::Renderer* const eye = kept_images ? &*kept_images : &renderer;
-  sim::TrialResult result =
-      sim::run_trial(episode, options, task.scene->world, task.scene->world.robot(), *eye,
-                     detector, timed_policy, &detector, observer);
+  sim::TrialResult result = sim::run_trial({.episode = episode,
+                                            .options = options,
+                                            .world = task.scene->world,
+                                            .robot = task.scene->world.robot(),
+                                            .renderer = *eye,
+                                            .detector = detector,
+                                            .policy = timed_policy,
+                                            .truth = &detector,
+                                            .observer = observer});
   if (task.replay_log) write_replay_log(log_file, with_result(std::move(log), result));
   std::vector<double> distance_m;
   row.why = judge_trial(task, episode, scene.goal_index, witness, result, distance_m);

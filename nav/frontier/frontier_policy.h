@@ -62,12 +62,12 @@ struct FrontierPolicyOptions {
          recover_turn_max_rad = 1.57;  ///< 30 .. 90 degrees, seeded.
   int recoveries_before_block =
       1;                    ///< Recoveries at one place before cells ahead are blocked.
-  int max_recoveries = 12;  ///< In an episode; then it stops with "stuck".
+  int max_recoveries = 12;  ///< In an episode; then it stops with kStuck.
   /// Replaces the default "nearest with size bonus" if set; for a value map.
   FrontierScorer scorer;
 };
 
-/// Stop reasons: "goal_reached", "no_frontier_left", "stuck", "map_exhausted".
+/// Stop reasons: kGoalReached, kNoFrontierLeft, kStuck, kMapExhausted.
 /// @throws ContractViolation for options out of range.
 [[nodiscard]] std::unique_ptr<core::Policy> make_frontier_policy(
     const FrontierPolicyOptions& options = {});

@@ -41,7 +41,7 @@ core::Decision SearchPolicy::decide(const core::Observation& observation,
   if (!finite_pose(observation)) return decision;  // Wait for the next one.
   if (state_ != State::kStopped) {
     map_.integrate(observation);
-    if (map_.exhausted()) stop("map_exhausted");
+    if (map_.exhausted()) stop(core::StopReason::kMapExhausted);
   }
   if (state_ != State::kStopped) {
     note_map_changes();
@@ -71,8 +71,7 @@ core::Decision SearchPolicy::decide(const core::Observation& observation,
   }
   if (state_ == State::kStopped) {
     decision.command = {};
-    decision.stop = true;
-    decision.stop_reason = stop_reason_;
+    decision.stop = stop_reason_;
   }
   last_yaw_rad_ = pose.yaw_rad;
   return decision;
@@ -188,7 +187,7 @@ bool SearchPolicy::drive_to(const Now& now, const glm::dvec2& place_m, const Cos
   return true;
 }
 
-void SearchPolicy::stop(const std::string& reason) {
+void SearchPolicy::stop(core::StopReason reason) {
   state_ = State::kStopped;
   stop_reason_ = reason;
   follower_.clear();
@@ -198,7 +197,7 @@ void SearchPolicy::stop(const std::string& reason) {
 
 void SearchPolicy::begin_recovery(const Now& now) {
   if (static_cast<int>(recoveries_) >= options_.max_recoveries) {
-    stop("stuck");
+    stop(core::StopReason::kStuck);
     return;
   }
   const auto nearby = std::count_if(

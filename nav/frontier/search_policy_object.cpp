@@ -182,7 +182,7 @@ core::VelocityCommand SearchPolicy::navigate(const Now& now) {
     return {};
   }
   if (at_goal(now, *object)) {
-    stop("goal_reached");
+    stop(core::StopReason::kGoalReached);
     return {};
   }
   if ((replan_due(now) && !replan_navigate(now, *object)) || hopeless(now)) {
@@ -220,7 +220,7 @@ core::VelocityCommand SearchPolicy::verify(const Now& now) {
       kArrivalSlack_m;
   if (facing && recently_seen(now, *object) && object->last_seen_ns >= verify_since_ns_ &&
       object->status == ObjectStatus::kConfirmed && distance_m <= enough_m) {
-    stop("goal_reached");
+    stop(core::StopReason::kGoalReached);
     return {};
   }
   // A tentative object that is being seen right now gets the time to be confirmed.

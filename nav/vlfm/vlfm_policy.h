@@ -74,7 +74,7 @@ struct VlfmOptions {
   /// around, when no frontier is left.
   int sweep_places = 4;
   /// Not in VLFM: without anything new from near for so long the next narrow inflation is
-  /// tried, and after the last one the search is given up ("nothing_new"): a goal behind
+  /// tried, and after the last one the search is given up (kNothingNew): a goal behind
   /// glass, a camera that shows no depth. Needs the sweep.
   double give_up_s = 45.0;
   /// Not in VLFM: with these inflations, one after the other, the search goes on when nothing
@@ -89,7 +89,7 @@ struct VlfmOptions {
   StuckOptions stuck;            ///< Fixed Q6, with the recovery below.
   double recover_back_m = 0.15;
   double recover_turn_min_rad = 0.52, recover_turn_max_rad = 1.57;
-  int max_recoveries = 12;  ///< In an episode; then "stuck".
+  int max_recoveries = 12;  ///< In an episode; then kStuck.
 
   // Null: the defaults of the headers. Shared by all episodes of the policy.
   std::shared_ptr<ImageTextScorer> scorer;  ///< Null: constant 0.5.
@@ -106,8 +106,8 @@ struct VlfmOptions {
 /// m and mast.
 [[nodiscard]] VlfmOptions vlfm_for_jackal(const VlfmRules& rules, double camera_height_m);
 
-/// Stop reasons: "goal_reached", "no_frontier_left", "nothing_new", "pointnav_stop" (Q5),
-/// "map_exhausted" (Q9), "stuck" (Q6).
+/// Stop reasons: kGoalReached, kNoFrontierLeft, kNothingNew, kPointnavStop (Q5), kMapExhausted
+/// (Q9), kStuck (Q6).
 /// @throws ContractViolation for options out of range.
 [[nodiscard]] std::unique_ptr<core::Policy> make_vlfm_policy(const VlfmOptions& options);
 

@@ -81,7 +81,7 @@ core::Decision VlfmSearch::decide(const core::Observation& observation,
                                   std::span<const core::Detection> detections) {
   core::Decision decision;
   // Without a pose nothing can be mapped and no way is known: wait.
-  if (stop_reason_.empty() && finite_pose(observation)) {
+  if (!stop_reason_ && finite_pose(observation)) {
     const core::Pose2 pose = pose_of(observation.T_odom_robot);
     const core::TimeNs time_ns = observation.capture_time_ns;
     const double period_s = last_time_ns_ ? core::seconds(time_ns - *last_time_ns_) : 0.1;
@@ -93,10 +93,9 @@ core::Decision VlfmSearch::decide(const core::Observation& observation,
     last_yaw_rad_ = pose.yaw_rad;
   }
   decision.mode = mode_;
-  if (!stop_reason_.empty()) {
+  if (stop_reason_) {
     decision.command = {};
-    decision.stop = true;
-    decision.stop_reason = stop_reason_;
+    decision.stop = stop_reason_;
   }
   return decision;
 }
@@ -120,12 +119,12 @@ void VlfmSearch::update_maps(const Now& now) {
 
 core::VelocityCommand VlfmSearch::act(const Now& now) {
   if (obstacles_.exhausted()) {
-    stop("map_exhausted");
+    stop(core::StopReason::kMapExhausted);
     return {};
   }
   if (nothing_new(now)) {
     if (!squeeze_through()) {
-      stop("nothing_new");
+      stop(core::StopReason::kNothingNew);
       return {};
     }
     news_ns_ = now.time_ns;
@@ -133,7 +132,7 @@ core::VelocityCommand VlfmSearch::act(const Now& now) {
   if (recovering_) return recover(now);
   if (!options_.rules.published(Quirk::kNoRecovery) && stuck_.stuck()) {
     begin_recovery(now);
-    return stop_reason_.empty() ? recover(now) : core::VelocityCommand{};
+    return stop_reason_ ? core::VelocityCommand{} : recover(now);
   }
   core::VelocityCommand command;
   if (executor_.busy()) command = executor_.command(now.pose, now.time_ns, now.period_s);
@@ -204,7 +203,7 @@ core::VelocityCommand VlfmSearch::explore(const Now& now) {
   if (sweep_spinning_) return spin_for_sweep(now);
   if (!target_m_) {
     if (const auto place_m = next_sweep_place(now)) return sweep_to(now, *place_m);
-    if (!squeeze_through()) stop("no_frontier_left");
+    if (!squeeze_through()) stop(core::StopReason::kNoFrontierLeft);
     return {};
   }
   sweep_m_.reset();
@@ -218,7 +217,7 @@ core::VelocityCommand VlfmSearch::explore(const Now& now) {
   return drive(now, *target_m_, true);
 }
 
-void VlfmSearch::stop(const std::string& reason) {
+void VlfmSearch::stop(core::StopReason reason) {
   stop_reason_ = reason;
   mode_ = core::PolicyMode::kStop;
   follower_.clear();

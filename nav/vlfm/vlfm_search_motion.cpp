@@ -70,7 +70,7 @@ core::VelocityCommand VlfmSearch::drive(const Now& now, const glm::dvec2& place_
     if (action != DiscreteAction::kStop) return start(action, now);
     if (options_.rules.published(Quirk::kLocalStop)) {
       // STOP of the local policy ends the episode, wherever that is.
-      if (exploring) stop("pointnav_stop");
+      if (exploring) stop(core::StopReason::kPointnavStop);
     } else if (exploring) {
       vetoed_m_.push_back(place_m);
     }
@@ -102,7 +102,7 @@ core::VelocityCommand VlfmSearch::face(const Now& now, double bearing_rad) {
 
 void VlfmSearch::begin_recovery(const Now& now) {
   if (recoveries_ >= options_.max_recoveries) {
-    stop("stuck");
+    stop(core::StopReason::kStuck);
     return;
   }
   core::RandomStream random(seed_, "vlfm_recovery", static_cast<std::uint64_t>(recoveries_));

@@ -143,7 +143,7 @@ core::VelocityCommand VlfmSearch::navigate(const Now& now, const glm::dvec3& obj
   if (rho_m >= options_.stop_limit_m) looking_since_ns_.reset();
   if (looking_since_ns_ || rho_m < options_.stop_radius_m) {
     if (options_.second_look) return look_again(now, object_m);
-    stop("goal_reached");
+    stop(core::StopReason::kGoalReached);
     return {};
   }
   if (options_.motion == Motion::kDiscrete || replan_due(now) || !target_m_) {
@@ -209,7 +209,7 @@ bool VlfmSearch::seen_now(const Now& now, const glm::dvec3& object_m) const {
 
 core::VelocityCommand VlfmSearch::look_again(const Now& now, const glm::dvec3& object_m) {
   if (!options_.second_look) {
-    stop("goal_reached");
+    stop(core::StopReason::kGoalReached);
     return {};
   }
   if (!looking_since_ns_) looking_since_ns_ = now.time_ns;
@@ -221,7 +221,7 @@ core::VelocityCommand VlfmSearch::look_again(const Now& now, const glm::dvec3& o
                                                        ? options_.actions.turn_above_rad + 0.05
                                                        : 0.0);
   if (facing && seen_now(now, object_m)) {
-    stop("goal_reached");
+    stop(core::StopReason::kGoalReached);
     return {};
   }
   const double turning_s = 5.0;  // A half turn, at the followers' rates.

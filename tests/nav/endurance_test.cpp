@@ -66,7 +66,8 @@ TEST(Endurance, ImagesWithoutDepthEndInANamedWay) {
       }
       // VLFM's explored area knows no depth, so it goes on until the time is over.
       if (name.starts_with("frontier")) {
-        EXPECT_THAT(d.stop_reason, AnyOf("stuck", "no_frontier_left")) << name << " " << depth;
+        EXPECT_THAT(d.stop, AnyOf(core::StopReason::kStuck, core::StopReason::kNoFrontierLeft))
+            << name << " " << depth;
       }
     }
   }
@@ -85,8 +86,7 @@ TEST(Endurance, APoseThatIsNoNumberIsWaitedOutOneFarAwayEndsTheEpisode) {
     view.move_to({500.0, 0.0, 0.0});
     view.observation.capture_time_ns = 2 * core::kNsPerSecond;
     const core::Decision d = policy->decide(view.observation, {});
-    EXPECT_TRUE(d.stop) << name;
-    EXPECT_EQ(d.stop_reason, "map_exhausted") << name;
+    EXPECT_EQ(d.stop, core::StopReason::kMapExhausted) << name;
   }
 }
 

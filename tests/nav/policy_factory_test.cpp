@@ -92,7 +92,7 @@ TEST(PolicyFactory, GivingUpCanBeTimedOrSwitchedOff) {
       view.observation.capture_time_ns = k * core::kNsPerSecond / 4;
       decision = policy->decide(view.observation, {});
     }
-    EXPECT_EQ(decision.stop_reason, gives_up ? "nothing_new" : "");
+    EXPECT_STREQ(core::to_string(decision.stop), gives_up ? "nothing_new" : "");
   }
 }
 

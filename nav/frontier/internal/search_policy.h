@@ -6,7 +6,6 @@
 #include <optional>
 #include <set>
 #include <span>
-#include <string>
 #include <vector>
 
 #include "core/random.h"
@@ -71,7 +70,7 @@ class SearchPolicy final : public core::Policy {
   bool replan_bold(const Now& now);
   /// No frontier is left: tentative objects, then the next effort, at last stop.
   void escalate(const Now& now);
-  void stop(const std::string& reason);
+  void stop(core::StopReason reason);
   bool replan_due(const Now& now) const;
   void refresh_cost_map();
   /// Remembers for either cost map what the map changed since it was computed.
@@ -126,7 +125,7 @@ class SearchPolicy final : public core::Policy {
   StuckDetector stuck_;
 
   State state_ = State::kSpin;
-  std::string stop_reason_;
+  std::optional<core::StopReason> stop_reason_;
   core::TimeNs replanned_ns_ = -1;
   std::vector<Frontier> frontiers_;
   std::optional<Target> target_;

@@ -5,7 +5,6 @@
 
 #include <optional>
 #include <span>
-#include <string>
 #include <unordered_set>
 #include <vector>
 
@@ -49,7 +48,7 @@ class VlfmSearch final : public core::Policy {
   [[nodiscard]] bool at_its_place(const Now& now, const core::BoxPx& box,
                                   const glm::dvec3& object_m) const;
   [[nodiscard]] bool vetoed(const glm::dvec2& place_m) const;
-  void stop(const std::string& reason);
+  void stop(core::StopReason reason);
 
   // vlfm_sweep.cpp: what is left when no frontier is.
   void note_near_cells(const Now& now);
@@ -86,7 +85,7 @@ class VlfmSearch final : public core::Policy {
   StuckDetector stuck_;
 
   core::PolicyMode mode_ = core::PolicyMode::kInitialize;
-  std::string stop_reason_;
+  std::optional<core::StopReason> stop_reason_;
   std::optional<core::TimeNs> last_time_ns_;
   int turns_ = 0;
   double spun_rad_ = 0.0, last_yaw_rad_ = 0.0;
