@@ -7,6 +7,7 @@
 
 #include "experiments/records/internal/store_attribution.h"
 #include "experiments/records/internal/store_impl.h"
+#include "experiments/records/row_names.h"
 #include "experiments/support/formatted.h"
 
 namespace segsim::experiments {
@@ -166,7 +167,10 @@ std::vector<TrialRow> Store::trials(std::int64_t run_id) const {
   rows.reserve(static_cast<std::size_t>(count.integer()));
   Statement select(impl_->db, impl_->file, sql.c_str());
   select.bind(run_id);
-  while (select.step()) rows.push_back(read_trial(select));
+  while (select.step()) {
+    rows.push_back(read_trial(select));
+    check_names(rows.back(), impl_->file.string());
+  }
   return sorted(std::move(rows), scenes(run_id), arms(run_id));
 }
 
