@@ -8,13 +8,14 @@
 
 #include "core/check.h"
 #include "experiments/drawing/odom_placement.h"
-#include "sim/trial/goal_snap.h"
 
 namespace segsim::experiments {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kObjectReach_m = 1.0;  // As far as semexp-gibson grows the object.
+constexpr double kSnap_m =
+    0.30;  // As sim/trial/trial.cpp: a base may stand beside the disc's room.
 
 std::optional<double> finite(double value) {
   return std::isfinite(value) ? std::optional<double>(value) : std::nullopt;
@@ -72,7 +73,7 @@ double planar_to_view_point_m(const sim::Episode& episode, const glm::dvec2& p_m
 int instance_at(const sim::Episode& episode, const sim::DistanceField& to_goal,
                 const glm::dvec2& p_m) {
   if (episode.view_point_instance.empty()) return 0;
-  const std::vector<glm::dvec2> way = to_goal.path_from(p_m, sim::kGoalSnap_m);
+  const std::vector<glm::dvec2> way = to_goal.path_from(p_m, kSnap_m);
   if (way.empty()) return 0;
   std::size_t best = 0;
   for (std::size_t k = 1; k < episode.view_points_m.size(); ++k) {
@@ -251,7 +252,7 @@ Attribution attribute(const AttributionContext& context, const sim::TrialResult&
   const sim::DistanceField to_goal = context.world->distance_to(episode.view_points_m);
   std::vector<double> distances;
   for (const sim::TickRecord& tick : result.track) {
-    distances.push_back(to_goal.at({tick.pose.x_m, tick.pose.y_m}, sim::kGoalSnap_m));
+    distances.push_back(to_goal.at({tick.pose.x_m, tick.pose.y_m}, kSnap_m));
     why.off_navmesh_ticks += std::isfinite(distances.back()) ? 0 : 1;
     why.collision_ticks += tick.in_contact ? 1 : 0;
   }
@@ -289,7 +290,7 @@ Attribution attribute(const AttributionContext& context, const sim::TrialResult&
     // Beside the object there is no way left, free cell or not.
     why.object_m = distance_to_goal_box_m(*context.manifest, class_id, end_m) <= kObjectReach_m
                        ? 0.0
-                       : finite(to_object.at(end_m, sim::kGoalSnap_m));
+                       : finite(to_object.at(end_m, kSnap_m));
     why.shortest_object_m = finite(to_object.at({episode.start.x_m, episode.start.y_m}));
     if (result.success) why.reached_instance = instance_at(episode, to_goal, end_m);
   }

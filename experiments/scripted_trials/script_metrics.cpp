@@ -7,10 +7,11 @@
 
 #include "experiments/scripted_trials/internal/script_metrics.h"
 #include "experiments/support/formatted.h"
-#include "sim/trial/goal_snap.h"
 
 namespace segsim::experiments {
 namespace {
+
+constexpr double kSnap_m = 0.30;
 
 double distance_to_line_m(const glm::dvec2& p_m, const std::vector<glm::dvec2>& corners_m) {
   double best_m = std::numeric_limits<double>::infinity();
@@ -56,7 +57,7 @@ double distance_to_goal_m(const BoundScript& bound,
   }
   if (places_m.empty()) return std::numeric_limits<double>::infinity();
   const glm::dvec2 end_m(trial.final_pose.x_m, trial.final_pose.y_m);
-  return bound.world.distance_to(places_m).at(end_m, sim::kGoalSnap_m);
+  return bound.world.distance_to(places_m).at(end_m, kSnap_m);
 }
 
 const FindResult* find_of(const ScriptedResult& result, int step) {

@@ -22,7 +22,6 @@
 #include "perception/detector/detector.h"
 #include "perception/models/object_detector.h"
 #include "sim/ground/geodesy.h"
-#include "sim/trial/goal_snap.h"
 #include "sim/trial/oracle_detector.h"
 #include "sim/trial/oracle_way.h"
 
@@ -32,6 +31,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kVideoSpeed = 2.0;  // As the videos of runs.
+constexpr double kSnap_m =
+    0.30;  // As sim/trial/trial.cpp: a base may stand beside the disc's room.
 
 sim::TrialOptions trial_options(const BoundScript& bound) {
   const ScriptedTrial& script = *bound.script;
@@ -177,9 +178,9 @@ class Watcher {
     result.step = step.step;
     result.stop = step.stop;
     result.visible_px = witness.evidence().front().largest_px;
-    result.view_point_m = to_goal.at(end_m, sim::kGoalSnap_m);
+    result.view_point_m = to_goal.at(end_m, kSnap_m);
     result.path_m = path_m_ - begin.path_m;
-    result.shortest_path_m = to_goal.at(begin.p_m, sim::kGoalSnap_m);
+    result.shortest_path_m = to_goal.at(begin.p_m, kSnap_m);
     sim::TrialEnd end;
     end.stopped = step.stop.has_value();
     end.view_point_m = result.view_point_m;

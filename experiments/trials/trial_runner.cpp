@@ -15,13 +15,14 @@
 #include "perception/detector/detector.h"
 #include "perception/models/object_detector.h"
 #include "renderer/renderer_backend.h"
-#include "sim/trial/goal_snap.h"
 #include "sim/trial/oracle_way.h"
 
 namespace segsim::experiments {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr double kSnap_m = 0.30;  // As sim/trial/trial.cpp measures the distance to the goal.
 
 /// What is searched for in a scene, by the spec or by its episodes.
 std::vector<std::string> goal_names(const LoadedScene& scene) {
@@ -91,9 +92,7 @@ TrialScene scene_of(const TrialTask& task, const sim::Episode& episode, int goal
   const auto to_goal = std::make_shared<sim::DistanceField>(
       task.scene->world.distance_to(episode.view_points_m));
   scene.shortest_path_m = to_goal->path_from({episode.start.x_m, episode.start.y_m});
-  scene.distance_m = [to_goal](const glm::dvec2& p_m) {
-    return to_goal->at(p_m, sim::kGoalSnap_m);
-  };
+  scene.distance_m = [to_goal](const glm::dvec2& p_m) { return to_goal->at(p_m, kSnap_m); };
   return scene;
 }
 

@@ -4,8 +4,6 @@
 
 #include <glm/geometric.hpp>
 
-#include "sim/trial/goal_snap.h"
-
 namespace segsim::sim {
 namespace {
 
@@ -29,13 +27,13 @@ OracleWay::OracleWay(const World& world, std::span<const glm::dvec2> goals_m)
 }
 
 std::vector<glm::dvec2> OracleWay::from(const glm::dvec2& p_m) const {
-  const double shortest_m = shortest_.at(p_m, kGoalSnap_m);
+  const double shortest_m = shortest_.at(p_m, kSnap_m);
   if (!std::isfinite(shortest_m)) return {};
   for (const DistanceField& field : wider_) {
-    std::vector<glm::dvec2> way = field.path_from(p_m, kGoalSnap_m);
+    std::vector<glm::dvec2> way = field.path_from(p_m, kSnap_m);
     if (!way.empty() && length_m(way) <= kLongerShare * shortest_m + kLonger_m) return way;
   }
-  return shortest_.path_from(p_m, kGoalSnap_m);
+  return shortest_.path_from(p_m, kSnap_m);
 }
 
 }  // namespace segsim::sim

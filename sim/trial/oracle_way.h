@@ -30,6 +30,9 @@ class OracleWay {
   [[nodiscard]] std::vector<glm::dvec2> from(const glm::dvec2& p_m) const;
 
  private:
+  /// A base may stand beside the room of its disc, as in sim/trial/trial.cpp.
+  static constexpr double kSnap_m = 0.30;
+
   DistanceField shortest_;
   std::vector<std::unique_ptr<const FreeSpace>> spaces_;
   std::vector<DistanceField> wider_;

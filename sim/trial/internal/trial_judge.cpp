@@ -3,10 +3,17 @@
 #include <cmath>
 #include <limits>
 
-#include "sim/trial/goal_snap.h"
 #include "sim/trial/metrics.h"
 
 namespace segsim::sim::internal {
+namespace {
+
+/// A base that is free may stand up to (circumscribed - inscribed radius) outside the free
+/// space of a disc; plus a cell. Far less than the thickness of two radii that separates
+/// rooms.
+constexpr double kGoalSnap_m = 0.30;
+
+}  // namespace
 
 TrialJudge::TrialJudge(const Episode& episode, const TrialOptions& options, const World& world)
     : episode_(episode),
