@@ -17,6 +17,7 @@
 #include "core/camera.h"
 #include "core/frames.h"
 #include "core/image.h"
+#include "core/stop_reason.h"
 
 namespace segsim::core {
 
@@ -97,8 +98,7 @@ enum class PolicyMode : std::uint8_t { kInitialize, kExplore, kNavigate, kRecove
 struct Decision {
   VelocityCommand command;
   PolicyMode mode = PolicyMode::kExplore;
-  bool stop = false;        ///< The policy declares the episode finished.
-  std::string stop_reason;  ///< "goal_reached", "no_frontier_left", ...; empty unless `stop`.
+  std::optional<StopReason> stop{};  ///< Set: the policy declares the episode finished.
 };
 
 /// What a policy is asked to find.

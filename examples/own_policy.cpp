@@ -38,11 +38,10 @@ class TurnAwayPolicy final : public core::Policy {
       const double left_rad =
           std::atan((seen.intrinsics.cx_px - x_px) / seen.intrinsics.fx_px);
       if (std::abs(left_rad) < 0.2 && free_m < 0.7) {
-        return {{}, core::PolicyMode::kStop, true, "goal_reached"};
+        return {{}, core::PolicyMode::kStop, core::StopReason::kGoalReached};
       }
       return {{std::abs(left_rad) < 0.2 ? 0.4 : 0.0, left_rad},
               core::PolicyMode::kNavigate,
-              false,
               {}};
     }
     return explore;
@@ -137,9 +136,17 @@ int main() try {
   TurnAwayPolicy policy;
   core::Image<core::Rgb8> last_view;
   const sim::TrialResult result =
-      sim::run_trial(episode, options, world, robot, *camera, detector, policy, &detector,
-                     [&last_view](const sim::TickRecord&, const core::Frame& frame,
-                                  const auto&, const auto&) { last_view = frame.rgb; });
+      sim::run_trial({.episode = episode,
+                      .options = options,
+                      .world = world,
+                      .robot = robot,
+                      .renderer = *camera,
+                      .detector = detector,
+                      .policy = policy,
+                      .truth = &detector,
+                      .observer = [&last_view](const sim::TickRecord&, const core::Frame& frame,
+                                               const auto&,
+                                               const auto&) { last_view = frame.rgb; }});
 
   examples::write_ppm("last_view.ppm", last_view);
   std::cout << "outcome " << to_string(result.outcome) << "\nsimulated_s " << result.sim_s

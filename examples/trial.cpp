@@ -13,7 +13,7 @@
 
 #include "core/error.h"
 #include "examples/picture.h"
-#include "nav/policies/policy_factory.h"
+#include "nav/policies/policy_registry.h"
 #include "sim/trial/episode_sampling.h"
 #include "sim/trial/oracle_detector.h"
 #include "sim/trial/trial.h"
@@ -97,19 +97,25 @@ int main(int argc, char** argv) try {
 
   // The stages: a detector and a policy.
   sim::OracleDetector detector(flat.classes, {kGoal});
-  nav::PolicySettings settings;
-  settings.type = "frontier";
   nav::PolicyContext context;
   context.class_names = detector.class_names();
+  context.robot = robot;
   context.camera_height_m = options.camera_height_m;
-  const auto policy = nav::make_policy(settings, context);
+  const auto policy = nav::PolicyRegistry::instance().usual("frontier").make(context);
 
   const sim::TrialResult result =
-      sim::run_trial(episode, options, world, robot, *camera, detector, *policy, &detector);
+      sim::run_trial({.episode = episode,
+                      .options = options,
+                      .world = world,
+                      .robot = robot,
+                      .renderer = *camera,
+                      .detector = detector,
+                      .policy = *policy,
+                      .truth = &detector});
 
   examples::write_ppm("trial.ppm", picture_of(result));
   std::cout << "outcome " << to_string(result.outcome) << "\nstop_reason "
-            << result.stop_reason << "\nsimulated_s " << result.sim_s << "\npath_m "
+            << core::to_string(result.stop_reason) << "\nsimulated_s " << result.sim_s << "\npath_m "
             << result.path_m << "\nshortest_path_m " << result.shortest_path_m << "\nspl "
             << result.spl << "\ncontacts " << result.contacts << "\nstate_hash "
             << result.state_hash << '\n';

@@ -58,7 +58,7 @@ bool report(const fs::path& file, const ReplayLog& recorded, const ReplayLog& re
   }
   if (found.tick < 0) {
     std::printf("%s: equal, %zu ticks, %s, hash %016llx\n", file.c_str(),
-                replayed.ticks.size(), replayed.outcome.c_str(),
+                replayed.ticks.size(), sim::to_string(replayed.outcome),
                 static_cast<unsigned long long>(replayed.state_hash));
     return true;
   }

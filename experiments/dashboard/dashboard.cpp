@@ -86,7 +86,7 @@ Json json_log(const StoredRun& stored, const TrialRow& trial, const TrialLog& lo
       {"trial", internal::trial_json(trial)},
       {"scene_title", log.scene_title},
       {"goal_class", log.episode.class_name},
-      {"stop_reason", log.stop_reason},
+      {"stop_reason", core::to_string(log.stop_reason)},
       {"time_limit_s", log.time_limit_s},
       {"camera", {log.camera.width_px, log.camera.height_px}},
       {"start", {log.episode.start.x_m, log.episode.start.y_m, log.episode.start.yaw_rad}},

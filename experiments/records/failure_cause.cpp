@@ -8,6 +8,7 @@
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 
+#include "core/name_table.h"
 #include "nav/motion/stuck_detector.h"
 
 namespace segsim::experiments {
@@ -45,6 +46,13 @@ constexpr std::array<CauseWords, kCauses> kWords{{
     {"infeasible", "there is no way from the start to the goal for this robot"},
     {"trivial", "the start is a view point already"},
 }};
+
+constexpr std::array<const char*, kCauses> names_only() {
+  std::array<const char*, kCauses> names{};
+  for (std::size_t k = 0; k < names.size(); ++k) names[k] = kWords[k].name;
+  return names;
+}
+constexpr core::NameTable<Cause, Cause::kTrivial> kNames("a failure cause", names_only());
 
 int last_tick(const FailureFacts& facts) { return static_cast<int>(facts.track.size()) - 1; }
 
@@ -110,16 +118,25 @@ Verdict judge_search(const FailureFacts& facts, Cause unseen) {
 }
 
 Verdict judge_give_up(const FailureFacts& facts) {
-  const std::string& reason = facts.stop_reason;
-  if (reason == "stuck") return {Cause::kStuck, -1, -1};
-  if (reason == "map_exhausted") return {Cause::kMapExhausted, -1, -1};
-  if (reason == "pointnav_stop") return {Cause::kPointnavStop, -1, -1};
-  if (reason == "deadline" || reason == "deadline_abort") {
-    return {Cause::kDeadlineAbort, -1, -1};
+  using enum core::StopReason;
+  if (!facts.stop_reason) return {Cause::kGaveUp, -1, -1};
+  switch (*facts.stop_reason) {
+    case kStuck:
+      return {Cause::kStuck, -1, -1};
+    case kMapExhausted:
+      return {Cause::kMapExhausted, -1, -1};
+    case kPointnavStop:
+      return {Cause::kPointnavStop, -1, -1};
+    case kNoFrontierLeft:
+    case kNothingNew:  // It went in circles.
+      return judge_search(facts, Cause::kNoFrontierLeft);
+    case kGoalReached:
+    case kNoPath:
+    case kRandomStop:
+    case kScriptEnd:
+    case kStepFailed:
+      break;
   }
-  // "nothing_new": it went in circles.
-  if (reason == "no_frontier_left" || reason == "nothing_new")
-    return judge_search(facts, Cause::kNoFrontierLeft);
   return {Cause::kGaveUp, -1, -1};
 }
 
@@ -152,7 +169,11 @@ Verdict judge_stop(const FailureFacts& facts) {
 
 }  // namespace
 
-const char* to_string(Cause cause) { return kWords[static_cast<std::size_t>(cause)].name; }
+const char* to_string(Cause cause) { return kNames.name(cause); }
+std::optional<Cause> find_cause(std::string_view name) { return kNames.find(name); }
+Cause cause_from(std::string_view name, const std::string& place) {
+  return kNames.read(name, place);
+}
 const char* in_words(Cause cause) { return kWords[static_cast<std::size_t>(cause)].words; }
 
 Verdict judge(const FailureFacts& facts) {

@@ -37,11 +37,13 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <glm/vec2.hpp>
 
 #include "core/scene_bundle.h"
+#include "core/stop_reason.h"
 #include "sim/trial/trial.h"
 
 namespace segsim::experiments {
@@ -70,6 +72,11 @@ inline constexpr int kCauses = static_cast<int>(Cause::kTrivial) + 1;
 
 /// The word of the table above; "did_not_fail" for successes.
 [[nodiscard]] const char* to_string(Cause cause);
+/// None if no cause has that name.
+[[nodiscard]] std::optional<Cause> find_cause(std::string_view name);
+/// @param place  Where the name was read, for the error message.
+/// @throws core::InputError for a name that no cause has.
+[[nodiscard]] Cause cause_from(std::string_view name, const std::string& place);
 /// One sentence for people, without a full stop.
 [[nodiscard]] const char* in_words(Cause cause);
 
@@ -83,7 +90,7 @@ struct TickEvidence {
 /// Everything that decides. Spans: one entry per tick, borrowed.
 struct FailureFacts {
   sim::Outcome outcome = sim::Outcome::kTimeout;
-  std::string stop_reason;
+  std::optional<core::StopReason> stop_reason;
   std::span<const sim::TickRecord> track;
   std::span<const TickEvidence> evidence;
   /// Geodesic to the nearest view point; infinity off the free space. May be empty.

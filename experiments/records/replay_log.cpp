@@ -53,7 +53,11 @@ sim::TickRecord tick_from(const Json& json) {
   tick.pose = {pose[0], pose[1], pose[2]};
   const auto command = json.at("command").get<std::array<double, 2>>();
   tick.command = {command[0], command[1]};
-  tick.mode = static_cast<core::PolicyMode>(json.at("mode").get<int>());
+  const int mode = json.at("mode").get<int>();
+  if (mode < 0 || mode > static_cast<int>(core::PolicyMode::kStop)) {
+    throw core::InputError("mode " + std::to_string(mode));
+  }
+  tick.mode = static_cast<core::PolicyMode>(mode);
   tick.in_contact = json.at("contact").get<bool>();
   tick.capture_index = json.at("image").get<std::int64_t>();
   tick.age_ns = json.at("age_ns").get<core::TimeNs>();
@@ -208,7 +212,8 @@ void read_line(const Json& json, ReplayLog& log) {
   } else if (json.contains("sensors")) {
     log.sensors = sensors_from(json.at("sensors"));
   } else if (json.contains("result")) {
-    log.outcome = json.at("result").at("outcome").get<std::string>();
+    log.outcome =
+        sim::outcome_from(json.at("result").at("outcome").get<std::string>(), "outcome");
     log.state_hash = from_hex(json.at("result").at("hash").get<std::string>());
   } else {
     throw core::InputError("a line of an unknown kind");
@@ -250,7 +255,7 @@ ReplayLog with_result(ReplayLog log, const sim::TrialResult& result) {
   log.trace = result.trace;
   log.timing = result.timing;
   log.sensors = result.sensors.digests();
-  log.outcome = sim::to_string(result.outcome);
+  log.outcome = result.outcome;
   log.state_hash = result.state_hash;
   return log;
 }
@@ -271,7 +276,9 @@ void write_replay_log(const fs::path& file, const ReplayLog& log) {
     if (!log.sensors.empty()) {
       out << Json{{"sensors", to_json(log.sensors)}}.dump() << '\n';
     }
-    out << Json{{"result", {{"outcome", log.outcome}, {"hash", hex(log.state_hash)}}}}.dump()
+    out << Json{{"result",
+                 {{"outcome", sim::to_string(log.outcome)}, {"hash", hex(log.state_hash)}}}}
+               .dump()
         << '\n';
   });
 }

@@ -42,7 +42,7 @@ struct ReplayLog {
   sim::LatencyTrace trace;
   sim::TimingReport timing;
   std::vector<sim::SensorLog::Digest> sensors;
-  std::string outcome;
+  sim::Outcome outcome = sim::Outcome::kTimeout;
   std::uint64_t state_hash = 0;
 };
 

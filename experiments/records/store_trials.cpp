@@ -6,6 +6,7 @@
 
 #include "experiments/records/internal/sql_columns.h"
 #include "experiments/records/internal/store_impl.h"
+#include "experiments/records/row_names.h"
 
 namespace segsim::experiments {
 namespace {
@@ -107,7 +108,10 @@ std::vector<TrialRow> Store::trials(std::int64_t run_id) const {
   rows.reserve(static_cast<std::size_t>(count.integer()));
   Statement select(impl_->db, impl_->file, sql.c_str());
   select.bind(run_id);
-  while (select.step()) rows.push_back(read_columns<TrialRow>(select));
+  while (select.step()) {
+    rows.push_back(read_columns<TrialRow>(select));
+    check_names(rows.back(), impl_->file.string());
+  }
   return sorted(std::move(rows), scenes(run_id), arms(run_id));
 }
 

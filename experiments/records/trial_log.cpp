@@ -99,7 +99,7 @@ Json json_of(const TrialLog& log) {
       {"visible_px", log.visible_px},
       {"control_period_s", log.control_period_s},
       {"time_limit_s", log.time_limit_s},
-      {"stop_reason", log.stop_reason},
+      {"stop_reason", core::to_string(log.stop_reason)},
       {"episode", log.episode.id},
       {"class", log.episode.class_name},
       {"start", {log.episode.start.x_m, log.episode.start.y_m, log.episode.start.yaw_rad}},
@@ -121,7 +121,7 @@ Json json_of(const TrialLog& log) {
   return json;
 }
 
-TrialLog log_from(const Json& json) {
+TrialLog log_from(const Json& json, const std::string& file) {
   const std::string schema = json.at("schema");
   if (schema != TrialLog::kSchema) throw std::runtime_error("schema \"" + schema + "\"");
   TrialLog log;
@@ -135,7 +135,8 @@ TrialLog log_from(const Json& json) {
   log.visible_px = json.at("visible_px");
   log.control_period_s = json.at("control_period_s");
   log.time_limit_s = json.at("time_limit_s");
-  log.stop_reason = json.at("stop_reason");
+  log.stop_reason = core::stop_reason_from(json.at("stop_reason").get<std::string>(),
+                                           file + ": stop_reason");
   log.episode.id = json.at("episode");
   log.episode.class_name = json.at("class");
   const Json& start = json.at("start");
@@ -168,7 +169,9 @@ void write_trial_log(const std::filesystem::path& file, const TrialLog& log) {
 TrialLog read_trial_log(const std::filesystem::path& file) {
   const std::string text = read_gzip(file);
   try {
-    return log_from(Json::parse(text));
+    return log_from(Json::parse(text), file.string());
+  } catch (const core::InputError&) {
+    throw;
   } catch (const std::exception& error) {
     throw core::InputError::expected(file.string(),
                                      std::string("a trial log of schema ") + TrialLog::kSchema,

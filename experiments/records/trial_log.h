@@ -25,7 +25,7 @@ struct TrialLog {
   double camera_height_m = 1.2, camera_pitch_down_rad = 0.0;
   int visible_px = 40;  ///< From so many pixels of one goal object on it is in view.
   double control_period_s = 0.1, time_limit_s = 0.0;
-  std::string stop_reason;
+  std::optional<core::StopReason> stop_reason;
   sim::Episode episode;  ///< Without IoUs.
   std::vector<glm::dvec2> shortest_path_m;
   // Per tick.
@@ -39,7 +39,8 @@ struct TrialLog {
 };
 
 void write_trial_log(const std::filesystem::path& file, const TrialLog& log);
-/// @throws core::InputError: no gzip, no JSON, another schema, columns of unequal length.
+/// @throws core::InputError: no gzip, no JSON, another schema, columns of unequal length, an
+/// unknown stop reason.
 [[nodiscard]] TrialLog read_trial_log(const std::filesystem::path& file);
 
 }  // namespace segsim::experiments

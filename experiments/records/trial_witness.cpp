@@ -281,7 +281,7 @@ Attribution attribute(const AttributionContext& context, const sim::TrialResult&
     // The last tick is older than a STOP that took its time to reach the wheels.
     const glm::dvec2 end_m(result.final_pose.x_m, result.final_pose.y_m);
     why.stopped =
-        result.track.back().mode == core::PolicyMode::kStop || !result.stop_reason.empty();
+        result.track.back().mode == core::PolicyMode::kStop || result.stop_reason.has_value();
     why.final_visible_px = result.final_goal_pixels;
     why.planar_m = finite(planar_to_view_point_m(episode, end_m));
     const sim::DistanceField to_object =

@@ -181,10 +181,8 @@ std::string fate_of(const TrialRow& trial) {
 }
 
 std::string fate_in_words(const std::string& fate) {
-  for (int k = 0; k < kCauses; ++k) {
-    if (fate == to_string(static_cast<Cause>(k))) return in_words(static_cast<Cause>(k));
-  }
-  return fate;
+  const std::optional<Cause> cause = find_cause(fate);
+  return cause ? in_words(*cause) : fate;
 }
 
 }  // namespace internal

@@ -121,7 +121,8 @@ MachineRecord machine_from(const nlohmann::json& json) {
 }
 
 std::string name_of(const StageDigest& digest) {
-  return digest.stage + (digest.subject.empty() ? "" : " " + digest.subject);
+  return std::string(to_string(digest.stage)) +
+         (digest.subject.empty() ? "" : " " + digest.subject);
 }
 
 /// A line for each entry that the two do not share.
@@ -143,12 +144,13 @@ std::vector<StageDigest> digest_stages(const fs::path& work,
                                        const std::string& results_sha256) {
   std::vector<StageDigest> stages;
   for (const fs::path& folder : folders_in(work / "captures")) {
-    stages.push_back({"capture", folder.filename(), digest_of_capture(folder)});
+    stages.push_back({DigestStage::kCapture, folder.filename(), digest_of_capture(folder)});
   }
   for (const fs::path& folder : bundles) {
-    stages.push_back({"reconstruction", folder.filename(), digest_of_bundle(folder)});
+    stages.push_back(
+        {DigestStage::kReconstruction, folder.filename(), digest_of_bundle(folder)});
   }
-  const auto add_files = [&](const char* stage, const fs::path& folder, const char* ending,
+  const auto add_files = [&](DigestStage stage, const fs::path& folder, const char* ending,
                              std::string (*digest)(const fs::path&)) {
     if (!fs::is_directory(folder)) return;
     std::vector<fs::path> files;
@@ -161,22 +163,23 @@ std::vector<StageDigest> digest_stages(const fs::path& work,
       stages.push_back({stage, subject.parent_path() / subject.stem(), digest(file)});
     }
   };
-  add_files("episodes", work / "episodes", ".jsonl", digest_of_episodes);
+  add_files(DigestStage::kEpisodes, work / "episodes", ".jsonl", digest_of_episodes);
   for (const fs::path& folder : folders_in(work)) {  // "views", and one for each further seed.
     if (folder.filename().string().starts_with("views")) {
-      add_files("labels", folder, ".json", digest_of_views);
+      add_files(DigestStage::kLabels, folder, ".json", digest_of_views);
     }
   }
-  add_files("weights", work, ".weights", digest_of_weights);
-  if (!results_sha256.empty()) stages.push_back({"trials", "", results_sha256});
+  add_files(DigestStage::kWeights, work, ".weights", digest_of_weights);
+  if (!results_sha256.empty()) stages.push_back({DigestStage::kTrials, "", results_sha256});
   return stages;
 }
 
 void write_digests(const fs::path& file, const DigestRecord& record) {
   Json stages = Json::array();
   for (const StageDigest& digest : record.stages) {
-    stages.push_back(
-        {{"stage", digest.stage}, {"subject", digest.subject}, {"sha256", digest.sha256}});
+    stages.push_back({{"stage", to_string(digest.stage)},
+                      {"subject", digest.subject},
+                      {"sha256", digest.sha256}});
   }
   const Json json{{"schema", DigestRecord::kSchema},
                   {"experiment", record.experiment},
@@ -200,11 +203,13 @@ DigestRecord read_digests(const fs::path& file) {
     record.machine = machine_from(json.at("machine"));
     record.confirmed_on = json.at("confirmed_on").get<std::vector<std::string>>();
     for (const auto& stage : json.at("stages")) {
-      record.stages.push_back({stage.at("stage").get<std::string>(),
-                               stage.at("subject").get<std::string>(),
-                               stage.at("sha256").get<std::string>()});
+      record.stages.push_back(
+          {digest_stage_from(stage.at("stage").get<std::string>(), file.string() + ": stages"),
+           stage.at("subject").get<std::string>(), stage.at("sha256").get<std::string>()});
     }
     return record;
+  } catch (const core::InputError&) {
+    throw;
   } catch (const std::exception& error) {
     throw core::InputError::expected(
         file.string(), std::string("digests of a run (") + DigestRecord::kSchema + ")",
@@ -234,7 +239,7 @@ std::string digests_in_words(const std::vector<StageDigest>& stages) {
   std::string text;
   for (const StageDigest& digest : stages) {
     char line[160];
-    std::snprintf(line, sizeof line, "  %-16s%-24s%s\n", digest.stage.c_str(),
+    std::snprintf(line, sizeof line, "  %-16s%-24s%s\n", to_string(digest.stage),
                   digest.subject.c_str(), digest.sha256.substr(0, kShownDigits).c_str());
     text += line;
   }

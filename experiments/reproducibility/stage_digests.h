@@ -8,13 +8,13 @@
 #include <string>
 #include <vector>
 
+#include "experiments/reproducibility/digest_stage.h"
 #include "experiments/reproducibility/machine_record.h"
 
 namespace segsim::experiments {
 
 struct StageDigest {
-  std::string
-      stage;  ///< "capture", "reconstruction", "episodes", "labels", "weights", "trials".
+  DigestStage stage = DigestStage::kCapture;
   std::string subject;  ///< Of which scene, view set or arm; empty of the trials.
   std::string sha256;
 };

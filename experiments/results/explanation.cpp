@@ -188,13 +188,6 @@ std::string profile_words(const TrialRow& trial) {
   return text;
 }
 
-Cause cause_of(const std::string& word) {
-  for (int k = 0; k < kCauses; ++k) {
-    if (word == to_string(static_cast<Cause>(k))) return static_cast<Cause>(k);
-  }
-  return Cause::kHarnessError;
-}
-
 }  // namespace
 
 std::vector<KeyMoment> key_moments(const TrialRow& trial, const TrialLog& log) {
@@ -216,7 +209,6 @@ std::vector<KeyMoment> key_moments(const TrialRow& trial, const TrialLog& log) {
 }
 
 std::vector<std::string> tell_story(const TrialRow& trial, const TrialLog& log) {
-  const Cause cause = cause_of(trial.why.cause);
   const core::Pose2& start = log.episode.start;
   std::vector<std::string> lines;
   lines.push_back("Trial " + std::to_string(trial.trial_id) + ": " + trial.episode + ", arm " +
@@ -228,6 +220,8 @@ std::vector<std::string> tell_story(const TrialRow& trial, const TrialLog& log) 
                   " deg; the shortest way to a view point is " +
                   print("%.1f", trial.shortest_path_m) + " m");
   if (!trial.success) {
+    const Cause cause =
+        cause_from(trial.why.cause, "trial " + std::to_string(trial.trial_id) + ": cause");
     lines.push_back(std::string("  cause       ") + to_string(cause) + ": " + in_words(cause));
   }
   Timeline timeline(log);

@@ -20,24 +20,13 @@ std::string moment_caption(const TrialLog& log, std::size_t number, const KeyMom
   return text;
 }
 
-/// The stored outcome's number, for the picture's headline.
-sim::Outcome outcome_of(const TrialRow& trial) {
-  for (const sim::Outcome outcome :
-       {sim::Outcome::kSuccess, sim::Outcome::kStoppedFar, sim::Outcome::kNotVisible,
-        sim::Outcome::kTimeout, sim::Outcome::kGaveUp, sim::Outcome::kCollision,
-        sim::Outcome::kAborted}) {
-    if (trial.outcome == sim::to_string(outcome)) return outcome;
-  }
-  return sim::Outcome::kTimeout;
-}
-
 }  // namespace
 
 core::Image<core::Rgb8> draw_story_map(const TrialRow& trial, const TrialLog& log,
                                        const core::SceneManifest& manifest,
                                        const FloorPlan& plan) {
   sim::TrialResult result;
-  result.outcome = outcome_of(trial);
+  result.outcome = sim::outcome_from(trial.outcome, "trial " + std::to_string(trial.trial_id));
   result.success = trial.success;
   result.spl = trial.spl;
   result.path_m = trial.path_m;

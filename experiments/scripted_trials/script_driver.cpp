@@ -38,6 +38,13 @@ const char* to_string(StepEnd end) {
   return kNames[static_cast<std::size_t>(end)];
 }
 
+std::string reason_of(const StepOutcome& step) {
+  // The driver of a goto thinks that it has arrived, and the place is farther than tolerated.
+  const bool too_early =
+      step.end == StepEnd::kNoWay && step.stop == core::StopReason::kGoalReached;
+  return too_early ? "ends_before_tolerance" : core::to_string(step.stop);
+}
+
 class ScriptDriver::Motion {
  public:
   virtual ~Motion() = default;
@@ -45,7 +52,7 @@ class ScriptDriver::Motion {
   struct Answer {
     core::Decision decision;
     std::optional<StepEnd> end{};
-    std::string reason{};
+    std::optional<core::StopReason> stop{};
   };
   [[nodiscard]] virtual Answer advance(const core::Observation& seen,
                                        std::span<const core::Detection> detections) = 0;
@@ -53,10 +60,10 @@ class ScriptDriver::Motion {
 
  protected:
   static Answer go(double forward_mps, double turn_radps) {
-    return {{{forward_mps, turn_radps}, core::PolicyMode::kNavigate, false, {}}};
+    return {{{forward_mps, turn_radps}, core::PolicyMode::kNavigate}};
   }
-  static Answer ended(StepEnd end, std::string reason = {}) {
-    return {{}, end, std::move(reason)};
+  static Answer ended(StepEnd end, std::optional<core::StopReason> stop = {}) {
+    return {{}, end, stop};
   }
 };
 
@@ -77,11 +84,7 @@ class ScriptDriver::Drive final : public Motion {
     }
     // Without detections it never takes anything for its goal.
     core::Decision decision = policy_->decide(seen, {});
-    if (decision.stop) {
-      return ended(StepEnd::kNoWay, decision.stop_reason == "no_path"
-                                        ? decision.stop_reason
-                                        : std::string("ends_before_tolerance"));
-    }
+    if (decision.stop) return ended(StepEnd::kNoWay, decision.stop);
     return {std::move(decision)};
   }
   [[nodiscard]] core::PolicyView view() const override { return policy_->view(); }
@@ -226,7 +229,7 @@ class ScriptDriver::Search final : public Motion {
     if (steps_left_-- == 0) return ended(StepEnd::kTimedOut);
     core::Decision decision = policy_->decide(seen, detections);
     if (!decision.stop) return {std::move(decision)};
-    reason_ = decision.stop_reason;
+    stop_ = decision.stop;
     stopped_ns_ = seen.capture_time_ns;
     last_ = pose_of(seen);
     return go(0.0, 0.0);
@@ -242,13 +245,14 @@ class ScriptDriver::Search final : public Motion {
     last_ = pose;
     const double waited_s = core::seconds(seen.capture_time_ns - *stopped_ns_);
     if (!rests && waited_s < kLongestBraking_s) return go(0.0, 0.0);
-    return ended(reason_ == "goal_reached" ? StepEnd::kDone : StepEnd::kNotFound, reason_);
+    const bool found = stop_ == core::StopReason::kGoalReached;
+    return ended(found ? StepEnd::kDone : StepEnd::kNotFound, stop_);
   }
 
   std::unique_ptr<core::Policy> policy_;
   int steps_left_;
   std::optional<core::TimeNs> stopped_ns_;
-  std::string reason_;
+  std::optional<core::StopReason> stop_;
   core::Pose2 last_;
 };
 
@@ -289,7 +293,7 @@ std::unique_ptr<ScriptDriver::Motion> ScriptDriver::begin(std::size_t index) con
 
 core::Decision ScriptDriver::decide(const core::Observation& seen,
                                     std::span<const core::Detection> detections) {
-  const core::Decision stop{{}, core::PolicyMode::kStop, true, "script_end"};
+  const core::Decision stop{{}, core::PolicyMode::kStop, core::StopReason::kScriptEnd};
   // A step that ends gives way to the next one at once.
   while (!failed_) {
     if (motion_ == nullptr) {
@@ -312,12 +316,12 @@ core::Decision ScriptDriver::decide(const core::Observation& seen,
     record.end = answer.end;
     record.end_ns = seen.capture_time_ns;
     record.finish = pose_of(seen);
-    record.reason = std::move(answer.reason);
+    record.stop = answer.stop;
     failed_ = *answer.end != StepEnd::kDone;
     motion_.reset();
   }
   core::Decision failed = stop;
-  failed.stop_reason = "step_failed";
+  failed.stop = core::StopReason::kStepFailed;
   return failed;
 }
 

@@ -30,8 +30,11 @@ struct StepOutcome {
   core::TimeNs begin_ns = 0, end_ns = -1;  ///< -1: it was not finished.
   std::optional<StepEnd> end;              ///< None: the trial ended before.
   core::Pose2 begin, finish;
-  std::string reason;  ///< kFind: why its policy stopped.
+  std::optional<core::StopReason> stop;  ///< Why the policy of a kGoto or kFind stopped.
 };
+
+/// Why the step ended as it did, in one word; "" if there is nothing to say.
+[[nodiscard]] std::string reason_of(const StepOutcome& step);
 
 /// What the driver needs of the world; Odom equals World as long as the robot knows its pose.
 struct DriverContext {
@@ -52,7 +55,7 @@ class ScriptDriver final : public core::Policy {
   ~ScriptDriver() override;
 
   void reset(const core::ObjectGoal& goal, std::uint64_t seed) override;
-  /// Stop reasons: "script_end"; "step_failed" after a step that was not done.
+  /// Stop reasons: kScriptEnd; kStepFailed after a step that was not done.
   [[nodiscard]] core::Decision decide(const core::Observation& observation,
                                       std::span<const core::Detection> detections) override;
   [[nodiscard]] core::PolicyView view() const override;

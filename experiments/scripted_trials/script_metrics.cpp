@@ -73,7 +73,8 @@ std::string failure_of(const ScriptedTrial& script, const ScriptedResult& result
   const StepOutcome& step = result.steps[k];
   if (!step.end) return name + "was not finished: " + outcome;
   if (*step.end != StepEnd::kDone) {
-    return name + to_string(*step.end) + (step.reason.empty() ? "" : ": " + step.reason);
+    const std::string why = reason_of(step);
+    return name + to_string(*step.end) + (why.empty() ? "" : ": " + why);
   }
   const FindResult* find = find_of(result, step.step);
   if (find != nullptr && !find->success) {

@@ -40,7 +40,7 @@ Json steps_json(const ScriptedTrial& script, const ScriptedResult& result) {
       json["begin_s"] = core::seconds(step.begin_ns);
       json["end_s"] = step.end ? Json(core::seconds(step.end_ns)) : Json(nullptr);
       json["end"] = step.end ? to_string(*step.end) : "not_finished";
-      if (!step.reason.empty()) json["reason"] = step.reason;
+      if (const std::string why = reason_of(step); !why.empty()) json["reason"] = why;
     } else {
       json["end"] = "not_begun";
     }

@@ -174,13 +174,13 @@ class Watcher {
     const sim::DistanceField to_goal = bound_.world.distance_to(goal.view_points_m);
     FindResult result;
     result.step = step.step;
-    result.reason = step.reason;
+    result.stop = step.stop;
     result.visible_px = witness.evidence().front().largest_px;
     result.view_point_m = to_goal.at(end_m, sim::DistanceField::kBaseSnap_m);
     result.path_m = path_m_ - begin.path_m;
     result.shortest_path_m = to_goal.at(begin.p_m, sim::DistanceField::kBaseSnap_m);
     sim::TrialEnd end;
-    end.stopped = !step.reason.empty();
+    end.stopped = step.stop.has_value();
     end.view_point_m = result.view_point_m;
     end.visible_px = result.visible_px;
     end.path_m = result.path_m;
@@ -294,8 +294,15 @@ ScriptedResult run_script(BoundScript& bound, const fs::path& folder) {
   };
   const sim::TrialOptions options = trial_options(bound);
   ScriptedResult result;
-  result.trial = sim::run_trial(episode, options, bound.world, bound.world.robot(),
-                                *bound.renderer, *eyes.detector, driver, eyes.truth, observer);
+  result.trial = sim::run_trial({.episode = episode,
+                                 .options = options,
+                                 .world = bound.world,
+                                 .robot = bound.world.robot(),
+                                 .renderer = *bound.renderer,
+                                 .detector = *eyes.detector,
+                                 .policy = driver,
+                                 .truth = eyes.truth,
+                                 .observer = observer});
   result.steps = driver.records();
   result.finds = watcher.finish(result.trial);
   measure(bound, goals, result);

@@ -44,7 +44,7 @@ struct FindResult {
   double view_point_m = 0.0;  ///< Geodesic; infinity if there is no way.
   int visible_px = 0;         ///< Of the goal object seen best.
   double path_m = 0.0, shortest_path_m = 0.0, spl = 0.0;
-  std::string reason;  ///< Why the policy stopped.
+  std::optional<core::StopReason> stop;  ///< Why the policy stopped.
 };
 
 struct ExpectationResult {

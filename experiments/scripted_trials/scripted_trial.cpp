@@ -96,7 +96,8 @@ void read_latency_fault(const ConfigNode& node, double at_s, ScriptedTrial& tria
       if (stage.charge == sim::Charge::kRobot) stages.push_back(stage.name);
     }
   } else if (trial.clock.mode != sim::ClockMode::kLockstep) {
-    stages = {"detect", "policy"};
+    stages = {sim::to_string(sim::StageRole::kDetect),
+              sim::to_string(sim::StageRole::kPolicy)};
   }
   if (stages.empty()) {
     node.fail("a clock in which stages take time (a budget)", "none");
@@ -145,7 +146,8 @@ std::string read_stage(const ConfigNode& node, const ScriptedTrial& trial) {
       if (stage.charge == sim::Charge::kRobot) stages.push_back(stage.name);
     }
   } else if (trial.clock.mode != sim::ClockMode::kLockstep) {
-    stages.insert(stages.end(), {"detect", "policy"});
+    stages.insert(stages.end(), {sim::to_string(sim::StageRole::kDetect),
+                                 sim::to_string(sim::StageRole::kPolicy)});
   }
   const std::string stage = stages[core::choice(node, "stage", stages)];
   return stage == "e2e" ? "end_to_end" : stage;

@@ -124,7 +124,7 @@ ReplayLog start_log(const ExperimentSpec& spec, const TrialTask& task) {
 void copy_result(const sim::TrialResult& result, TrialRow& row) {
   row.outcome = sim::to_string(result.outcome);
   row.success = result.success;
-  row.stop_reason = result.stop_reason;
+  row.stop_reason = core::to_string(result.stop_reason);
   row.spl = result.spl;
   row.soft_spl = result.soft_spl;
   row.path_m = result.path_m;
@@ -316,9 +316,15 @@ void TrialRunner::run_checked(const TrialTask& task, TrialRow& row) {
   std::optional<RecordingRenderer> kept_images;
   if (log.images) kept_images.emplace(renderer, replay_images(log_file));
   core::Renderer* const eye = kept_images ? &*kept_images : &renderer;
-  sim::TrialResult result =
-      sim::run_trial(episode, options, task.scene->world, task.scene->world.robot(), *eye,
-                     detector, timed_policy, &detector, observer);
+  sim::TrialResult result = sim::run_trial({.episode = episode,
+                                            .options = options,
+                                            .world = task.scene->world,
+                                            .robot = task.scene->world.robot(),
+                                            .renderer = *eye,
+                                            .detector = detector,
+                                            .policy = timed_policy,
+                                            .truth = &detector,
+                                            .observer = observer});
   if (task.replay_log) write_replay_log(log_file, with_result(std::move(log), result));
   std::vector<double> distance_m;
   row.why = judge_trial(task, episode, scene.goal_index, witness, result, distance_m);

@@ -45,7 +45,7 @@ core::Decision SearchPolicy::decide(const core::Observation& observation,
   const Now now = moment_of(observation);
   if (state_ != State::kStopped) {
     map_.integrate(observation);
-    if (map_.exhausted()) stop("map_exhausted");
+    if (map_.exhausted()) stop(core::StopReason::kMapExhausted);
   }
   if (state_ != State::kStopped) {
     note_map_changes();
@@ -59,8 +59,7 @@ core::Decision SearchPolicy::decide(const core::Observation& observation,
   decision.mode = mode();
   if (state_ == State::kStopped) {
     decision.command = {};
-    decision.stop = true;
-    decision.stop_reason = stop_reason_;
+    decision.stop = stop_reason_;
   }
   spin_.end_decision(now.pose.yaw_rad);
   return decision;
@@ -183,7 +182,7 @@ bool SearchPolicy::drive_to(const Now& now, const glm::dvec2& place_m, const Cos
   return true;
 }
 
-void SearchPolicy::stop(const std::string& reason) {
+void SearchPolicy::stop(core::StopReason reason) {
   state_ = State::kStopped;
   stop_reason_ = reason;
   follower_.clear();
@@ -193,7 +192,7 @@ void SearchPolicy::stop(const std::string& reason) {
 
 void SearchPolicy::begin_recovery(const Now& now) {
   if (recovery_.exhausted()) {
-    stop("stuck");
+    stop(core::StopReason::kStuck);
     return;
   }
   if (const std::optional<FeltDisc> felt = recovery_.begin(now)) {

@@ -170,7 +170,7 @@ void SearchPolicy::escalate(const Now& now) {
     return;
   }
   if (effort_ == Effort::kBoldAgain) {
-    stop("no_frontier_left");
+    stop(core::StopReason::kNoFrontierLeft);
     return;
   }
   effort_ = static_cast<Effort>(static_cast<int>(effort_) + 1);

@@ -158,7 +158,7 @@ core::VelocityCommand SearchPolicy::navigate(const Now& now) {
     return {};
   }
   if (at_goal(now, *object)) {
-    stop("goal_reached");
+    stop(core::StopReason::kGoalReached);
     return {};
   }
   if ((replan_due(now) && !replan_navigate(now, *object)) || hopeless(now)) {
@@ -196,7 +196,7 @@ core::VelocityCommand SearchPolicy::verify(const Now& now) {
   // A tentative object that is being seen right now gets the time to be confirmed.
   switch (verification_.look(now.time_ns, error, seen, recent ? 2.0 : 1.0)) {
     case Verdict::kSeen:
-      stop("goal_reached");
+      stop(core::StopReason::kGoalReached);
       return {};
     case Verdict::kLooking:
       return follower_.turn_to(now.pose, now.pose.yaw_rad + error, 0.1);

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <numbers>
 #include <optional>
-#include <string>
 
 #include <glm/geometric.hpp>
 
@@ -15,8 +14,8 @@
 namespace segsim::nav {
 namespace {
 
-core::Decision stop_decision(const std::string& reason) {
-  return {{}, core::PolicyMode::kStop, true, reason};
+core::Decision stop_decision(core::StopReason reason) {
+  return {{}, core::PolicyMode::kStop, reason};
 }
 
 class OraclePathPolicy final : public core::Policy {
@@ -50,7 +49,8 @@ class OraclePathPolicy final : public core::Policy {
     if (!planned_ns_ || core::seconds(time_ns - *planned_ns_) >= options_.replan_period_s) {
       Path path;
       path.points_m = oracle_({pose.x_m, pose.y_m});
-      if (path.points_m.empty() && !planned_ns_) return stop_decision("no_path");
+      if (path.points_m.empty() && !planned_ns_)
+        return stop_decision(core::StopReason::kNoPath);
       if (!path.points_m.empty()) {
         swift_.set_path(path);
         careful_.set_path(path);
@@ -63,10 +63,10 @@ class OraclePathPolicy final : public core::Policy {
       return look(observation, detections, pose);
     }
     if (const auto back = back_out(pose, time_ns)) {
-      return {*back, core::PolicyMode::kRecover, false, {}};
+      return {*back, core::PolicyMode::kRecover};
     }
     PathFollower& follower = held_at_ ? careful_ : swift_;
-    return {follower.follow(pose, nothing_), core::PolicyMode::kNavigate, false, {}};
+    return {follower.follow(pose, nothing_), core::PolicyMode::kNavigate};
   }
 
   [[nodiscard]] core::PolicyView view() const override {
@@ -122,9 +122,10 @@ class OraclePathPolicy final : public core::Policy {
           return detection.class_index == goal_.class_index &&
                  std::abs(middle - 0.5) < options_.centered_share;
         });
-    if (seen || *turned_rad_ >= 2.0 * std::numbers::pi) return stop_decision("goal_reached");
+    if (seen || *turned_rad_ >= 2.0 * std::numbers::pi)
+      return stop_decision(core::StopReason::kGoalReached);
     const double rate = 0.5 * options_.follower.max_turn_radps;
-    return {{0.0, rate}, core::PolicyMode::kNavigate, false, {}};
+    return {{0.0, rate}, core::PolicyMode::kNavigate};
   }
 
   PathOracle oracle_;
@@ -166,14 +167,14 @@ class BlindPolicy : public core::Policy {
       executor_.start(action, pose, time_ns);
       command = executor_.command(pose, time_ns, period_s);
     }
-    return {command, core::PolicyMode::kExplore, false, {}};
+    return {command, core::PolicyMode::kExplore};
   }
   [[nodiscard]] core::PolicyView view() const override { return {}; }
 
  protected:
   virtual void begin(std::uint64_t seed) = 0;
   virtual DiscreteAction next() = 0;
-  [[nodiscard]] virtual std::string reason() const = 0;
+  [[nodiscard]] virtual core::StopReason reason() const = 0;
 
  private:
   DiscreteExecutor executor_;
@@ -195,7 +196,9 @@ class RandomPolicy final : public BlindPolicy {
     if (random_.chance(options_.forward_chance)) return DiscreteAction::kForward;
     return random_.chance(0.5) ? DiscreteAction::kTurnLeft : DiscreteAction::kTurnRight;
   }
-  [[nodiscard]] std::string reason() const override { return "random_stop"; }
+  [[nodiscard]] core::StopReason reason() const override {
+    return core::StopReason::kRandomStop;
+  }
 
   RandomPolicyOptions options_;
   core::RandomStream random_{0, "random_policy"};
@@ -211,7 +214,9 @@ class ScriptPolicy final : public BlindPolicy {
   DiscreteAction next() override {
     return at_ < actions_.size() ? actions_[at_++] : DiscreteAction::kStop;
   }
-  [[nodiscard]] std::string reason() const override { return "script_end"; }
+  [[nodiscard]] core::StopReason reason() const override {
+    return core::StopReason::kScriptEnd;
+  }
 
   std::vector<DiscreteAction> actions_;
   std::size_t at_ = 0;

@@ -31,7 +31,7 @@ struct OraclePathOptions {
 };
 
 /// Drives the oracle's way, then turns until the goal is detected in the middle of the image,
-/// at most once around. Stop reasons: "goal_reached", "no_path".
+/// at most once around. Stop reasons: kGoalReached, kNoPath.
 [[nodiscard]] std::unique_ptr<core::Policy> make_oracle_path_policy(
     PathOracle oracle, const OraclePathOptions& options = {});
 
@@ -41,11 +41,11 @@ struct RandomPolicyOptions {
   double stop_chance = 0.01;    ///< Per action.
 };
 
-/// Actions by chance, from the episode's seed. Stop reason: "random_stop".
+/// Actions by chance, from the episode's seed. Stop reason: kRandomStop.
 [[nodiscard]] std::unique_ptr<core::Policy> make_random_policy(
     const RandomPolicyOptions& options = {});
 
-/// A list of actions, then STOP. Stop reason: "script_end".
+/// A list of actions, then STOP. Stop reason: kScriptEnd.
 [[nodiscard]] std::unique_ptr<core::Policy> make_script_policy(
     std::vector<DiscreteAction> actions, const DiscreteMotionOptions& options = {});
 

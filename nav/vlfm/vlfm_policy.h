@@ -84,7 +84,7 @@ struct VlfmOptions {
   /// no frontier is left.
   SweepOptions sweep = {.most_places = 4};
   /// Not in VLFM: without anything new from near for so long the next narrow inflation is
-  /// tried, and after the last one the search is given up ("nothing_new"): a goal behind
+  /// tried, and after the last one the search is given up (kNothingNew): a goal behind
   /// glass, a camera that shows no depth. Needs the sweep.
   double give_up_s = 45.0;
   /// Not in VLFM: with these inflations, one after the other, the search goes on when nothing
@@ -116,8 +116,8 @@ struct VlfmOptions {
 [[nodiscard]] VlfmOptions vlfm_for(const core::RobotBase& robot, const VlfmRules& rules,
                                    double camera_height_m);
 
-/// Stop reasons: "goal_reached", "no_frontier_left", "nothing_new", "pointnav_stop" (Q5),
-/// "map_exhausted" (Q9), "stuck" (Q6).
+/// Stop reasons: kGoalReached, kNoFrontierLeft, kNothingNew, kPointnavStop (Q5), kMapExhausted
+/// (Q9), kStuck (Q6).
 /// @throws ContractViolation for options out of range.
 [[nodiscard]] std::unique_ptr<core::Policy> make_vlfm_policy(const VlfmOptions& options);
 

@@ -93,7 +93,7 @@ core::Decision VlfmSearch::decide(const core::Observation& observation,
                                   std::span<const core::Detection> detections) {
   core::Decision decision;
   // Without a pose nothing can be mapped and no way is known: wait.
-  if (stop_reason_.empty() && finite_pose(observation)) {
+  if (!stop_reason_ && finite_pose(observation)) {
     const core::TimeNs time_ns = observation.capture_time_ns;
     const double period_s = last_time_ns_ ? core::seconds(time_ns - *last_time_ns_) : 0.1;
     const Now now{moment_of(observation), detections, period_s};
@@ -103,10 +103,9 @@ core::Decision VlfmSearch::decide(const core::Observation& observation,
     spin_.end_decision(now.pose.yaw_rad);
   }
   decision.mode = mode_;
-  if (!stop_reason_.empty()) {
+  if (stop_reason_) {
     decision.command = {};
-    decision.stop = true;
-    decision.stop_reason = stop_reason_;
+    decision.stop = stop_reason_;
   }
   return decision;
 }
@@ -130,18 +129,18 @@ void VlfmSearch::update_maps(const Now& now) {
 
 core::VelocityCommand VlfmSearch::act(const Now& now) {
   if (obstacles_.exhausted()) {
-    stop("map_exhausted");
+    stop(core::StopReason::kMapExhausted);
     return {};
   }
   if (nothing_new(now)) {
     if (!squeeze_through()) {
-      stop("nothing_new");
+      stop(core::StopReason::kNothingNew);
       return {};
     }
     seen_near_.wait_anew(now.time_ns);
   }
   if (!options_.rules.published(Quirk::kNoRecovery) && recovery_.due()) begin_recovery(now);
-  if (!stop_reason_.empty()) return {};
+  if (stop_reason_) return {};
   if (recovery_.active()) return recover(now);
   const core::VelocityCommand command = perform(now);
   recovery_.watch(now.pose, command, follower_.blocked());
@@ -225,7 +224,7 @@ core::VelocityCommand VlfmSearch::explore(const Now& now) {
   }
   if (!target_m_) {
     if (const auto place_m = next_sweep_place(now)) return sweep_to(now, *place_m);
-    if (!squeeze_through()) stop("no_frontier_left");
+    if (!squeeze_through()) stop(core::StopReason::kNoFrontierLeft);
     return {};
   }
   sweep_.leave(now.time_ns);
@@ -239,7 +238,7 @@ core::VelocityCommand VlfmSearch::explore(const Now& now) {
   return drive(now, *target_m_, true);
 }
 
-void VlfmSearch::stop(const std::string& reason) {
+void VlfmSearch::stop(core::StopReason reason) {
   stop_reason_ = reason;
   mode_ = core::PolicyMode::kStop;
   follower_.clear();

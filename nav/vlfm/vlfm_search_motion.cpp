@@ -60,7 +60,7 @@ core::VelocityCommand VlfmSearch::drive(const Now& now, const glm::dvec2& place_
     if (action != DiscreteAction::kStop) return start(action, now);
     if (options_.rules.published(Quirk::kLocalStop)) {
       // STOP of the local policy ends the episode, wherever that is.
-      if (exploring) stop("pointnav_stop");
+      if (exploring) stop(core::StopReason::kPointnavStop);
     } else if (exploring) {
       vetoed_m_.push_back(place_m);
     }
@@ -92,7 +92,7 @@ core::VelocityCommand VlfmSearch::face(const Now& now, double bearing_rad) {
 
 void VlfmSearch::begin_recovery(const Now& now) {
   if (recovery_.exhausted()) {
-    stop("stuck");
+    stop(core::StopReason::kStuck);
     return;
   }
   if (const std::optional<FeltDisc> felt = recovery_.begin(now)) {

@@ -139,7 +139,7 @@ core::VelocityCommand VlfmSearch::navigate(const Now& now, const glm::dvec3& obj
   if (rho_m >= options_.distances.limit_m) verification_.end();
   if (verification_.active() || rho_m < options_.stop_radius_m) {
     if (options_.second_look) return look_again(now, object_m);
-    stop("goal_reached");
+    stop(core::StopReason::kGoalReached);
     return {};
   }
   if (options_.motion == Motion::kDiscrete || replan_due(now) || !target_m_) {
@@ -205,7 +205,7 @@ bool VlfmSearch::seen_now(const Now& now, const glm::dvec3& object_m) const {
 
 core::VelocityCommand VlfmSearch::look_again(const Now& now, const glm::dvec3& object_m) {
   if (!options_.second_look) {
-    stop("goal_reached");
+    stop(core::StopReason::kGoalReached);
     return {};
   }
   if (!verification_.active()) verification_.begin(now.time_ns);
@@ -215,7 +215,7 @@ core::VelocityCommand VlfmSearch::look_again(const Now& now, const glm::dvec3& o
   const bool facing = verification_.faces(error);
   switch (verification_.look(now.time_ns, error, facing && seen_now(now, object_m))) {
     case Verdict::kSeen:
-      stop("goal_reached");
+      stop(core::StopReason::kGoalReached);
       return {};
     case Verdict::kLooking:
       return facing && std::abs(error) < 0.05 ? core::VelocityCommand{} : face(now, bearing);

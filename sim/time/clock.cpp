@@ -13,9 +13,9 @@ namespace {
 
 using Steady = std::chrono::steady_clock;
 
-StageBudget measured_stage(const char* name, const char* resource) {
+StageBudget measured_stage(StageRole role, const char* resource) {
   StageBudget stage;
-  stage.name = name;
+  stage.name = to_string(role);
   stage.on = resource;
   stage.duration.kind = DurationModel::Kind::kMeasured;
   return stage;
@@ -45,11 +45,13 @@ LatencyBudget TrialClock::played_budget() const {
   if (!measures()) return played;
   if (played.stages.empty()) {
     played.resources = {{"gpu", 1}, {"cpu", 1}};
-    played.stages = {measured_stage("detect", "gpu"), measured_stage("policy", "cpu")};
+    played.stages = {measured_stage(StageRole::kDetect, "gpu"),
+                     measured_stage(StageRole::kPolicy, "cpu")};
   }
   for (StageBudget& stage : played.stages) {
+    const StageRole role = stage.role();
     const bool timed =
-        stage.name == "detect" || stage.name == "policy" || stage.name == "render";
+        role == StageRole::kDetect || role == StageRole::kPolicy || role == StageRole::kRender;
     if (timed) stage.duration.kind = DurationModel::Kind::kMeasured;
     if (mode == ClockMode::kRealtime) stage.charge = Charge::kRobot;  // All of it takes time.
   }

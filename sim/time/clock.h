@@ -46,8 +46,8 @@ struct TrialClock {
   /// kMeasured, kRealtime: by how much the robot's computer is slower than this one.
   double measured_scale = 1.0;
 
-  /// The budget that is played: empty in lockstep; with the measured stages ("detect",
-  /// "policy", and "render" if charged to the robot) in measured and realtime mode.
+  /// The budget that is played: empty in lockstep; with the measured stages (kDetect,
+  /// kPolicy, and kRender if charged to the robot) in measured and realtime mode.
   [[nodiscard]] LatencyBudget played_budget() const;
   [[nodiscard]] bool measures() const {
     return mode == ClockMode::kMeasured || mode == ClockMode::kRealtime;

@@ -26,8 +26,9 @@ double draw_ms(const DurationModel& model, core::RandomStream& random) {
   }
 }
 
-bool is_fixed_place(const std::string& name) {
-  return name == "capture" || name == "policy" || name == "actuate";
+bool is_fixed_place(StageRole role) {
+  return role == StageRole::kCapture || role == StageRole::kPolicy ||
+         role == StageRole::kActuate;
 }
 
 /// What is wrong with one stage on its own.
@@ -36,15 +37,18 @@ std::string problem_of(const StageBudget& stage, const LatencyBudget& budget) {
     return "stage " + stage.name + " runs on the unknown resource " + stage.on;
   }
   // Exposures overlap, and so do commands on the wire.
-  if ((stage.name == "capture" || stage.name == "actuate") && !stage.on.empty()) {
+  const StageRole role = stage.role();
+  if ((role == StageRole::kCapture || role == StageRole::kActuate) && !stage.on.empty()) {
     return "stage " + stage.name + " runs on no resource";
   }
   if (stage.queue_depth < 1) return "stage " + stage.name + " has a queue without room";
-  if (is_fixed_place(stage.name) && !stage.after.empty() &&
-      !(stage.name == "actuate" && stage.after == std::vector<std::string>{"policy"})) {
+  const bool after_policy =
+      stage.after == std::vector<std::string>{to_string(StageRole::kPolicy)};
+  if (is_fixed_place(role) && !stage.after.empty() &&
+      !(role == StageRole::kActuate && after_policy)) {
     return "stage " + stage.name + " has a fixed place, it comes after nothing else";
   }
-  if (is_fixed_place(stage.name) && stage.charge == Charge::kSim) {
+  if (is_fixed_place(role) && stage.charge == Charge::kSim) {
     return "stage " + stage.name + " is the robot's, it cannot be charged to sim";
   }
   return "";
@@ -117,13 +121,14 @@ std::string LatencyBudget::problem() const {
     if (!found.empty()) return found;
   }
   // Stages become ready as their predecessors do; what never becomes ready is on a cycle.
-  std::set<std::string> ready{"capture"};
+  std::set<std::string> ready{to_string(StageRole::kCapture)};
   for (const StageBudget& stage : stages) {
     for (const std::string& before : stage.after) {
-      if (before == "capture" || is_fixed_place(stage.name)) continue;
+      const StageRole before_role = stage_role(before);
+      if (before_role == StageRole::kCapture || is_fixed_place(stage.role())) continue;
       const StageBudget* other = find(before);
       if (other == nullptr) return "stage " + stage.name + " comes after unknown " + before;
-      if (is_fixed_place(before)) {
+      if (is_fixed_place(before_role)) {
         return "stage " + stage.name + " comes after " + before + ", which is not possible";
       }
       if (other->charge == Charge::kSim && stage.charge == Charge::kRobot) {
@@ -136,7 +141,7 @@ std::string LatencyBudget::problem() const {
     for (const StageBudget& stage : stages) {
       const bool all = std::all_of(stage.after.begin(), stage.after.end(),
                                    [&](const std::string& s) { return ready.contains(s); });
-      if (all || is_fixed_place(stage.name)) ready.insert(stage.name);
+      if (all || is_fixed_place(stage.role())) ready.insert(stage.name);
     }
   }
   for (const StageBudget& stage : stages) {

@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "core/stages.h"
+#include "sim/time/stage_role.h"
 
 namespace segsim::sim {
 
@@ -89,10 +90,9 @@ struct DurationModel {
                                   core::TimeNs measured_ns = 0) const;
 };
 
-/// One stage. Three names have a place of their own: "capture" makes the image, "policy"
-/// decides, "actuate" carries the command to the wheels (the first and the last overlap with
-/// themselves, so they run on no resource). All others work on images, in the order of
-/// `after`. The program itself runs "detect".
+/// One stage. Three roles have a place of their own: kCapture, kPolicy and kActuate (the first
+/// and the last overlap with themselves, so they run on no resource). All others work on
+/// images, in the order of `after`. The program itself runs kDetect.
 struct StageBudget {
   std::string name;
   Charge charge = Charge::kRobot;
@@ -102,6 +102,8 @@ struct StageBudget {
   core::TimeNs deadline_ns = 0;  ///< From release to end; 0: none.
   QueueRule queue = QueueRule::kNewest;
   int queue_depth = 1;
+
+  [[nodiscard]] StageRole role() const { return stage_role(name); }
 };
 
 struct LatencyBudget {

@@ -18,9 +18,9 @@ Schedule::Schedule(LatencyBudget budget, Work work)
   SEGSIM_CHECK(budget_.problem().empty(), budget_.problem());
   std::vector<StageBudget>& stages = budget_.stages;
   std::erase_if(stages, [](const StageBudget& s) { return s.charge == Charge::kSim; });
-  capture_ = stage_index("capture");
-  policy_ = stage_index("policy");
-  actuate_ = stage_index("actuate");
+  capture_ = stage_index(StageRole::kCapture);
+  policy_ = stage_index(StageRole::kPolicy);
+  actuate_ = stage_index(StageRole::kActuate);
   next_.resize(stages.size());
   predecessors_.resize(stages.size(), 0);
   waiting_.resize(stages.size());
@@ -31,7 +31,7 @@ Schedule::Schedule(LatencyBudget budget, Work work)
     if (k == capture_ || k == policy_ || k == actuate_) continue;
     ++image_stages_;
     for (const std::string& before : stages[k].after) {
-      if (before == "capture") continue;
+      if (stage_role(before) == StageRole::kCapture) continue;
       next_[stage_index(before)].push_back(k);
       ++predecessors_[k];
     }

@@ -28,7 +28,7 @@ namespace segsim::sim {
 class Schedule {
  public:
   /// Does what a job stands for when it starts; returns how long that takes in simulated
-  /// time. `index` counts captures (for "policy" and "actuate": ticks).
+  /// time. `index` counts captures (for the policy and actuation: ticks).
   using Work = std::function<core::TimeNs(const StageBudget& stage, std::uint64_t index)>;
 
   /// An image all of whose stages are done.
@@ -110,6 +110,9 @@ class Schedule {
   void enqueue(const Job& job);
   void give_up(const Job& job);
   [[nodiscard]] std::size_t stage_index(const std::string& name) const;
+  [[nodiscard]] std::size_t stage_index(StageRole role) const {
+    return stage_index(to_string(role));
+  }
 
   LatencyBudget budget_;  ///< Stages of the robot only.
   Work work_;

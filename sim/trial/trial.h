@@ -6,14 +6,16 @@
 ///     true pose -> Renderer -> Observation -> Detector -> Policy -> command -> Robot
 ///         ^                                                                  |
 ///
-/// One control tick k at t = k * period (docs/simulation.md):
-///  1. The robot drives from the tick before to t; commands take effect in between, when they
-///     are due. Images are taken when they are due, at the true pose of that moment.
-///  2. The robot's computer works on them (sim/time/schedule.h); in lockstep that takes no
-///  time.
-///  3. The policy decides on the newest result that is ready at t. Without a new one the last
-///     command is sent again.
-///  4. The command is due after the policy's own time and the actuation delay.
+/// One control tick k at t = k * period is five calls in trial.cpp (docs/simulation.md):
+///  drive    The robot drives from the tick before to t. Commands take effect in between, when
+///           they are due.
+///  sense    Images are taken when they are due, at the true pose of that moment.
+///  compute  The robot's computer works on them (sim/time/schedule.h). In lockstep that takes
+///           no time.
+///  decide   The policy decides on the newest result that is ready at t. Its command is due
+///           after the policy's own time and the actuation delay. Without a new result the
+///           last command is sent again.
+///  record   The tick is written down.
 ///
 /// Perception and policy see Observations only; the true state stays in this module.
 
@@ -34,6 +36,7 @@
 #include "sim/sensors/sensor_suite.h"
 #include "sim/time/clock.h"
 #include "sim/time/timing.h"
+#include "sim/trial/outcome.h"
 #include "sim/trial/trial_faults.h"
 
 namespace segsim::sim {
@@ -85,17 +88,6 @@ struct TrialOptions {
   TrialFaults faults;  ///< None by default.
 };
 
-enum class Outcome : std::uint8_t {
-  kSuccess,     ///< Stopped near a goal that it sees.
-  kStoppedFar,  ///< Stopped, but no goal view point is near.
-  kNotVisible,  ///< Stopped near, but no goal instance is in view.
-  kTimeout,
-  kGaveUp,     ///< The policy stopped because nothing was left to explore.
-  kCollision,  ///< Only with stop_on_contact.
-  kAborted,    ///< A deadline or the age of an image, where the budget says "abort".
-};
-[[nodiscard]] const char* to_string(Outcome outcome);
-
 /// What happened in one control tick (true values, for the record only).
 struct TickRecord {
   core::TimeNs time_ns = 0;
@@ -126,7 +118,7 @@ struct ContactRecord {
 struct TrialResult {
   Outcome outcome = Outcome::kTimeout;
   bool success = false;
-  std::string stop_reason;
+  std::optional<core::StopReason> stop_reason;  ///< None: the policy did not stop.
   double spl = 0, soft_spl = 0;
   double path_m = 0;
   double shortest_path_m = 0;
@@ -171,13 +163,23 @@ class GroundTruthSink {
   virtual void set_truth(const core::Frame& frame) = 0;
 };
 
-/// Runs one episode. In lockstep and virtual time deterministic: equal arguments give equal
+/// What a trial is made of, borrowed for the call.
+struct TrialParts {
+  const Episode& episode;
+  const TrialOptions& options;
+  const World& world;
+  const RobotModel& robot;
+  core::Renderer& renderer;
+  core::Detector& detector;
+  core::Policy& policy;
+  /// If not null, receives each rendered frame before the detector runs.
+  GroundTruthSink* truth = nullptr;
+  TickObserver observer{};  ///< May be empty.
+};
+
+/// Runs one episode. In lockstep and virtual time deterministic: equal parts give equal
 /// results (wall times excepted).
-/// @param truth  If not null, receives each rendered frame before the detector runs.
-[[nodiscard]] TrialResult run_trial(const Episode& episode, const TrialOptions& options,
-                                    const World& world, const RobotModel& robot,
-                                    core::Renderer& renderer, core::Detector& detector,
-                                    core::Policy& policy, GroundTruthSink* truth,
-                                    const TickObserver& observer = {});
+/// @throws core::InputError if the robot does not fit where the episode starts.
+[[nodiscard]] TrialResult run_trial(const TrialParts& parts);
 
 }  // namespace segsim::sim

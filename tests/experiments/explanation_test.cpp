@@ -28,7 +28,7 @@ TrialLog a_log() {
   log.camera = core::CameraIntrinsics::from_fov(96, 72, 1.2);
   log.camera_height_m = 1.0;
   log.time_limit_s = 20.0;
-  log.stop_reason = "goal_reached";
+  log.stop_reason = core::StopReason::kGoalReached;
   log.episode.id = "tiny/couch/00";
   log.episode.class_name = "couch";
   log.episode.start = {-1.0, 1.5, 0.0};
@@ -130,6 +130,11 @@ TEST(TrialLogFile, BadFilesAreRefused) {
   std::string late = good;
   late.replace(late.find("[8,1.5"), 2, "[88");
   EXPECT_THAT(refusal(late), HasSubstr("not there"));
+  std::string typo = good;
+  typo.replace(typo.find("goal_reached"), 12, "goal_raeched");
+  EXPECT_THAT(refusal(typo),
+              HasSubstr("t.json.gz: stop_reason: expected a stop reason (goal_"));
+  EXPECT_THAT(refusal(typo), testing::EndsWith("found \"goal_raeched\""));
 }
 
 TEST(Explanation, MomentsAreInOrderAndMerged) {

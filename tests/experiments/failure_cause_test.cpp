@@ -5,10 +5,13 @@
 
 #include <gtest/gtest.h>
 
+#include "core/error.h"
+
 namespace segsim::experiments {
 namespace {
 
 using core::PolicyMode;
+using core::StopReason;
 
 /// A trial made by hand: one tick per second, straight on at 0.5 m/s, the goal 20 m away.
 class Trial {
@@ -28,7 +31,7 @@ class Trial {
     facts.max_speed_mps = 1.0;
     facts.success_distance_m = 1.0;
   }
-  Trial& outcome(sim::Outcome outcome, const std::string& reason = {}) {
+  Trial& outcome(sim::Outcome outcome, std::optional<StopReason> reason = {}) {
     facts.outcome = outcome;
     facts.stop_reason = reason;
     return *this;
@@ -70,13 +73,14 @@ void expect(const Verdict& verdict, Cause cause, int inevitable, int decisive) {
 }
 
 TEST(FailureCause, ASuccessDidNotFail) {
-  expect(Trial(30).outcome(sim::Outcome::kSuccess, "goal_reached").verdict(),
+  expect(Trial(30).outcome(sim::Outcome::kSuccess, StopReason::kGoalReached).verdict(),
          Cause::kDidNotFail, -1, -1);
 }
 
 TEST(FailureCause, StopAtSomethingElse) {
   Trial trial(30);
-  trial.outcome(sim::Outcome::kStoppedFar, "goal_reached").modes(12, PolicyMode::kNavigate);
+  trial.outcome(sim::Outcome::kStoppedFar, StopReason::kGoalReached)
+      .modes(12, PolicyMode::kNavigate);
   trial.modes(29, PolicyMode::kStop).target(false);
   expect(trial.verdict(), Cause::kFalsePositive, 29, 12);
 }
@@ -84,16 +88,18 @@ TEST(FailureCause, StopAtSomethingElse) {
 TEST(FailureCause, StopForATrueGoalTooFarOrLookingElsewhere) {
   for (const sim::Outcome outcome : {sim::Outcome::kStoppedFar, sim::Outcome::kNotVisible}) {
     Trial trial(30);
-    trial.outcome(outcome, "goal_reached").modes(20, PolicyMode::kNavigate).target(true);
+    trial.outcome(outcome, StopReason::kGoalReached)
+        .modes(20, PolicyMode::kNavigate)
+        .target(true);
     expect(trial.verdict(), Cause::kBadStopTruePositive, 29, 20);
   }
 }
 
 TEST(FailureCause, WithoutAKnownTargetTheLastImageDecides) {
   Trial blind(30), seeing(30);
-  blind.outcome(sim::Outcome::kStoppedFar, "goal_reached");
+  blind.outcome(sim::Outcome::kStoppedFar, StopReason::kGoalReached);
   expect(blind.verdict(), Cause::kFalsePositive, 29, -1);
-  seeing.outcome(sim::Outcome::kStoppedFar, "goal_reached").seen_at(29, 40);
+  seeing.outcome(sim::Outcome::kStoppedFar, StopReason::kGoalReached).seen_at(29, 40);
   expect(seeing.verdict(), Cause::kBadStopTruePositive, 29, -1);
 }
 
@@ -122,7 +128,7 @@ TEST(FailureCause, SeenAndNeverReported) {
   // One pixel less is not in view.
   expect(Trial(30).seen_at(7, 39).verdict(), Cause::kNeverSawTarget, 12, -1);
   Trial gave_up(30);
-  gave_up.seen_at(9, 400).outcome(sim::Outcome::kGaveUp, "no_frontier_left");
+  gave_up.seen_at(9, 400).outcome(sim::Outcome::kGaveUp, StopReason::kNoFrontierLeft);
   expect(gave_up.verdict(), Cause::kFalseNegative, 29, 9);
 }
 
@@ -130,23 +136,23 @@ TEST(FailureCause, ReportedAndNotFollowed) {
   Trial trial(30);
   trial.seen_at(7, 100).detected_at(8);
   expect(trial.verdict(), Cause::kDetectedNotPursued, 12, 8);
-  trial.outcome(sim::Outcome::kGaveUp, "no_frontier_left");
+  trial.outcome(sim::Outcome::kGaveUp, StopReason::kNoFrontierLeft);
   expect(trial.verdict(), Cause::kDetectedNotPursued, 29, 8);
 }
 
 TEST(FailureCause, NothingLeftToExplore) {
-  expect(Trial(30).outcome(sim::Outcome::kGaveUp, "no_frontier_left").verdict(),
+  expect(Trial(30).outcome(sim::Outcome::kGaveUp, StopReason::kNoFrontierLeft).verdict(),
          Cause::kNoFrontierLeft, 29, -1);
 }
 
 TEST(FailureCause, ReasonsOfThePolicy) {
-  const std::pair<const char*, Cause> cases[] = {{"stuck", Cause::kStuck},
-                                                 {"map_exhausted", Cause::kMapExhausted},
-                                                 {"pointnav_stop", Cause::kPointnavStop},
-                                                 {"deadline_abort", Cause::kDeadlineAbort},
-                                                 {"no_path", Cause::kGaveUp},
-                                                 {"random_stop", Cause::kGaveUp},
-                                                 {"script_end", Cause::kGaveUp}};
+  const std::pair<StopReason, Cause> cases[] = {
+      {StopReason::kStuck, Cause::kStuck},
+      {StopReason::kMapExhausted, Cause::kMapExhausted},
+      {StopReason::kPointnavStop, Cause::kPointnavStop},
+      {StopReason::kNoPath, Cause::kGaveUp},
+      {StopReason::kRandomStop, Cause::kGaveUp},
+      {StopReason::kScriptEnd, Cause::kGaveUp}};
   for (const auto& [reason, cause] : cases) {
     Trial trial(30);
     // What was in view does not matter: the policy did not stop for it.
@@ -183,7 +189,7 @@ TEST(FailureCause, CollisionAndHoles) {
 TEST(FailureCause, NoTickIsNoCrash) {
   Trial nothing(0);
   expect(nothing.verdict(), Cause::kNeverSawTarget, -1, -1);
-  nothing.outcome(sim::Outcome::kStoppedFar, "goal_reached");
+  nothing.outcome(sim::Outcome::kStoppedFar, StopReason::kGoalReached);
   expect(nothing.verdict(), Cause::kFalsePositive, -1, -1);
 }
 
@@ -194,6 +200,18 @@ TEST(FailureCause, WordsAreUnique) {
     EXPECT_TRUE(sentences.insert(in_words(static_cast<Cause>(k))).second);
   }
   EXPECT_EQ(names.count("harness_error"), 1U);
+}
+
+TEST(FailureCause, NamesAreReadBackAndNoOthers) {
+  for (int k = 0; k < kCauses; ++k) {
+    const auto cause = static_cast<Cause>(k);
+    EXPECT_EQ(cause_from(to_string(cause), "here"), cause);
+    EXPECT_EQ(find_cause(to_string(cause)), cause);
+  }
+  for (const char* wrong : {"", "success", "Stuck"}) {
+    EXPECT_EQ(find_cause(wrong), std::nullopt);
+    EXPECT_THROW((void)cause_from(wrong, "here"), core::InputError);
+  }
 }
 
 TEST(FailureCause, DistanceToTheNearestGoalBox) {

@@ -198,9 +198,14 @@ std::uint64_t run_trials(const Place& place, const core::CameraIntrinsics& camer
     if (watched.ms.size() >= ticks) break;
     watched.begin(make_policy(place, policy_type, *eyes.detector));
     const sim::World& world = place.scene->world;
-    const sim::TrialResult result =
-        sim::run_trial(episode, options, world, world.robot(), *renderer, *eyes.detector,
-                       watched, eyes.truth);
+    const sim::TrialResult result = sim::run_trial({.episode = episode,
+                                                    .options = options,
+                                                    .world = world,
+                                                    .robot = world.robot(),
+                                                    .renderer = *renderer,
+                                                    .detector = *eyes.detector,
+                                                    .policy = watched,
+                                                    .truth = eyes.truth});
     hash = core::hash64(std::to_string(result.state_hash), hash);
   }
   return hash;

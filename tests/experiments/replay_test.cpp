@@ -221,6 +221,9 @@ TEST_F(ReplayTest, DamagedLogsAreRefusedWithTheirLine) {
   EXPECT_THAT(replay(tampered("json", "{\"tick\":3,", "{\"tick\":3;")), HasSubstr("jsonl:"));
   EXPECT_THAT(replay(tampered("order", "{\"tick\":3,", "{\"tick\":4,")),
               HasSubstr("out of order"));
+  EXPECT_THAT(replay(tampered("outcome", "\"outcome\":\"", "\"outcome\":\"un")),
+              HasSubstr("expected an outcome (success, "));
+  EXPECT_THAT(replay(tampered("mode", "\"mode\":", "\"mode\":9")), HasSubstr("mode 9"));
   EXPECT_THAT(replay(tampered("schema", "segsim.replay/1", "segsim.replay/7")),
               HasSubstr("jsonl:1"));
   const fs::path cut = tampered("cut", "{\"tick\":0,", "{\"tick\":0,");

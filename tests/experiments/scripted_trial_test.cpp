@@ -249,7 +249,7 @@ TEST_F(ScriptedTrialTest, StepsDoWhatTheySay) {
   EXPECT_NEAR(core::seconds(result.steps[2].end_ns - result.steps[2].begin_ns), 1.0, 1e-9);
   EXPECT_NEAR(result.steps[2].finish.y_m - result.steps[2].begin.y_m, 0.2, 0.03)
       << "backwards, looking down";
-  EXPECT_EQ(result.trial.stop_reason, "script_end");
+  EXPECT_EQ(result.trial.stop_reason, core::StopReason::kScriptEnd);
   const std::string text = core::read_file(folder_->path() / "out" / "trial.json");
   const auto json = nlohmann::json::parse(text);
   EXPECT_EQ(json["passed"], true);
@@ -280,7 +280,7 @@ TEST_F(ScriptedTrialTest, AStepThatIsNotDoneEndsTheTrial) {
   EXPECT_EQ(result.steps_done, 0);
   EXPECT_EQ(result.failure, "step 1 (goto) timed_out");
   EXPECT_THAT(in_words(late, result), HasSubstr("FAILS  step 1 (goto) timed_out"));
-  EXPECT_EQ(result.trial.stop_reason, "step_failed");
+  EXPECT_EQ(result.trial.stop_reason, core::StopReason::kStepFailed);
   EXPECT_LT(result.trial.sim_s, 1.2);
   // Into the wall: contacts are counted, and the time limit ends it.
   const ScriptedTrial pushing = script("  - cmd: {v: 0.5, for_s: 60}\n",
@@ -336,7 +336,7 @@ TEST_F(ScriptedTrialTest, FindIsJudgedByItsProfile) {
   EXPECT_LT(result.finds[0].view_point_m, 1.0);
   EXPECT_GE(result.finds[0].visible_px, 40);
   EXPECT_GT(result.finds[0].spl, 0.5);
-  EXPECT_EQ(result.finds[0].reason, "goal_reached");
+  EXPECT_EQ(result.finds[0].stop, core::StopReason::kGoalReached);
   // A policy that stops at once has found nothing, and says so.
   const ScriptedTrial blind =
       script("  - find: {category: couch, policy: {type: script, actions: [forward]}}\n");

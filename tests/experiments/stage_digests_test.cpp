@@ -5,6 +5,7 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
+#include "tests/error_message.h"
 #include "tests/temporary_folder.h"
 
 namespace segsim::experiments {
@@ -21,8 +22,9 @@ DigestRecord record(const std::string& processor) {
   made.machine.features = {{"avx2", "yes"}};
   made.machine.libraries = {{"libtorch", "1.13.1"}};
   made.machine.fingerprints = {{"matrix product (BLAS)", "aaaa"}, {"sums (libtorch)", "bbbb"}};
-  made.stages = {
-      {"capture", "flat-3", "11"}, {"weights", "after", "22"}, {"trials", "", "33"}};
+  made.stages = {{DigestStage::kCapture, "flat-3", "11"},
+                 {DigestStage::kWeights, "after", "22"},
+                 {DigestStage::kTrials, "", "33"}};
   return made;
 }
 
@@ -36,6 +38,7 @@ TEST(StageDigests, ARecordIsReadAsItWasWritten) {
   EXPECT_EQ(read.machine.libraries, record("EPYC").machine.libraries);
   EXPECT_EQ(read.confirmed_on, std::vector<std::string>{"EPYC"});
   ASSERT_EQ(read.stages.size(), 3U);
+  EXPECT_EQ(read.stages[1].stage, DigestStage::kWeights);
   EXPECT_EQ(read.stages[1].subject, "after");
   EXPECT_EQ(read.stages[1].sha256, "22");
 }
@@ -104,6 +107,30 @@ TEST(StageDigests, AnotherFileIsRefused) {
   const TemporaryFolder folder;
   folder.write("d.json", R"({"schema": "segsim.digests/9"})");
   EXPECT_THROW((void)read_digests(folder.path() / "d.json"), core::InputError);
+}
+
+TEST(StageDigests, AnUnknownStageIsRefusedWithItsFile) {
+  const TemporaryFolder folder;
+  const auto file = folder.path() / "d.json";
+  write_digests(file, record("EPYC"));
+  std::string text = core::read_file(file);
+  text.replace(text.find("weights"), 7, "weihgts");
+  folder.write("d.json", text);
+  EXPECT_EQ(tests::input_error_of([&] { (void)read_digests(file); }),
+            file.string() +
+                ": stages: expected a stage (capture, reconstruction, episodes, "
+                "labels, weights, trials), found \"weihgts\"");
+}
+
+TEST(DigestStage, NamesInRecordsStay) {
+  const std::pair<DigestStage, const char*> names[] = {
+      {DigestStage::kCapture, "capture"},   {DigestStage::kReconstruction, "reconstruction"},
+      {DigestStage::kEpisodes, "episodes"}, {DigestStage::kLabels, "labels"},
+      {DigestStage::kWeights, "weights"},   {DigestStage::kTrials, "trials"}};
+  for (const auto& [stage, name] : names) {
+    EXPECT_STREQ(to_string(stage), name);
+    EXPECT_EQ(digest_stage_from(name, "here"), stage);
+  }
 }
 
 TEST(MachineRecord, FingerprintsAreOfTheMachineAndNotOfChance) {

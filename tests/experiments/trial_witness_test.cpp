@@ -164,7 +164,7 @@ class AttributeTest : public testing::Test {
     episode_.view_points_m = {{2.5, -1.0}, {3.0, -0.5}};
     episode_.view_point_instance = {1, 7};
     result_.outcome = sim::Outcome::kStoppedFar;
-    result_.stop_reason = "goal_reached";
+    result_.stop_reason = core::StopReason::kGoalReached;
     for (int k = 0; k < 4; ++k)
       add_tick({1.0 + 0.1 * k, 1.0, 0.0}, core::PolicyMode::kNavigate);
     result_.track.back().mode = core::PolicyMode::kStop;

@@ -289,7 +289,7 @@ inline SimulationResult run_episode(const BoxWorld& world, const core::Pose2& st
     result.max_turn_radps =
         std::max(result.max_turn_radps, std::abs(decision.command.turn_radps));
     if (decision.stop) {
-      result.stop_reason = decision.stop_reason;
+      result.stop_reason = core::to_string(decision.stop);
       break;
     }
     simulation.step(decision.command);

@@ -68,7 +68,7 @@ TEST(Endurance, ImagesWithoutDepthEndInANamedWay) {
       }
       // Whatever is commanded, the robot only turns. The plain follower calls that stuck; the
       // others give up one frontier after the other.
-      EXPECT_EQ(d.stop_reason, name == "frontier" ? "stuck" : "no_frontier_left")
+      EXPECT_EQ(core::to_string(d.stop), std::string(name == "frontier" ? "stuck" : "no_frontier_left"))
           << name << " " << depth;
     }
   }
@@ -87,8 +87,7 @@ TEST(Endurance, APoseThatIsNoNumberIsWaitedOutOneFarAwayEndsTheEpisode) {
     view.move_to({500.0, 0.0, 0.0});
     view.observation.capture_time_ns = 2 * core::kNsPerSecond;
     const core::Decision d = policy->decide(view.observation, {});
-    EXPECT_TRUE(d.stop) << name;
-    EXPECT_EQ(d.stop_reason, "map_exhausted") << name;
+    EXPECT_EQ(d.stop, core::StopReason::kMapExhausted) << name;
   }
 }
 

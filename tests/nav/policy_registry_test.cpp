@@ -114,7 +114,7 @@ TEST(PolicyRegistry, GivingUpCanBeTimedOrSwitchedOff) {
       view.observation.capture_time_ns = k * core::kNsPerSecond / 4;
       decision = policy->decide(view.observation, {});
     }
-    EXPECT_EQ(decision.stop_reason, gives_up ? "nothing_new" : "");
+    EXPECT_STREQ(core::to_string(decision.stop), gives_up ? "nothing_new" : "");
   }
 }
 
@@ -183,7 +183,7 @@ class Straight final : public core::Policy {
   explicit Straight(double speed_mps) : speed_mps_(speed_mps) {}
   void reset(const core::ObjectGoal&, std::uint64_t) override {}
   core::Decision decide(const core::Observation&, std::span<const core::Detection>) override {
-    return {{speed_mps_, 0.0}, core::PolicyMode::kExplore, false, {}};
+    return {{speed_mps_, 0.0}, core::PolicyMode::kExplore, {}};
   }
   [[nodiscard]] core::PolicyView view() const override { return {}; }
 

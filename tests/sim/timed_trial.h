@@ -42,7 +42,7 @@ class NotingPolicy final : public core::Policy {
 };
 
 inline core::Decision command(double forward_mps, double turn_radps) {
-  return {{forward_mps, turn_radps}, core::PolicyMode::kExplore, false, {}};
+  return {{forward_mps, turn_radps}, core::PolicyMode::kExplore};
 }
 
 /// Weaves, so that every tick matters.
@@ -95,7 +95,13 @@ class TimedTrialTest : public testing::Test {
 
   TrialResult run(core::Policy& policy) {
     BoxRenderer renderer({{{19.0, 9.0, 0.0}, {20.0, 11.0, 2.0}, 4, 1}});
-    return run_trial(episode_, options_, world_, robot_, renderer, detector_, policy, nullptr);
+    return run_trial({.episode = episode_,
+                      .options = options_,
+                      .world = world_,
+                      .robot = robot_,
+                      .renderer = renderer,
+                      .detector = detector_,
+                      .policy = policy});
   }
   TrialResult run(const NotingPolicy::Answer& answer) {
     NotingPolicy policy(answer);

@@ -92,7 +92,7 @@ class Eight final : public core::Policy {
     // Circles of 0.31 m, to the left and to the right in turns.
     const double turns = core::seconds(seen.capture_time_ns) * 0.8 / 6.2831853;
     const double side = static_cast<int>(turns) % 2 == 0 ? 1.0 : -1.0;
-    return {{0.25, 0.8 * side}, core::PolicyMode::kExplore, false, {}};
+    return {{0.25, 0.8 * side}, core::PolicyMode::kExplore};
   }
   core::PolicyView view() const override { return {}; }
 };
@@ -123,8 +123,13 @@ void BM_ScriptedDrive(benchmark::State& state) {
   Eight policy;
   double simulated_s = 0.0;
   for (auto _ : state) {
-    const TrialResult result =
-        run_trial(episode, options, world, world.robot(), renderer, detector, policy, nullptr);
+    const TrialResult result = run_trial({.episode = episode,
+                                          .options = options,
+                                          .world = world,
+                                          .robot = world.robot(),
+                                          .renderer = renderer,
+                                          .detector = detector,
+                                          .policy = policy});
     if (result.path_m < 1.0) state.SkipWithError("ERROR OCCURRED: the robot did not drive");
     if (result.contacts > 0) state.SkipWithError("ERROR OCCURRED: the robot met something");
     simulated_s += result.sim_s;
@@ -140,7 +145,7 @@ class Pusher final : public core::Policy {
   core::Decision decide(const core::Observation& seen,
                         std::span<const core::Detection>) override {
     const double turn = turn_radps_ * std::cos(core::seconds(seen.capture_time_ns));
-    return {{0.5, turn}, core::PolicyMode::kExplore, false, {}};
+    return {{0.5, turn}, core::PolicyMode::kExplore};
   }
   core::PolicyView view() const override { return {}; }
 
@@ -160,8 +165,13 @@ void BM_PushingDrive(benchmark::State& state) {
   Pusher policy(static_cast<double>(state.range(0)));
   double simulated_s = 0.0;
   for (auto _ : state) {
-    const TrialResult result =
-        run_trial(episode, options, world, world.robot(), renderer, detector, policy, nullptr);
+    const TrialResult result = run_trial({.episode = episode,
+                                          .options = options,
+                                          .world = world,
+                                          .robot = world.robot(),
+                                          .renderer = renderer,
+                                          .detector = detector,
+                                          .policy = policy});
     if (result.contact_s < 20.0) state.SkipWithError("ERROR OCCURRED: it did not push");
     simulated_s += result.sim_s;
   }

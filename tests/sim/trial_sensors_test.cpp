@@ -46,7 +46,9 @@ class Watcher final : public core::Policy {
     now.depth_m = observation.depth_m->pixels();
     now.p_m = observation.T_odom_robot.translation_m();
     const double turn = seen.size() <= 10 ? 0.9 : 0.0;
-    return {{0.0, turn}, core::PolicyMode::kExplore, seen.size() > 20, "goal_reached"};
+    core::Decision decision{{0.0, turn}, core::PolicyMode::kExplore};
+    if (seen.size() > 20) decision.stop = core::StopReason::kGoalReached;
+    return decision;
   }
   core::PolicyView view() const override { return {}; }
 
@@ -80,11 +82,19 @@ class TrialSensors : public testing::Test {
     options_.sensors = sensors ? std::make_shared<const SensorSettings>(*sensors) : nullptr;
     OracleDetector detector(world_.manifest().classes, {"chair", "couch"});
     renderer_.calls = 0;
-    return run_trial(
-        episode_, options_, world_, robot_, renderer_, detector, policy_, &detector,
-        [this](const TickRecord& tick, const core::Frame& frame, const auto&, const auto&) {
-          true_depth_[tick.time_ns] = frame.depth_m.pixels();
-        });
+    const TickObserver observer = [this](const TickRecord& tick, const core::Frame& frame,
+                                         const auto&, const auto&) {
+      true_depth_[tick.time_ns] = frame.depth_m.pixels();
+    };
+    return run_trial({.episode = episode_,
+                      .options = options_,
+                      .world = world_,
+                      .robot = robot_,
+                      .renderer = renderer_,
+                      .detector = detector,
+                      .policy = policy_,
+                      .truth = &detector,
+                      .observer = observer});
   }
 
   RobotModel robot_ = RobotModel::jackal_gentle();

@@ -85,8 +85,9 @@ TEST_F(TrialStopsTest, AStopIsJudgedWhereTheRobotIsWhenItTakesEffect) {
   // STOP is decided on the image of 10.9 m ...
   const auto until = [](const core::Observation& seen) {
     core::Decision decision = command(0.8, 0.0);
-    decision.stop = seen.T_odom_robot.translation_m().x > 10.9;
-    if (decision.stop) decision.stop_reason = "goal_reached";
+    if (seen.T_odom_robot.translation_m().x > 10.9) {
+      decision.stop = core::StopReason::kGoalReached;
+    }
     return decision;
   };
   EXPECT_EQ(run(until).outcome, Outcome::kStoppedFar);
@@ -102,8 +103,9 @@ TEST_F(TrialStopsTest, TheEndIsWhereTheStopTookEffectNotWhereItWasDecided) {
   episode_.view_points_m = {{12.0, 10.0}};
   const auto until = [](const core::Observation& seen) {
     core::Decision decision = command(0.8, 0.0);
-    decision.stop = seen.T_odom_robot.translation_m().x > 10.9;
-    if (decision.stop) decision.stop_reason = "goal_reached";
+    if (seen.T_odom_robot.translation_m().x > 10.9) {
+      decision.stop = core::StopReason::kGoalReached;
+    }
     return decision;
   };
   play(0, 0, 1000, 0);
@@ -124,8 +126,9 @@ TEST_F(TrialStopsTest, TheEndIsWhereTheStopTookEffectNotWhereItWasDecided) {
 TEST_F(TrialStopsTest, AnImageTooOldStopsTheRobotAlsoWhileItsStopIsOnTheWay) {
   const auto until = [](const core::Observation& seen) {
     core::Decision decision = command(0.8, 0.0);
-    decision.stop = core::seconds(seen.capture_time_ns) > 1.0;
-    if (decision.stop) decision.stop_reason = "goal_reached";
+    if (core::seconds(seen.capture_time_ns) > 1.0) {
+      decision.stop = core::StopReason::kGoalReached;
+    }
     return decision;
   };
   // Only the decision to stop, of tick 11, takes a second.

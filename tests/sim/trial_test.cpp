@@ -23,8 +23,10 @@ class ScriptedPolicy final : public core::Policy {
     int ticks = 0;
     core::VelocityCommand command;
   };
-  explicit ScriptedPolicy(std::vector<Part> parts, std::string reason = "goal_reached")
-      : parts_(std::move(parts)), reason_(std::move(reason)) {}
+  /// @param reason  None: it stands still instead of stopping.
+  explicit ScriptedPolicy(std::vector<Part> parts, std::optional<core::StopReason> reason =
+                                                       core::StopReason::kGoalReached)
+      : parts_(std::move(parts)), reason_(reason) {}
 
   void reset(const core::ObjectGoal& goal, std::uint64_t seed) override {
     goal_ = goal;
@@ -47,10 +49,10 @@ class ScriptedPolicy final : public core::Policy {
       until += part.ticks;
       if (tick_ < until) {
         ++tick_;
-        return {part.command, core::PolicyMode::kNavigate, false, {}};
+        return {part.command, core::PolicyMode::kNavigate};
       }
     }
-    return {{}, core::PolicyMode::kStop, !reason_.empty(), reason_};
+    return {{}, core::PolicyMode::kStop, reason_};
   }
   core::PolicyView view() const override {
     core::PolicyView view;
@@ -66,7 +68,7 @@ class ScriptedPolicy final : public core::Policy {
 
  private:
   std::vector<Part> parts_;
-  std::string reason_;
+  std::optional<core::StopReason> reason_;
   int tick_ = 0;
 };
 
@@ -98,8 +100,15 @@ class Trial : public testing::Test {
     BoxRenderer renderer({{{5.3, 2.4, 0.0}, {6.0, 4.0, 0.7}, kCouch, 1},
                           {{2.9, 0.0, 0.0}, {3.1, 2.6, 2.0}, kWall, 0}});
     OracleDetector detector(world_.manifest().classes, {"chair", "couch"});
-    return run_trial(episode_, options_, world_, robot_, renderer, detector, policy, &detector,
-                     observer);
+    return run_trial({.episode = episode_,
+                      .options = options_,
+                      .world = world_,
+                      .robot = robot_,
+                      .renderer = renderer,
+                      .detector = detector,
+                      .policy = policy,
+                      .truth = &detector,
+                      .observer = observer});
   }
 
   RobotModel robot_ = RobotModel::jackal_gentle();
@@ -187,18 +196,19 @@ TEST_F(Trial, StopWithoutTheGoalInView) {
 }
 
 TEST_F(Trial, GivingUpIsNoSuccessEvenNearTheGoal) {
-  ScriptedPolicy policy(kToTheCouch, "no_frontier_left");
+  ScriptedPolicy policy(kToTheCouch, core::StopReason::kNoFrontierLeft);
   const TrialResult result = run(policy);
   EXPECT_EQ(result.outcome, Outcome::kGaveUp);
-  EXPECT_EQ(result.stop_reason, "no_frontier_left");
+  EXPECT_EQ(result.stop_reason, core::StopReason::kNoFrontierLeft);
   EXPECT_FALSE(result.success);
 }
 
 TEST_F(Trial, TimeoutAndStopAtTheLimit) {
-  ScriptedPolicy never(kStopAtOnce, "");
+  ScriptedPolicy never(kStopAtOnce, std::nullopt);
   options_.time_limit_s = 1.0;
   const TrialResult result = run(never);
   EXPECT_EQ(result.outcome, Outcome::kTimeout);
+  EXPECT_EQ(result.stop_reason, std::nullopt);
   EXPECT_EQ(result.ticks, 11);
   EXPECT_NEAR(result.sim_s, 1.0, 1e-9);
   // The decision at exactly the limit still counts.

@@ -5,7 +5,6 @@
 
 #include <optional>
 #include <span>
-#include <string>
 #include <vector>
 
 #include "core/stages.h"
@@ -69,7 +68,7 @@ class SearchPolicy final : public core::Policy {
   bool replan_bold(const Now& now);
   /// No frontier is left: tentative objects, then the next effort, at last stop.
   void escalate(const Now& now);
-  void stop(const std::string& reason);
+  void stop(core::StopReason reason);
   bool replan_due(const Now& now) const;
   void refresh_cost_map();
   /// Remembers for either cost map what the map changed since it was computed.
@@ -123,7 +122,7 @@ class SearchPolicy final : public core::Policy {
   ObjectVerification verification_;
 
   State state_ = State::kSpin;
-  std::string stop_reason_;
+  std::optional<core::StopReason> stop_reason_;
   bool begun_ = false;
   ReplanTimer replan_;
   std::vector<Frontier> frontiers_;

@@ -5,7 +5,6 @@
 
 #include <optional>
 #include <span>
-#include <string>
 #include <vector>
 
 #include "nav/behaviours/moment.h"
@@ -53,7 +52,7 @@ class VlfmSearch final : public core::Policy {
   [[nodiscard]] bool at_its_place(const Now& now, const core::BoxPx& box,
                                   const glm::dvec3& object_m) const;
   [[nodiscard]] bool vetoed(const glm::dvec2& place_m) const;
-  void stop(const std::string& reason);
+  void stop(core::StopReason reason);
 
   // vlfm_sweep.cpp: what is left when no frontier is.
   [[nodiscard]] bool nothing_new(const Now& now);
@@ -93,7 +92,7 @@ class VlfmSearch final : public core::Policy {
   ObjectVerification verification_;
 
   core::PolicyMode mode_ = core::PolicyMode::kInitialize;
-  std::string stop_reason_;
+  std::optional<core::StopReason> stop_reason_;
   std::optional<core::TimeNs> last_time_ns_;
   int turns_ = 0;  ///< Of a turn around in discrete actions.
   std::vector<ContourFrontier> frontiers_;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include <glm/geometric.hpp>
 
@@ -29,12 +30,14 @@ std::uint16_t instance_at(const core::SceneManifest& manifest, const glm::dvec2&
 
 }  // namespace
 
-TrialDrive::TrialDrive(const Episode& episode, const TrialOptions& options, const World& world,
-                       const RobotModel& model)
-    : options_(options),
-      world_(world),
-      robot_(model, episode.start),
-      substep_ns_(std::llround(options.substep_s * 1e9)) {
+TrialDrive::TrialDrive(const TrialParts& parts)
+    : options_(parts.options),
+      world_(parts.world),
+      robot_(parts.robot, parts.episode.start),
+      substep_ns_(std::llround(parts.options.substep_s * 1e9)) {
+  const Episode& episode = parts.episode;
+  const TrialOptions& options = parts.options;
+  const World& world = parts.world;
   const core::TimeNs period_ns = std::llround(options.control_period_s * 1e9);
   SEGSIM_CHECK(substep_ns_ > 0 && period_ns > 0 && period_ns % substep_ns_ == 0,
                "the control period is a whole number of substeps");
@@ -130,6 +133,17 @@ void TrialDrive::note_contact(const Contact& contact, core::TimeNs step_ns) {
   }
   contacts_.back().duration_s += core::seconds(step_ns);
   last_contact_ns_ = now_ns_;
+}
+
+void TrialDrive::report(TrialResult& result) {
+  result.final_pose = pose();
+  result.final_estimate = estimate();
+  result.sim_s = core::seconds(now_ns_);
+  result.path_m = path_m_;
+  result.contact_s = core::seconds(contact_ns_);
+  result.contacts = static_cast<int>(contacts_.size());
+  result.contact_log = std::move(contacts_);
+  if (sensors_) result.sensors = sensors_->take_log();
 }
 
 }  // namespace segsim::sim::internal

@@ -15,8 +15,7 @@ namespace segsim::sim::internal {
 class TrialDrive {
  public:
   /// @throws core::InputError if the robot does not fit where the episode starts.
-  TrialDrive(const Episode& episode, const TrialOptions& options, const World& world,
-             const RobotModel& model);
+  explicit TrialDrive(const TrialParts& parts);
 
   /// Drives up to that time with the command that is in effect.
   /// @return  False if a contact that ends the trial cut it short.
@@ -39,13 +38,9 @@ class TrialDrive {
   }
   [[nodiscard]] core::TimeNs time_ns() const { return now_ns_; }
   [[nodiscard]] bool in_contact() const { return in_contact_; }
-  [[nodiscard]] double path_m() const { return path_m_; }
-  [[nodiscard]] double contact_s() const { return core::seconds(contact_ns_); }
-  [[nodiscard]] const std::vector<ContactRecord>& contacts() const { return contacts_; }
-  /// What the sensors other than the camera recorded.
-  [[nodiscard]] SensorLog take_sensor_log() {
-    return sensors_ ? sensors_->take_log() : SensorLog{};
-  }
+  /// Moves into the result what the drive amounts to: where it ended, contacts, and what the
+  /// sensors other than the camera recorded.
+  void report(TrialResult& result);
 
  private:
   /// One substep, in the world of the options' collision mode.

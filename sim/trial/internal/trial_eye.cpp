@@ -6,6 +6,7 @@
 #include <string_view>
 #include <utility>
 
+#include "core/check.h"
 #include "core/random.h"
 
 namespace segsim::sim::internal {
@@ -67,21 +68,21 @@ core::TimeNs wall_ns() {
       .count();
 }
 
-TrialEye::TrialEye(const Episode& episode, const TrialOptions& options, const World& world,
-                   core::Renderer& renderer, core::Detector& detector, GroundTruthSink* truth)
-    : options_(options),
-      renderer_(renderer),
-      detector_(detector),
-      truth_(truth),
-      goal_{episode.class_name, index_of_class(detector, episode.class_name)},
-      T_robot_camera_(
-          core::mast_camera(options.camera_height_m, options.camera_pitch_down_rad)),
-      seed_(episode.seed) {
-  if (options.sensors) depth_model_ = options.sensors->camera.depth;
-  depth_model_.max_range_m = options.depth_range_m;
-  const core::SceneClass* scene_class = world.manifest().find_class(episode.class_name);
+TrialEye::TrialEye(const TrialParts& parts)
+    : options_(parts.options),
+      renderer_(parts.renderer),
+      detector_(parts.detector),
+      truth_(parts.truth),
+      goal_{parts.episode.class_name,
+            index_of_class(parts.detector, parts.episode.class_name)},
+      T_robot_camera_(core::mast_camera(parts.options.camera_height_m,
+                                        parts.options.camera_pitch_down_rad)),
+      seed_(parts.episode.seed) {
+  if (options_.sensors) depth_model_ = options_.sensors->camera.depth;
+  depth_model_.max_range_m = options_.depth_range_m;
+  const core::SceneClass* scene_class = parts.world.manifest().find_class(goal_.class_name);
   goal_class_id_ = scene_class != nullptr ? scene_class->id : std::uint16_t{0};
-  if (truth_ != nullptr) truth_->begin_episode(episode.seed);
+  if (truth_ != nullptr) truth_->begin_episode(seed_);
 }
 
 void TrialEye::render(const core::Pose2& pose, core::Channels channels,
@@ -154,8 +155,8 @@ void TrialEye::sense(Capture& capture, const core::VelocityCommand& velocity) {
                                        views, sensors.camera.hole_limit)});
 }
 
-void TrialEye::detect(Capture& capture) {
-  if (capture.detected) return;
+const std::vector<core::Detection>& TrialEye::detections_of(Capture& capture) {
+  if (capture.detected) return capture.detections;
   capture.detected = true;
   ++detected_;
   if (truth_ != nullptr) truth_->set_truth(capture.frame);
@@ -164,6 +165,7 @@ void TrialEye::detect(Capture& capture) {
   capture.detect_ns = wall_ns() - start_ns;
   detect_ns_ += capture.detect_ns;
   capture.detections_hash = hash_of(capture.detections);
+  return capture.detections;
 }
 
 core::Observation TrialEye::observation(const Capture& capture,
@@ -194,9 +196,11 @@ void TrialEye::ready(std::uint64_t index) {
   recycle();
 }
 
-void TrialEye::use_ready() {
+Capture& TrialEye::use_ready() {
+  SEGSIM_CHECK(ready_ != nullptr, "no image is ready");
   in_use_ = std::exchange(ready_, nullptr);
   recycle();
+  return *in_use_;
 }
 
 void TrialEye::discard_ready() {

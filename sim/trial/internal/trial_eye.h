@@ -38,8 +38,7 @@ struct Capture {
 
 class TrialEye {
  public:
-  TrialEye(const Episode& episode, const TrialOptions& options, const World& world,
-           core::Renderer& renderer, core::Detector& detector, GroundTruthSink* truth);
+  explicit TrialEye(const TrialParts& parts);
 
   /// Takes the next image at that pose. It becomes the newest one.
   /// @param velocity  Of the base: what blurs the exposure.
@@ -50,8 +49,10 @@ class TrialEye {
     ++taken_;
     ++skipped_;
   }
-  /// Runs the detector on the image, once.
-  void detect(Capture& capture);
+  /// What the detector says of the image. Detection starts here and nowhere else: when the
+  /// answer is first asked for, by the budget's stage "detect" or, if there is none, for the
+  /// policy.
+  const std::vector<core::Detection>& detections_of(Capture& capture);
   /// What the policy is shown. @param pose_at_use  Places the image there, if given (Odom).
   [[nodiscard]] core::Observation observation(const Capture& capture,
                                               const core::Pose2* pose_at_use) const;
@@ -64,17 +65,13 @@ class TrialEye {
   /// The schedule is done with the image: the policy may have it, unless a newer one is there.
   void ready(std::uint64_t index);
   /// The newest image that is ready and was not used yet; nullptr if there is none.
-  [[nodiscard]] Capture* ready() const { return ready_; }
-  /// From now on the policy acts on the ready image.
-  void use_ready();
+  [[nodiscard]] const Capture* ready() const { return ready_; }
+  /// From now on the policy acts on the ready image, which must be there.
+  Capture& use_ready();
   /// The ready image is thrown away unseen.
   void discard_ready();
   [[nodiscard]] const Capture* in_use() const { return in_use_; }
 
-  /// A goal instance is in the image, with enough pixels.
-  [[nodiscard]] bool goal_visible(const GoalView& view) const {
-    return view.largest_instance >= options_.visible_pixels;
-  }
   /// What an image from there would show; none is taken.
   [[nodiscard]] GoalView look(const core::Pose2& pose);
   [[nodiscard]] const core::ObjectGoal& goal() const { return goal_; }
