@@ -16,7 +16,7 @@
 #include <string>
 #include <vector>
 
-#include "experiments/records/arm_weights.h"
+#include "experiments/records/held_out_precision.h"
 #include "experiments/records/scene_exposure.h"
 #include "experiments/records/trial_witness.h"
 

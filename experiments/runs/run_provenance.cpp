@@ -11,6 +11,7 @@
 #include "core/error.h"
 #include "core/file_io.h"
 #include "core/kernel_choice.h"
+#include "experiments/detection/weights_exposure.h"
 #include "experiments/reproducibility/machine_peaks.h"
 #include "experiments/specs/clock_spec.h"
 #include "perception/detector/library_versions.h"
