@@ -37,6 +37,19 @@ function(segsim_link_third_party target)
   endforeach()
 endfunction()
 
+# Static libraries name all that any of their files needs; a program loads what its own files need.
+add_link_options(-Wl,--as-needed)
+
+# libtorch's package forces libtorch on every program, also on those that use none of it. With CUDA
+# it has to: nothing names the symbols of libtorch_cuda.
+macro(segsim_find_torch)
+  find_package(Torch REQUIRED)
+  if(NOT TARGET torch_cuda)
+    set_target_properties(torch_cpu_library PROPERTIES
+      INTERFACE_LINK_LIBRARIES "torch_cpu;$<TARGET_PROPERTY:torch_cpu,INTERFACE_LINK_LIBRARIES>")
+  endif()
+endmacro()
+
 # Fast linker and compiler cache when they are installed.
 find_program(segsim_ccache ccache)
 if(segsim_ccache)

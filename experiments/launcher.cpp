@@ -1,5 +1,6 @@
 // `segsim`: sets what libraries read from the environment while they are loaded, then becomes
-// `segsim-main`, which lies beside it. See core/kernel_choice.h for why.
+// `segsim-light` or `segsim-main`, which lie beside it. core/kernel_choice.h says why it does the
+// former, experiments/commands/light/command_list.h why there are two.
 #include <unistd.h>
 
 #include <cerrno>
@@ -10,6 +11,7 @@
 #include <vector>
 
 #include "core/kernel_choice.h"
+#include "experiments/commands/light/command_list.h"
 
 namespace {
 
@@ -27,14 +29,14 @@ KernelChoice take_choice(std::vector<char*>& arguments) {
   return fast ? KernelChoice::kFast : KernelChoice::kReproducible;
 }
 
-/// The program beside this one, whatever name this one was called by; "" if the system does
-/// not tell.
-std::string program_file() {
+/// A program beside this one, whatever name this one was called by; "" if the system does not
+/// tell.
+std::string program_file(const char* name) {
   char path[PATH_MAX];
   const ssize_t length = readlink("/proc/self/exe", path, sizeof path);
   if (length <= 0 || length == static_cast<ssize_t>(sizeof path)) return {};
   const std::string self(path, static_cast<std::size_t>(length));
-  return self.substr(0, self.rfind('/') + 1) + "segsim-main";
+  return self.substr(0, self.rfind('/') + 1) + name;
 }
 
 }  // namespace
@@ -47,8 +49,10 @@ int main(int argc, char** argv) {
     choice = KernelChoice::kFast;  // `segsim doctor` and every run's record say so.
   }
   segsim::core::set_environment(choice);
+  const std::vector<const char*> words(arguments.begin() + (argc > 0 ? 1 : 0), arguments.end());
+  const bool light = segsim::experiments::is_light(words);
   arguments.push_back(nullptr);
-  const std::string program = program_file();
+  const std::string program = program_file(light ? "segsim-light" : "segsim-main");
   execv(program.c_str(), arguments.data());
   std::fprintf(stderr, "segsim: internal error: %s: expected the program, found: %s\n",
                program.c_str(), std::strerror(errno));

@@ -2,7 +2,7 @@
 # (tests/renderer/cuda_minimal). Relative to this folder.
 set(SEGSIM_LABEL_TRAINING_SOURCES
   internal/tensors/adam.cpp internal/tensors/state_file.cpp
-  labels/assignment.cpp labels/mask_association.cpp labels/panoptic_head.cpp labels/panoptic_lifting.cpp
+  labels/assignment.cpp labels/mask_association.cpp labels/panoptic_head.cpp labels/panoptic_head_names.cpp labels/panoptic_lifting.cpp
   labels/panoptic_splatting.cpp labels/panoptic_training.cpp labels/pixel_sampling.cpp
   labels/query_head.cpp labels/query_pruning.cpp labels/query_seeding.cpp
   labels/internal/attention.cpp labels/internal/batch_targets.cpp labels/internal/head_support.cpp

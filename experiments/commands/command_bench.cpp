@@ -305,7 +305,7 @@ void print_ablation(const AblationFlags& flags) {
 }  // namespace
 
 void add_bench_command(CLI::App& app) {
-  CLI::App* command = app.add_subcommand("bench", "Measure the renderer on this machine");
+  CLI::App* command = add_listed(app, kCommands, "bench");
   command->require_subcommand(1);
   add_render_bench(*command);
   add_curves_bench(*command);
@@ -315,8 +315,7 @@ void add_ablation_table(CLI::App& table) {
   auto flags = std::make_shared<AblationFlags>();
   flags->scene.spread = 1.6;
   flags->scene.views = 8;
-  CLI::App* command = table.add_subcommand(
-      "2", "Measure the paper's Table 2: tile intersection and Top-K, beside its figures");
+  CLI::App* command = add_listed(table, kTableCommands, "2");
   add_scene_flags(*command, flags->scene);
   command->add_option("--size", flags->size, "Image, WxH [px]")->capture_default_str();
   command->add_option("--threads", flags->threads, "0 = all processors")

@@ -285,8 +285,7 @@ void add_sweep(CLI::App& budget) {
 }  // namespace
 
 void add_budget_command(CLI::App& app) {
-  CLI::App* budget = app.add_subcommand(
-      "budget", "Latency budgets: check them, sweep a delay, record a trace");
+  CLI::App* budget = add_listed(app, kCommands, "budget");
   budget->require_subcommand(1);
   add_check(*budget);
   add_sweep(*budget);

@@ -44,9 +44,7 @@ void capture(Flags flags) {
 
 void add_capture_command(CLI::App& app) {
   auto flags = std::make_shared<Flags>();
-  CLI::App* command = app.add_subcommand(
-      "capture",
-      "Record a mesh world with a virtual RGB-D camera: colour, depth, exact labels");
+  CLI::App* command = add_listed(app, kCommands, "capture");
   command->add_option("--world", flags->world, "Gazebo world (.world, .sdf)");
   command->add_option("--mesh", flags->mesh, "Mesh file (.obj, .glb, .dae, .ply, ...)");
   command->add_option("--flat", flags->flat_seed, "Procedural flat of this seed");

@@ -74,9 +74,7 @@ void examine(const DoctorFlags& flags) {
 
 void add_doctor_command(CLI::App& app) {
   auto flags = std::make_shared<DoctorFlags>();
-  CLI::App* command = app.add_subcommand(
-      "doctor",
-      "Say what this machine computes with; compare a run's digests with recorded ones");
+  CLI::App* command = add_listed(app, kCommands, "doctor");
   CLI::Option* digests = command->add_option(
       "--digests", flags->digests, "Work folder of `segsim run`, or its digests.json");
   command

@@ -380,8 +380,7 @@ void add_export(CLI::App& episodes) {
 }  // namespace
 
 void add_episodes_command(CLI::App& app) {
-  CLI::App* episodes = app.add_subcommand(
-      "episodes", "Search tasks: generate, validate, import from and export to Habitat");
+  CLI::App* episodes = add_listed(app, kCommands, "episodes");
   episodes->require_subcommand(1);
   add_generate(*episodes);
   add_validate(*episodes);

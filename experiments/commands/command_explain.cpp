@@ -106,8 +106,7 @@ void explain(const Flags& flags) {
 
 void add_explain_command(CLI::App& app) {
   auto flags = std::make_shared<Flags>();
-  CLI::App* command = app.add_subcommand(
-      "explain", "Tell the story of a trial and why it failed; without TRIAL list failures");
+  CLI::App* command = add_listed(app, kCommands, "explain");
   command->add_option("run", flags->work, "Work folder of `segsim run`, or a results database")
       ->required();
   command->add_option("trial", flags->trial,

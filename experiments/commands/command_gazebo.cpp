@@ -327,8 +327,7 @@ void add_export(CLI::App& gazebo) {
 }  // namespace
 
 void add_gazebo_command(CLI::App& app) {
-  CLI::App* gazebo =
-      app.add_subcommand("gazebo", "Be a running Gazebo's camera; export a world for it");
+  CLI::App* gazebo = add_listed(app, kCommands, "gazebo");
   gazebo->require_subcommand(1);
   add_serve(*gazebo);
   add_export(*gazebo);

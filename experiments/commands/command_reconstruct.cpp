@@ -170,8 +170,7 @@ void add_training_options(CLI::App& command, const std::shared_ptr<Flags>& flags
 
 void add_reconstruct_command(CLI::App& app) {
   auto flags = std::make_shared<Flags>();
-  CLI::App* command = app.add_subcommand(
-      "reconstruct", "Make a scene bundle from posed RGB-D frames: lift, then train");
+  CLI::App* command = add_listed(app, kCommands, "reconstruct");
   command
       ->add_option("sequence", flags->sequence,
                    "Folder in one of the layouts of docs/datasets.md")

@@ -174,9 +174,7 @@ void add_strategy_flags(CLI::App& command, renderer::RenderOptions& options) {
 
 void add_render_command(CLI::App& app) {
   auto flags = std::make_shared<Flags>();
-  CLI::App* command = app.add_subcommand(
-      "render",
-      "Render one view of a bundle or a 2DGS .ply: every channel to EXR, or a sheet");
+  CLI::App* command = add_listed(app, kCommands, "render");
   command
       ->add_option("scene", flags->scene, "Bundle folder, or surfels in the 2DGS PLY layout")
       ->required();

@@ -94,8 +94,7 @@ void replay(const ReplayFlags& flags) {
 
 void add_replay_command(CLI::App& app) {
   auto flags = std::make_shared<ReplayFlags>();
-  CLI::App* command = app.add_subcommand(
-      "replay", "Run recorded trials again and name the first tick and field that differ");
+  CLI::App* command = add_listed(app, kCommands, "replay");
   command
       ->add_option("log", flags->paths,
                    "Logs (<work>/replays/<scene>/<episode>.<arm>.jsonl) or folders of them")

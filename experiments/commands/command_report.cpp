@@ -31,8 +31,7 @@ void report(Flags& flags) {
 
 void add_report_command(CLI::App& app) {
   auto flags = std::make_shared<Flags>();
-  CLI::App* command = app.add_subcommand(
-      "report", "Write a run as HTML pages: the answer, plots, maps, every trial");
+  CLI::App* command = add_listed(app, kCommands, "report");
   command->add_option("run", flags->work, "Work folder of `segsim run`, or a results database")
       ->required();
   command->add_option("-o,--output", flags->options.output,

@@ -1,4 +1,4 @@
-// `segsim run`, `segsim merge` and `segsim table`.
+// `segsim run` and `segsim merge`.
 #include <cstdio>
 #include <memory>
 #include <vector>
@@ -12,6 +12,7 @@
 #include "experiments/results/stored_run.h"
 #include "experiments/runs/merge_runs.h"
 #include "experiments/runs/run.h"
+#include "experiments/support/shipped_file.h"
 
 namespace segsim::experiments {
 namespace {
@@ -37,7 +38,7 @@ void check_end(const RunReport& report) {
 
 void run(RunFlags& flags) {
   if (!flags.shard.empty()) flags.options.shard = shard_from(flags.shard);
-  const ExperimentSpec spec = load_spec(flags.spec, flags.options.folders);
+  const ExperimentSpec spec = load_spec(find_shipped(flags.spec), flags.options.folders);
   const RunReport report = run_experiment(spec, flags.options);
   if (flags.options.shard) {
     std::printf("Shard %s: %d trials run, %d left; storing them took %.2f s\n",
@@ -79,37 +80,18 @@ void merge(const MergeFlags& flags) {
 
 void add_merge_command(CLI::App& app) {
   auto flags = std::make_shared<MergeFlags>();
-  CLI::App* command =
-      app.add_subcommand("merge", "Put the shards of a run together (docs/scale_out.md)");
+  CLI::App* command = add_listed(app, kCommands, "merge");
   command->add_option("out", flags->out, "Work folder that gets the whole run")->required();
   command->add_option("shards", flags->shards,
                       "Folders of shards, or their databases (default: all in OUT/shards)");
   command->callback([flags] { merge(*flags); });
 }
 
-struct TableFlags {
-  std::filesystem::path work;
-  std::string format = "text", before, after;
-  std::int64_t run_id = 0;
-};
-
-void print_table(const TableFlags& flags) {
-  const TableFormat format = table_format_from(flags.format);
-  if (flags.work.empty()) {
-    throw core::InputError::expected("segsim table", "a work folder, or 1, 2, 3 or all",
-                                     "nothing");
-  }
-  const ResultTable table =
-      summarise(load_run(flags.work, flags.run_id), flags.before, flags.after);
-  std::fputs(format_table(table, format).c_str(), stdout);
-}
-
 }  // namespace
 
 void add_run_command(CLI::App& app) {
   auto flags = std::make_shared<RunFlags>();
-  CLI::App* command = app.add_subcommand(
-      "run", "Run an experiment: prepare, run all trials, print the table. Resumes.");
+  CLI::App* command = add_listed(app, kCommands, "run");
   command->add_option("spec", flags->spec, "Experiment (YAML), see experiments/specs/")
       ->required();
   command->add_option("--data", flags->options.folders.data,
@@ -139,28 +121,6 @@ void add_run_command(CLI::App& app) {
       ->excludes(shard);
   command->callback([flags] { run(*flags); });
   add_merge_command(app);
-}
-
-void add_table_command(CLI::App& app) {
-  auto flags = std::make_shared<TableFlags>();
-  CLI::App* command = app.add_subcommand(
-      "table",
-      "Print the table of a run, or one of the paper's: text, Markdown, LaTeX, CSV, JSON");
-  command->add_option("work", flags->work,
-                      "Work folder of `segsim run`, or a results database");
-  command->add_option("--format", flags->format, "text | md | tex | csv | json")
-      ->capture_default_str();
-  command->add_option("--run", flags->run_id, "Number of the run (default: the last)");
-  command->add_option("--before", flags->before, "Arm to compare from (default: before)");
-  command->add_option("--after", flags->after, "Arm to compare with (default: after)");
-  add_panoptic_table(*command);
-  add_ablation_table(*command);
-  add_navigation_table(*command);
-  add_all_tables(*command);
-  command->callback([flags, command] {
-    if (!command->get_subcommands().empty()) return;  // It has printed its own table.
-    print_table(*flags);
-  });
 }
 
 }  // namespace segsim::experiments

@@ -91,7 +91,7 @@ void inspect(const std::filesystem::path& folder, const std::string& robot_name)
 }  // namespace
 
 void add_scene_command(CLI::App& app) {
-  CLI::App* scene = app.add_subcommand("scene", "Look at scene bundles");
+  CLI::App* scene = add_listed(app, kCommands, "scene");
   scene->require_subcommand(1);
 
   struct Flags {

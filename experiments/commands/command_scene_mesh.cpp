@@ -15,7 +15,7 @@
 #include "experiments/scenes/bundle_shape.h"
 #include "experiments/scenes/coverage.h"
 #include "experiments/scenes/mesh_accuracy.h"
-#include "experiments/scenes/scene_source.h"
+#include "experiments/scenes/mesh_source.h"
 #include "experiments/scenes/scene_surfels.h"
 #include "reconstruction/lifting/lifting.h"
 #include "renderer/files/panoptic_field_file.h"
@@ -23,6 +23,7 @@
 #include "renderer/renderer_backend.h"
 #include "renderer/scene/surfel_transform.h"
 #include "worlds/mesh/mesh_import.h"
+#include "worlds/mesh/plain_mesh.h"
 #include "worlds/procedural/procedural_flat.h"
 #include "worlds/surface/mesh_distance.h"
 

@@ -52,8 +52,7 @@ void draw(const SensorsFlags& flags) {
 
 void add_sensors_command(CLI::App& app) {
   auto flags = std::make_shared<SensorsFlags>();
-  CLI::App* command = app.add_subcommand(
-      "sensors", "Draw one view of a scene as each sensor model delivers it");
+  CLI::App* command = add_listed(app, kCommands, "sensors");
   command->add_option("bundle", flags->bundle, "Scene bundle")->required();
   command->add_option("-o,--output", flags->output, "Picture to write")->capture_default_str();
   command

@@ -34,8 +34,7 @@ void serve(const DashboardOptions& options) {
 
 void add_serve_command(CLI::App& app) {
   auto options = std::make_shared<DashboardOptions>();
-  CLI::App* command = app.add_subcommand(
-      "serve", "Show runs in a browser: progress, what the robots see now, finished trials");
+  CLI::App* command = add_listed(app, kCommands, "serve");
   command
       ->add_option("runs", options->roots,
                    "Work folders of `segsim run`, or folders that hold some")

@@ -103,9 +103,7 @@ void print_table1(const Flags& flags) {
 
 void add_panoptic_table(CLI::App& table) {
   auto flags = std::make_shared<Flags>();
-  CLI::App* command = table.add_subcommand(
-      "1",
-      "Fill the paper's Table 1: train and test label heads in scenes, beside its figures");
+  CLI::App* command = add_listed(table, kTableCommands, "1");
   command->add_option("--scenes", flags->scenes,
                       "flat-N, breakroom, house, folders of recordings, separated by commas; "
                       "or a YAML file; default: flat-3, flat-8 and what --data has");

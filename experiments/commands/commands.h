@@ -5,9 +5,7 @@
 /// was named. Errors are thrown: core::InputError, core::CheckFailed; main() turns them into
 /// exit codes.
 
-namespace CLI {
-class App;
-}
+#include "experiments/commands/light/light_commands.h"
 
 namespace segsim::experiments {
 
@@ -42,16 +40,11 @@ void add_explain_command(CLI::App& app);
 void add_sensors_command(CLI::App& app);
 /// `segsim trial check` and `segsim trial run`.
 void add_trial_command(CLI::App& app);
-/// `segsim table 1`, `2`, `3` and `all`, below `segsim table`.
+/// `segsim table 1` and `2`, below `segsim table`.
 void add_panoptic_table(CLI::App& table);
 void add_ablation_table(CLI::App& table);
-void add_navigation_table(CLI::App& table);
-void add_all_tables(CLI::App& table);
-void add_compare_command(CLI::App& app);
 /// `segsim doctor`.
 void add_doctor_command(CLI::App& app);
-void add_plan_command(CLI::App& app);
-void add_export_command(CLI::App& app);
 void add_report_command(CLI::App& app);
 void add_serve_command(CLI::App& app);
 void add_video_command(CLI::App& app);

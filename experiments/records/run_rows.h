@@ -8,7 +8,7 @@
 #include <optional>
 #include <string>
 
-#include "experiments/records/arm_weights.h"
+#include "experiments/records/held_out_precision.h"
 #include "experiments/records/column.h"
 #include "experiments/records/scene_exposure.h"
 

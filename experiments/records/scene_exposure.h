@@ -5,13 +5,8 @@
 /// file (perception/checkpoint/lineage.h). A file without a record may have seen anything.
 
 #include <cstdint>
-#include <filesystem>
-#include <optional>
-#include <span>
 #include <string>
 #include <vector>
-
-#include "core/scene_bundle.h"
 
 namespace segsim::experiments {
 
@@ -30,18 +25,6 @@ struct SceneExposure {
   bool operator==(const SceneExposure&) const = default;
   [[nodiscard]] bool is_trained_on(const std::string& scene) const;
 };
-
-/// A scene of an evaluation.
-struct EvaluationScene {
-  std::string name;  ///< In the spec.
-  const core::SceneManifest* manifest = nullptr;
-  std::optional<std::uint64_t> flat_seed{};  ///< If it is a procedural flat.
-};
-
-/// @param weights  Of this program, or a model of others: that says nothing.
-/// @throws core::InputError if the file or its record is damaged.
-[[nodiscard]] SceneExposure exposure_of(const std::filesystem::path& weights,
-                                        std::span<const EvaluationScene> scenes);
 
 /// "none", or parts with "; " between: "unknown" or "partly unknown", "trained on a, b",
 /// "threshold chosen on a", "another scene named b".

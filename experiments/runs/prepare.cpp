@@ -5,8 +5,8 @@
 #include <optional>
 
 #include "core/error.h"
+#include "experiments/detection/arm_weights.h"
 #include "experiments/detection/source_dataset.h"
-#include "experiments/records/arm_weights.h"
 #include "experiments/runs/internal/fine_tuning.h"
 #include "experiments/runs/internal/label_sets.h"
 #include "experiments/support/side_by_side.h"

@@ -12,6 +12,7 @@
 #include "core/file_io.h"
 #include "core/kernel_choice.h"
 #include "core/measurement_record.h"
+#include "experiments/detection/weights_exposure.h"
 #include "experiments/specs/clock_spec.h"
 #include "perception/detector/library_versions.h"
 #include "renderer/scene/simd_target.h"

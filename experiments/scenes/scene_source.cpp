@@ -4,15 +4,12 @@
 #include <numbers>
 #include <sstream>
 
-#include "core/check.h"
 #include "core/progress.h"
+#include "experiments/scenes/mesh_source.h"
 #include "reconstruction/datasets/box_annotation.h"
 #include "worlds/capture/capture.h"
 #include "worlds/capture/capture_plan.h"
 #include "worlds/capture/mesh_renderer.h"
-#include "worlds/mesh/gazebo_import.h"
-#include "worlds/mesh/mesh_import.h"
-#include "worlds/procedural/procedural_flat.h"
 
 namespace segsim::experiments {
 namespace {
@@ -34,27 +31,6 @@ std::vector<core::CameraPose> plan_path(const sim::MeshScene& scene,
 }
 
 }  // namespace
-
-sim::MeshScene load_mesh_source(const SourceSpec& source) {
-  switch (source.type) {
-    case SourceType::kFlat: {
-      worlds::FlatOptions options;
-      options.seed = source.seed;
-      return worlds::make_flat(options);
-    }
-    case SourceType::kGazebo: {
-      worlds::GazeboImportOptions options;
-      options.add_ceiling = true;
-      return worlds::load_gazebo_world(source.world, options);
-    }
-    case SourceType::kMesh:
-      return worlds::load_mesh_file(source.world);
-    case SourceType::kRgbd:
-      break;
-  }
-  SEGSIM_CHECK(false, "a recording has no mesh");
-  return {};
-}
 
 std::string describe_capture(const SourceSpec& source) {
   std::ostringstream text;

@@ -9,12 +9,8 @@
 
 #include "experiments/specs/spec.h"
 #include "reconstruction/datasets/rgbd_sequence.h"
-#include "sim/ground/mesh_scene.h"
 
 namespace segsim::experiments {
-
-/// The mesh world of a kFlat, kGazebo or kMesh source.
-[[nodiscard]] sim::MeshScene load_mesh_source(const SourceSpec& source);
 
 /// All that decides the outcome of a capture, in one line; part of what a bundle records.
 [[nodiscard]] std::string describe_capture(const SourceSpec& source);

@@ -16,6 +16,7 @@
 #include "experiments/scripted_trials/scripted_trial.h"
 #include "sim/ground/world.h"
 #include "sim/trial/trial.h"
+#include "worlds/mesh/texture_reader.h"
 
 namespace segsim::experiments {
 
@@ -34,8 +35,12 @@ struct BoundScript {
 /// Loads the scene and checks the script against it: the start is free, every goto leads to a
 /// place that the robot can reach from there, categories are searched for that the scene has.
 /// @param script  Outlives the result.
+/// @param textures  Of a world of meshes.
 /// @throws core::InputError naming the line of the script.
-[[nodiscard]] BoundScript bind_script(const ScriptedTrial& script);
+[[nodiscard]] BoundScript bind_script(
+    const ScriptedTrial& script, const worlds::TextureReader& textures = worlds::image_textures());
+/// The same checks. Of a world of meshes nothing is made that draws.
+void check_script(const ScriptedTrial& script);
 
 /// How a kFind step ended, by its profile.
 struct FindResult {

@@ -6,14 +6,14 @@
 #include "core/error.h"
 #include "experiments/reproducibility/backend_warning.h"
 #include "experiments/scenes/mesh_floor_plan.h"
-#include "experiments/scenes/scene_source.h"
+#include "experiments/scenes/mesh_source.h"
 #include "experiments/scenes/scene_surfels.h"
 #include "experiments/scripted_trials/scripted_run.h"
 #include "experiments/support/formatted.h"
 #include "renderer/renderer_backend.h"
 #include "sim/trial/oracle_way.h"
 #include "worlds/capture/mesh_renderer.h"
-#include "worlds/surface/mesh_distance.h"
+#include "worlds/mesh/plain_mesh.h"
 
 namespace segsim::experiments {
 namespace {
@@ -48,8 +48,10 @@ sim::TriangleMesh without_ceiling(sim::TriangleMesh mesh) {
   return mesh;
 }
 
-BoundScript load_meshes(const ScriptedTrial& script, const sim::RobotModel& robot) {
-  const sim::MeshScene scene = load_mesh_source(*script.scene.source);
+/// @param drawn  False: without what draws.
+BoundScript load_meshes(const ScriptedTrial& script, const sim::RobotModel& robot,
+                        const worlds::TextureReader& textures, bool drawn) {
+  const sim::MeshScene scene = load_mesh_source(*script.scene.source, textures);
   core::SceneBundle bundle;
   bundle.manifest.name = scene.name;
   bundle.manifest.source = scene.source;
@@ -65,11 +67,16 @@ BoundScript load_meshes(const ScriptedTrial& script, const sim::RobotModel& robo
   options.cell_m = 0.08F;
   options.bounce_samples = 49;
   if (!script.needs_colour()) options.exposure = 1.0F;
-  FloorPlan plan = make_mesh_floor_plan(scene, world);
+  FloorPlan plan;
+  std::unique_ptr<core::Renderer> renderer;
+  if (drawn) {
+    plan = make_mesh_floor_plan(scene, world);
+    renderer = worlds::make_mesh_renderer(scene, options);
+  }
   return {&script,
           std::move(bundle),
           std::move(world),
-          worlds::make_mesh_renderer(scene, options),
+          std::move(renderer),
           std::move(plan),
           0.0,
           {},
@@ -142,13 +149,11 @@ void check_categories(const BoundScript& bound) {
   }
 }
 
-}  // namespace
-
-BoundScript bind_script(const ScriptedTrial& script) {
+BoundScript bind(const ScriptedTrial& script, const worlds::TextureReader& textures, bool drawn) {
   const sim::RobotModel& robot = script.robot;
-  BoundScript bound =
-      script.scene.source ? load_meshes(script, robot) : load_reconstruction(script, robot);
-  if (!script.needs_colour()) {
+  BoundScript bound = script.scene.source ? load_meshes(script, robot, textures, drawn)
+                                          : load_reconstruction(script, robot);
+  if (bound.renderer && !script.needs_colour()) {
     bound.renderer = std::make_unique<ColourlessRenderer>(std::move(bound.renderer));
   }
   const double own_m = bound.bundle.manifest.camera_height_m;
@@ -171,6 +176,16 @@ BoundScript bind_script(const ScriptedTrial& script) {
   check_ways(bound);
   check_categories(bound);
   return bound;
+}
+
+}  // namespace
+
+BoundScript bind_script(const ScriptedTrial& script, const worlds::TextureReader& textures) {
+  return bind(script, textures, true);
+}
+
+void check_script(const ScriptedTrial& script) {
+  (void)bind(script, worlds::blank_textures(), false);
 }
 
 }  // namespace segsim::experiments

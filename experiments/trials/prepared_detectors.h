@@ -11,7 +11,7 @@
 
 #include <glm/vec2.hpp>
 
-#include "experiments/records/arm_weights.h"
+#include "experiments/records/held_out_precision.h"
 
 namespace segsim::experiments {
 

@@ -4,6 +4,8 @@
 #include <pcl/point_types.h>
 #include <pcl/search/kdtree.h>
 #include <pcl/segmentation/extract_clusters.h>
+// The template itself: libpcl_segmentation, which has it compiled, takes 25 MB to load.
+#include <pcl/segmentation/impl/extract_clusters.hpp>
 
 #include "nav/objects/internal/object_clusters.h"
 

@@ -61,10 +61,6 @@ void check_panoptic_config(const PanopticTrainingConfig& config) {
                "panoptic.sampling.stuff_share + instance_share = " + std::to_string(share));
 }
 
-std::vector<std::string> panoptic_head_names() {
-  return {"query", "panoptic-splatting", "panoptic-lifting"};
-}
-
 std::unique_ptr<PanopticHead> make_panoptic_head(const std::string& name,
                                                  PanopticHeadInputs inputs,
                                                  const PanopticTrainingConfig& config,

@@ -1,4 +1,4 @@
-#include "experiments/records/scene_exposure.h"
+#include "experiments/detection/weights_exposure.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -11,8 +11,8 @@
 #include "core/random.h"
 #include "sim/ground/collision.h"
 #include "sim/ground/robot.h"
+#include "worlds/mesh/plain_mesh.h"
 #include "worlds/procedural/procedural_flat.h"
-#include "worlds/surface/mesh_distance.h"
 
 namespace segsim::sim {
 namespace {

@@ -26,8 +26,8 @@
 #include "sim/ground/world.h"
 #include "tests/error_message.h"
 #include "worlds/mesh/mesh_import.h"
+#include "worlds/mesh/plain_mesh.h"
 #include "worlds/surface/bundle_files.h"
-#include "worlds/surface/mesh_distance.h"
 
 namespace segsim::sim {
 namespace {

@@ -5,8 +5,8 @@
 #include <gtest/gtest.h>
 
 #include "core/file_io.h"
-#include "experiments/records/store.h"
 #include "segsim_process.h"
+#include "small_results.h"
 #include "tests/temporary_folder.h"
 
 namespace segsim::tests {
@@ -16,30 +16,10 @@ namespace fs = std::filesystem;
 using testing::HasSubstr;
 using testing::Not;
 
-/// Ten episodes of two arms: "after" gains seven and loses one.
 class ReportCli : public testing::Test {
  protected:
   void SetUp() override {
-    experiments::RunRow run;
-    run.name = run.title = "demo";
-    run.success_profile = "segsim-object: STOP";
-    run.planned_trials = 20;
-    experiments::Store store(work() / "results.sqlite");
-    const std::int64_t id = store.begin_run(
-        run, {{"room", "Room", "s", "e", 10}},
-        {{"before", "a", "c", "", -1, {}}, {"after", "b", "d", "room", -1, {}}});
-    for (int k = 0; k < 10; ++k) {
-      for (const std::string& arm : std::vector<std::string>{"before", "after"}) {
-        experiments::TrialRow trial;
-        trial.arm = arm;
-        trial.scene = "room";
-        trial.goal_class = "couch";
-        trial.episode = "room/couch/" + std::to_string(k);
-        trial.success = arm == "after" ? k < 8 : k == 0 || k == 9;
-        trial.outcome = trial.success ? "success" : "timeout";
-        store.add_trial(id, trial);
-      }
-    }
+    write_small_results(work() / "results.sqlite");
   }
 
   [[nodiscard]] fs::path work() const { return folder_.path() / "work"; }
@@ -104,6 +84,34 @@ TEST_F(ReportCli, ExportAndReport) {
   EXPECT_THAT(core::read_file(work() / "report" / "index.html"),
               HasSubstr("Cannot tell: the difference may be chance."));
   expect_input_error(run_segsim("report " + quoted(work()) + " -o " + quoted(work())), "work");
+}
+
+// segsim-light has the names of all subcommands, segsim-main the subcommands: no list may run ahead.
+TEST(TwoPrograms, HaveTheSameHelp) {
+  for (const char* words : {"--help", "table --help", "trial --help", "compare --help",
+                            "plan --help", "export --help", "trial check --help"}) {
+    const ProcessOutput light = run_shell(std::string(SEGSIM_BINARY) + "-light " + words);
+    const ProcessOutput whole = run_shell(std::string(SEGSIM_BINARY) + "-main " + words);
+    EXPECT_EQ(light.exit_code, 0) << words;
+    EXPECT_EQ(light.text, whole.text) << words;
+    EXPECT_EQ(run_segsim(words).text, whole.text) << words;
+  }
+}
+
+// The launcher hands on what segsim-light cannot do, mistakes included.
+TEST(TwoPrograms, EachGetsItsWords) {
+  EXPECT_THAT(run_segsim("run --help").text, HasSubstr("--prepare-only"));
+  EXPECT_THAT(run_segsim("table 1 --help").text, HasSubstr("--label-iterations"));
+  EXPECT_THAT(run_segsim("table --format text 2 --help").text, HasSubstr("--surfels"));
+  EXPECT_THAT(run_segsim("trial run --help").text, HasSubstr("--output"));
+  EXPECT_THAT(run_segsim("--help run").text, HasSubstr("--prepare-only"));
+  for (const char* words : {"", "fly", "table", "trial", "plan"}) {
+    const ProcessOutput found = run_segsim(words);
+    EXPECT_EQ(found.exit_code, 2) << words;
+    EXPECT_EQ(found.text, run_shell(std::string(SEGSIM_BINARY) + "-main " + words).text);
+  }
+  // Who starts segsim-light by hand is told so.
+  EXPECT_EQ(run_shell(std::string(SEGSIM_BINARY) + "-light run x").exit_code, 3);
 }
 
 }  // namespace

@@ -80,8 +80,14 @@ TEST_F(MeshImport, AWindowsTexturePathIsFoundByItsBaseName) {
                 "mtllib a.mtl\no sofa\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\n"
                 "f 1/1 2/1 3/1\n");
   const sim::MeshScene scene = load_mesh_file(folder_.path() / "meshes" / "a.obj");
-  EXPECT_EQ(scene.textures.size(), 1U);
+  ASSERT_EQ(scene.textures.size(), 1U);
+  EXPECT_EQ(scene.textures[0].width_px(), 2);
   EXPECT_TRUE(scene.warnings.empty());
+  const sim::MeshScene shape =
+      load_mesh_file(folder_.path() / "meshes" / "a.obj", {}, blank_textures());
+  ASSERT_EQ(shape.textures.size(), 1U);
+  EXPECT_EQ(shape.textures[0].width_px(), 1);
+  EXPECT_EQ(shape.meshes[0].positions_m, scene.meshes[0].positions_m);
 }
 
 TEST_F(MeshImport, ColladaAppliesUnitAndNodesAndFlipsMirroredFaces) {

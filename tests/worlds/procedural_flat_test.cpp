@@ -287,6 +287,16 @@ TEST_P(ProceduralFlat, FurnitureStandsInsideRooms) {
 
 INSTANTIATE_TEST_SUITE_P(Seeds, ProceduralFlat, testing::Range(1, 11));
 
+TEST(ProceduralFlat, WithoutPaintItHasTheSameShapes) {
+  const sim::MeshScene whole = make_flat({.seed = 4});
+  const sim::MeshScene bare = make_flat({.seed = 4, .painted = false});
+  ASSERT_EQ(bare.textures.size(), whole.textures.size());
+  for (const auto& texture : bare.textures) EXPECT_EQ(texture.size(), 1U);
+  sim::MeshScene repainted = bare;
+  repainted.textures = whole.textures;
+  EXPECT_EQ(hash_scene(repainted), hash_scene(whole));
+}
+
 TEST(ProceduralFlatSeeds, EqualSeedsGiveEqualFlats) {
   EXPECT_EQ(hash_scene(make_flat({7})), hash_scene(make_flat({7})));
   EXPECT_NE(hash_scene(make_flat({7})), hash_scene(make_flat({8})));

@@ -138,10 +138,10 @@ void keep_submesh(std::vector<MeshPart>& parts, const sdf::Mesh& mesh) {
 
 class WorldReader {
  public:
-  WorldReader(sim::MeshScene& scene, fs::path models_folder)
+  WorldReader(sim::MeshScene& scene, const TextureReader& textures, fs::path models_folder)
       : scene_(scene),
         models_folder_(std::move(models_folder)),
-        files_(scene, {models_folder_ / ".." / "photos"}),
+        files_(scene, textures, {models_folder_ / ".." / "photos"}),
         labels_(scene) {}
 
   void add_instance(const sdf::Model& model, const glm::dmat4& T_world_parent) {
@@ -261,8 +261,8 @@ void report(const sdf::Errors& errors, const fs::path& file, sim::MeshScene& sce
 
 }  // namespace
 
-sim::MeshScene load_gazebo_world(const fs::path& world_file,
-                                 const GazeboImportOptions& options) {
+sim::MeshScene load_gazebo_world(const fs::path& world_file, const GazeboImportOptions& options,
+                                 const TextureReader& textures) {
   if (!fs::is_regular_file(world_file)) {
     throw core::InputError::expected(world_file.string(), "a Gazebo world file", "none");
   }
@@ -289,7 +289,7 @@ sim::MeshScene load_gazebo_world(const fs::path& world_file,
   report(errors, world_file, scene);
 
   const sdf::World& world = *root.WorldByIndex(0);
-  WorldReader reader(scene, models_folder);
+  WorldReader reader(scene, textures, models_folder);
   for (std::uint64_t i = 0; i < world.ModelCount(); ++i) {
     reader.add_instance(*world.ModelByIndex(i), glm::dmat4(1.0));
   }

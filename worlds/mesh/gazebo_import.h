@@ -9,6 +9,7 @@
 #include <string>
 
 #include "sim/ground/mesh_scene.h"
+#include "worlds/mesh/texture_reader.h"
 
 namespace segsim::worlds {
 
@@ -34,6 +35,7 @@ struct GazeboImportOptions {
 /// @throws InputError  no such file, no world in it, or a mesh file that is missing or
 /// unreadable.
 [[nodiscard]] sim::MeshScene load_gazebo_world(const std::filesystem::path& world_file,
-                                               const GazeboImportOptions& options = {});
+                                               const GazeboImportOptions& options = {},
+                                               const TextureReader& textures = image_textures());
 
 }  // namespace segsim::worlds

@@ -68,12 +68,13 @@ void add_ceiling_lights(sim::MeshScene& scene, double height_m, double spacing_m
   }
 }
 
-sim::MeshScene load_mesh_file(const fs::path& file, const MeshFileOptions& options) {
+sim::MeshScene load_mesh_file(const fs::path& file, const MeshFileOptions& options,
+                              const TextureReader& textures) {
   SEGSIM_CHECK(options.scale > 0, std::to_string(options.scale));
   sim::MeshScene scene;
   scene.name = file.stem().string();
   scene.source = "mesh file " + file.filename().string();
-  internal::MeshFileReader reader(scene);
+  internal::MeshFileReader reader(scene, textures);
   LabelTable labels(scene);
   std::map<std::string, LabelTable::Ids> ids_of_node;
   const glm::dmat4 T_world_file = world_from_file(is_y_up(file, options.up), options.scale);

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "sim/ground/mesh_scene.h"
+#include "worlds/mesh/texture_reader.h"
 
 namespace segsim::worlds {
 
@@ -32,7 +33,8 @@ struct MeshFileOptions {
 /// A texture that cannot be found is a warning of the scene, and the material's colour is
 /// used.
 [[nodiscard]] sim::MeshScene load_mesh_file(const std::filesystem::path& file,
-                                            const MeshFileOptions& options = {});
+                                            const MeshFileOptions& options = {},
+                                            const TextureReader& textures = image_textures());
 
 /// Hangs a square grid of soft warm-white lamps over the scene's floor plan: 2.8 m apart,
 /// 0.45 m below `height_m`. Game worlds are lit by lamps that ignore walls; these do not.

@@ -9,7 +9,6 @@
 #include <assimp/Importer.hpp>
 #include <glm/geometric.hpp>
 #include <glm/matrix.hpp>
-#include <opencv2/imgcodecs.hpp>
 
 #include "core/error.h"
 #include "worlds/mesh/internal/mesh_parts.h"
@@ -19,16 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-core::Image<core::Rgb8> from_opencv(const cv::Mat& bgr) {
-  core::Image<core::Rgb8> image(bgr.cols, bgr.rows);
-  for (int y = 0; y < bgr.rows; ++y) {
-    const auto* row = bgr.ptr<cv::Vec3b>(y);
-    for (int x = 0; x < bgr.cols; ++x) image(x, y) = {row[x][2], row[x][1], row[x][0]};
-  }
-  return image;
-}
-
-core::Image<core::Rgb8> from_embedded(const aiTexture& texture) {
+core::Image<core::Rgb8> from_embedded(const aiTexture& texture, const TextureReader& reader) {
   if (texture.mHeight != 0) {
     core::Image<core::Rgb8> image(static_cast<int>(texture.mWidth),
                                   static_cast<int>(texture.mHeight));
@@ -41,7 +31,7 @@ core::Image<core::Rgb8> from_embedded(const aiTexture& texture) {
   // A compressed image file of mWidth bytes.
   std::vector<unsigned char> bytes(texture.mWidth);
   std::memcpy(bytes.data(), texture.pcData, bytes.size());
-  return from_opencv(cv::imdecode(bytes, cv::IMREAD_COLOR));
+  return reader.from_bytes(bytes);
 }
 
 /// Places where a texture may be: as the file says, then by its base name in the folders that
@@ -118,7 +108,7 @@ int MeshFileReader::texture(const aiScene& file_scene, const std::string& name,
   if (const aiTexture* embedded = file_scene.GetEmbeddedTexture(name.c_str())) {
     const std::string key = file.string() + "#" + name;
     if (const auto known = textures_.find(key); known != textures_.end()) return known->second;
-    core::Image<core::Rgb8> image = from_embedded(*embedded);
+    core::Image<core::Rgb8> image = from_embedded(*embedded, pixels_);
     if (!image.empty()) return add_texture(key, std::move(image));
   } else {
     std::string path = name;
@@ -130,8 +120,8 @@ int MeshFileReader::texture(const aiScene& file_scene, const std::string& name,
       if (error || !fs::is_regular_file(key)) continue;
       if (const auto known = textures_.find(key); known != textures_.end())
         return known->second;
-      const cv::Mat image = cv::imread(key, cv::IMREAD_COLOR);
-      if (!image.empty()) return add_texture(key, from_opencv(image));
+      core::Image<core::Rgb8> image = pixels_.from_file(key);
+      if (!image.empty()) return add_texture(key, std::move(image));
     }
   }
   scene_.warnings.push_back("missing texture: " + name + " of " + file.filename().string());

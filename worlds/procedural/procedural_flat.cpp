@@ -63,7 +63,7 @@ std::optional<Flat> try_flat(const FlatOptions& options, std::uint64_t seed) {
     flat.rooms.push_back({room_name(room.type), room.rect.min_m, room.rect.max_m});
     if (!furnish(flat.scene, room, surfaces, dice.seed(), options.style)) return std::nullopt;
   }
-  surfaces.finish();
+  surfaces.finish(options.painted);
   return flat;
 }
 

@@ -29,6 +29,7 @@ struct FlatOptions {
   int rooms = 0;  ///< 4 to 6, the hall not counted; 0 = chosen by the seed.
   FurnitureStyle style = FurnitureStyle::kTarget;
   bool ceiling = true;  ///< Without it the flat can be drawn from above.
+  bool painted = true;  ///< Without it every texture is one white pixel: shapes alone.
 };
 
 /// Inside of a room's walls.

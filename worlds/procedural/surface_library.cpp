@@ -64,7 +64,11 @@ void SurfaceLibrary::rewind(const Mark& mark) {
   recipes_.resize(mark.textures);
 }
 
-void SurfaceLibrary::finish() {
+void SurfaceLibrary::finish(bool painted) {
+  const auto painting = [&](std::size_t recipe) {
+    return painted ? make_texture(recipes_[recipe])
+                   : core::Image<core::Rgb8>(1, 1, core::Rgb8{255, 255, 255});
+  };
   std::vector<int> new_material(scene_.materials.size(), -1);
   std::vector<int> new_texture(first_texture_ + recipes_.size(), -1);
   for (const sim::SubMesh& mesh : scene_.meshes)
@@ -80,7 +84,7 @@ void SurfaceLibrary::finish() {
     if (new_texture[old] < 0) {
       new_texture[old] = static_cast<int>(textures.size());
       textures.push_back(old < first_texture_ ? scene_.textures[old]
-                                              : make_texture(recipes_[old - first_texture_]));
+                                              : painting(old - first_texture_));
     }
     kept.texture = new_texture[old];
   }

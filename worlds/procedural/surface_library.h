@@ -42,7 +42,8 @@ class SurfaceLibrary {
 
   /// Drops what no mesh of the scene uses, numbers the rest anew in order, and paints the
   /// textures. The library is spent afterwards.
-  void finish();
+  /// @param painted  False: textures become one white pixel.
+  void finish(bool painted = true);
 
  private:
   int material(const sim::Material& wanted);

@@ -8,7 +8,6 @@
 
 #include <glm/vec3.hpp>
 
-#include "sim/ground/mesh_scene.h"
 #include "sim/ground/triangle_mesh.h"
 
 namespace segsim::worlds {
@@ -28,8 +27,5 @@ class MeshDistance {
   struct Locator;
   std::unique_ptr<Locator> locator_;
 };
-
-/// All triangles of a scene, without materials.
-[[nodiscard]] sim::TriangleMesh plain_mesh(const sim::MeshScene& scene);
 
 }  // namespace segsim::worlds

@@ -112,8 +112,7 @@ void add_lineage(CLI::App& detector) {
 }  // namespace
 
 void add_detector_command(CLI::App& app) {
-  CLI::App* detector =
-      app.add_subcommand("detector", "Train and evaluate the object detector");
+  CLI::App* detector = add_listed(app, kCommands, "detector");
   detector->require_subcommand(1);
   add_detector_training(*detector);
   add_evaluate(*detector);

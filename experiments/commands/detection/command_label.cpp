@@ -232,9 +232,7 @@ void add_split_flags(CLI::App& command, Flags& flags) {
 
 void add_label_command(CLI::App& app) {
   auto flags = std::make_shared<Flags>();
-  CLI::App* command = app.add_subcommand(
-      "label",
-      "Render 3-D-consistent boxes from bundles, where the robot can be, to COCO and YOLO");
+  CLI::App* command = add_listed(app, kCommands, "label");
   command->add_option("bundles", flags->bundles, "Bundle folders")->required();
   command->add_option("--out", flags->out, "Folder for labels.json and images/")->required();
   add_place_flags(*command, *flags);

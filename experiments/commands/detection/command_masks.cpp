@@ -176,8 +176,7 @@ void add_measure_command(CLI::App& masks) {
 }  // namespace
 
 void add_masks_command(CLI::App& app) {
-  CLI::App* command =
-      app.add_subcommand("masks", "Masks of single views, as a 2-D segmenter makes them");
+  CLI::App* command = add_listed(app, kCommands, "masks");
   command->require_subcommand(1);
   add_simulate_command(*command);
   add_measure_command(*command);

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "core/camera.h"
-#include "experiments/records/arm_weights.h"
+#include "experiments/detection/arm_weights.h"
 #include "experiments/specs/spec.h"
 #include "experiments/support/stage_times.h"
 #include "experiments/support/step_record.h"

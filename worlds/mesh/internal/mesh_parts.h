@@ -14,6 +14,7 @@
 
 #include "sim/ground/mesh_scene.h"
 #include "worlds/mesh/class_names.h"
+#include "worlds/mesh/texture_reader.h"
 
 struct aiScene;
 struct aiMaterial;
@@ -37,9 +38,10 @@ struct MeshPart {
 class MeshFileReader {
  public:
   /// @param texture_folders  Where textures are looked for by base name as a last resort.
-  explicit MeshFileReader(sim::MeshScene& scene,
-                          std::vector<std::filesystem::path> texture_folders = {})
-      : scene_(scene), texture_folders_(std::move(texture_folders)) {}
+  /// @param scene, pixels  Outlive the reader.
+  MeshFileReader(sim::MeshScene& scene, const TextureReader& pixels,
+                 std::vector<std::filesystem::path> texture_folders = {})
+      : scene_(scene), pixels_(pixels), texture_folders_(std::move(texture_folders)) {}
 
   /// @throws InputError if the file is missing, unreadable or has a vertex that is not finite.
   const std::vector<MeshPart>& read(const std::filesystem::path& file);
@@ -53,6 +55,7 @@ class MeshFileReader {
   int add_texture(const std::string& key, core::Image<core::Rgb8> image);
 
   sim::MeshScene& scene_;
+  const TextureReader& pixels_;
   std::vector<std::filesystem::path> texture_folders_;
   std::map<std::string, std::vector<MeshPart>> files_;
   std::map<std::string, int> textures_;

@@ -1,4 +1,4 @@
-#include "experiments/records/arm_weights.h"
+#include "experiments/detection/arm_weights.h"
 
 #include <optional>
 #include <ostream>

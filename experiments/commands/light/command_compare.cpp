@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/error.h"
-#include "experiments/commands/commands.h"
+#include "experiments/commands/light/light_commands.h"
 #include "experiments/results/stored_run.h"
 #include "experiments/results/table_grids.h"
 #include "experiments/results/training_grids.h"
@@ -147,8 +147,7 @@ void plan(const PlanFlags& flags) {
 
 void add_compare_command(CLI::App& app) {
   auto flags = std::make_shared<CompareFlags>();
-  CLI::App* command = app.add_subcommand(
-      "compare", "Two arms of a run: difference, paired tests, the episodes that changed");
+  CLI::App* command = add_listed(app, kCommands, "compare");
   command->add_option("run", flags->work, "Work folder of `segsim run`, or a results database")
       ->required();
   command->add_option("--before", flags->before, "Arm to compare from (default: before)");
@@ -161,8 +160,7 @@ void add_compare_command(CLI::App& app) {
 
 void add_plan_command(CLI::App& app) {
   auto flags = std::make_shared<PlanFlags>();
-  CLI::App* command =
-      app.add_subcommand("plan", "How many episodes a comparison of two arms needs");
+  CLI::App* command = add_listed(app, kCommands, "plan");
   command->add_option("--psi", flags->psi, "Share of episodes that end differently, (0, 1]")
       ->required()
       ->check(CLI::Range(1e-6, 1.0));

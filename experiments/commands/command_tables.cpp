@@ -1,57 +1,18 @@
-// `segsim table 3` and `segsim table all`.
+// `segsim table all`, and all tables together.
 #include <cstdio>
 #include <memory>
 #include <ostream>
 
 #include <CLI/CLI.hpp>
 
-#include "core/error.h"
 #include "core/file_io.h"
 #include "experiments/commands/commands.h"
-#include "experiments/results/navigation_table.h"
-#include "experiments/results/stored_run.h"
+#include "experiments/results/table.h"
 
 namespace segsim::experiments {
 namespace {
 
 namespace fs = std::filesystem;
-
-struct Flags {
-  fs::path room, house, output;
-  std::vector<fs::path> others;
-  std::string format = "text";
-};
-
-/// @param work  Empty: where the shipped spec leaves it; only then may it be missing.
-NavigationEntry entry_of(const char* paper_scene, const char* title, const fs::path& work,
-                         const std::string& spec) {
-  NavigationEntry entry{paper_scene, title, std::nullopt, {}};
-  const fs::path folder = work.empty() ? fs::path("out") / spec : work;
-  if (work.empty() && !fs::exists(folder / "results.sqlite")) {
-    entry.missing = "make it with segsim run experiments/specs/" + spec + ".yaml --data DIR";
-    return entry;
-  }
-  entry.result = summarise(load_run(folder));
-  return entry;
-}
-
-void print_table3(const Flags& flags) {
-  const TableFormat format = table_format_from(flags.format);
-  std::vector<NavigationEntry> entries{
-      entry_of("Laboratory Room", "Break room", flags.room, "breakroom"),
-      entry_of("House", "House", flags.house, "house")};
-  for (const fs::path& work : flags.others) {
-    entries.push_back({"", work.string(), summarise(load_run(work)), {}});
-  }
-  if (!flags.output.empty()) {
-    for (const auto& [ending, form] : table_files()) {
-      core::write_file_atomically(flags.output / ("table3" + ending), [&](std::ostream& out) {
-        out << format_navigation_table(entries, form);
-      });
-    }
-  }
-  std::fputs(format_navigation_table(entries, format).c_str(), stdout);
-}
 
 struct AllFlags {
   fs::path output, data, table1_work, room, house;
@@ -92,31 +53,9 @@ void make_all_tables(const AllFlags& flags) {
               flags.output.c_str());
 }
 
-}  // namespace
-
-void add_navigation_table(CLI::App& table) {
-  auto flags = std::make_shared<Flags>();
-  CLI::App* command = table.add_subcommand(
-      "3", "The paper's Table 3: success before and after fine-tuning, with intervals and p");
-  command->add_option("--room", flags->room,
-                      "Work folder for the paper's Laboratory Room (default: out/breakroom)");
-  command->add_option("--house", flags->house,
-                      "Work folder for the paper's House (default: out/house)");
-  command
-      ->add_option("--other", flags->others, "Work folders of further runs, one row a scene")
-      ->allow_extra_args(false);
-  command->add_option("--format", flags->format, "text | md | tex | csv | json")
-      ->capture_default_str();
-  command->add_option("-o,--output", flags->output,
-                      "Folder for table3.txt, .md, .tex, .csv and .json");
-  command->callback([flags] { print_table3(*flags); });
-}
-
 void add_all_tables(CLI::App& table) {
   auto flags = std::make_shared<AllFlags>();
-  CLI::App* command = table.add_subcommand(
-      "all",
-      "Every table of the paper into one folder (Table 1 trains: hours without --quick)");
+  CLI::App* command = add_listed(table, kTableCommands, "all");
   command->add_option("-o,--output", flags->output, "Folder")->required();
   command->add_option("--data", flags->data, "Table 1: folder of the data");
   command->add_option("--table1-work", flags->table1_work,
@@ -128,6 +67,16 @@ void add_all_tables(CLI::App& table) {
   command->add_flag("--quick", flags->quick,
                     "Tiny tables 1 and 2, to see that it runs: no result");
   command->callback([flags] { make_all_tables(*flags); });
+}
+
+}  // namespace
+
+void add_table_command(CLI::App& app) {
+  CLI::App& table = add_run_table(app);
+  add_panoptic_table(table);
+  add_ablation_table(table);
+  add_navigation_table(table);
+  add_all_tables(table);
 }
 
 }  // namespace segsim::experiments

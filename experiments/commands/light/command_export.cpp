@@ -7,7 +7,7 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
-#include "experiments/commands/commands.h"
+#include "experiments/commands/light/light_commands.h"
 #include "experiments/results/trial_export.h"
 
 namespace segsim::experiments {
@@ -39,8 +39,7 @@ void export_run(const Flags& flags) {
 
 void add_export_command(CLI::App& app) {
   auto flags = std::make_shared<Flags>();
-  CLI::App* command =
-      app.add_subcommand("export", "Write the trials of a run as CSV or JSON Lines");
+  CLI::App* command = add_listed(app, kCommands, "export");
   command->add_option("run", flags->work, "Work folder of `segsim run`, or a results database")
       ->required();
   command

@@ -1,0 +1,13 @@
+#pragma once
+
+#include "experiments/specs/spec.h"
+#include "sim/ground/mesh_scene.h"
+#include "worlds/mesh/texture_reader.h"
+
+namespace segsim::experiments {
+
+/// The mesh world of a kFlat, kGazebo or kMesh source.
+[[nodiscard]] sim::MeshScene load_mesh_source(
+    const SourceSpec& source, const worlds::TextureReader& textures = worlds::image_textures());
+
+}  // namespace segsim::experiments

@@ -1,0 +1,39 @@
+#include <vector>
+
+#include <opencv2/imgcodecs.hpp>
+
+#include "worlds/mesh/texture_reader.h"
+
+namespace segsim::worlds {
+namespace {
+
+core::Image<core::Rgb8> from_opencv(const cv::Mat& bgr) {
+  core::Image<core::Rgb8> image(bgr.cols, bgr.rows);
+  for (int y = 0; y < bgr.rows; ++y) {
+    const auto* row = bgr.ptr<cv::Vec3b>(y);
+    for (int x = 0; x < bgr.cols; ++x) image(x, y) = {row[x][2], row[x][1], row[x][0]};
+  }
+  return image;
+}
+
+class ImageTextures final : public TextureReader {
+ public:
+  [[nodiscard]] core::Image<core::Rgb8> from_file(
+      const std::filesystem::path& file) const override {
+    return from_opencv(cv::imread(file.string(), cv::IMREAD_COLOR));
+  }
+  [[nodiscard]] core::Image<core::Rgb8> from_bytes(
+      std::span<const unsigned char> bytes) const override {
+    const std::vector<unsigned char> copy(bytes.begin(), bytes.end());
+    return from_opencv(cv::imdecode(copy, cv::IMREAD_COLOR));
+  }
+};
+
+}  // namespace
+
+const TextureReader& image_textures() {
+  static const ImageTextures reader;
+  return reader;
+}
+
+}  // namespace segsim::worlds
