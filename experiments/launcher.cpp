@@ -1,5 +1,5 @@
 // `segsim`: sets what libraries read from the environment while they are loaded, then becomes
-// `segsim-light` or `segsim-main`, which lie beside it. core/kernel_choice.h says why it does the
+// `segsim-light` or `segsim-main`, which lie beside it. core/process/kernel_choice.h says why it does the
 // former, experiments/commands/light/command_list.h why there are two.
 #include <unistd.h>
 
@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "core/kernel_choice.h"
+#include "core/process/kernel_choice.h"
 #include "experiments/commands/light/command_list.h"
 
 namespace {

@@ -9,9 +9,8 @@
 
 #include "core/error.h"
 #include "core/interrupted.h"
-#include "core/process_memory.h"
+#include "core/process/process_memory.h"
 #include "core/version.h"
-#include "renderer/scene/simd_target.h"
 
 namespace segsim::experiments {
 namespace {
@@ -25,7 +24,6 @@ constexpr int kInterruptedExit = 4;
 
 int run_program(int argc, char** argv, void (*add_commands)(CLI::App& app)) {
   core::keep_freed_memory();
-  renderer::apply_kernel_choice();
   std::signal(SIGXFSZ, SIG_IGN);  // A file at its limit is an error like a full disk.
   CLI::App app{
       "Fast-SegSim: does this perception change make the robot reach its goal more often?\n"

@@ -11,8 +11,8 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
-#include "core/measurement_record.h"
-#include "core/process_memory.h"
+#include "core/process/measurement_record.h"
+#include "core/process/process_memory.h"
 
 namespace {
 

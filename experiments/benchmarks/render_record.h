@@ -5,7 +5,7 @@
 
 #include <span>
 
-#include "core/measurement_record.h"
+#include "core/process/measurement_record.h"
 #include "experiments/benchmarks/render_report.h"
 
 namespace segsim::experiments {

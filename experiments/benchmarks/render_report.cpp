@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/check.h"
-#include "core/measurement_record.h"
+#include "core/process/measurement_record.h"
 #include "core/version.h"
 #include "experiments/records/store.h"
 #include "experiments/support/text_grid.h"

@@ -12,7 +12,7 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
-#include "core/measurement_record.h"
+#include "core/process/measurement_record.h"
 #include "core/progress.h"
 #include "core/version.h"
 #include "experiments/benchmarks/bench_curves.h"

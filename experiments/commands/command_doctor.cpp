@@ -7,7 +7,7 @@
 
 #include "core/check.h"
 #include "core/error.h"
-#include "core/kernel_choice.h"
+#include "core/process/kernel_choice.h"
 #include "core/version.h"
 #include "experiments/commands/commands.h"
 #include "experiments/reproducibility/machine_record.h"

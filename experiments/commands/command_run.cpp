@@ -7,7 +7,7 @@
 
 #include "core/error.h"
 #include "core/interrupted.h"
-#include "core/kernel_choice.h"
+#include "core/process/kernel_choice.h"
 #include "experiments/commands/commands.h"
 #include "experiments/results/stored_run.h"
 #include "experiments/runs/merge_runs.h"

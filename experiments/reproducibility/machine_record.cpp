@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "core/file_io.h"
-#include "core/measurement_record.h"
+#include "core/process/measurement_record.h"
 #include "core/random.h"
 #include "perception/detector/library_versions.h"
 #include "perception/detector/numeric_fingerprints.h"

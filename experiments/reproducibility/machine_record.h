@@ -7,7 +7,7 @@
 #include <map>
 #include <string>
 
-#include "core/kernel_choice.h"
+#include "core/process/kernel_choice.h"
 
 namespace segsim::experiments {
 

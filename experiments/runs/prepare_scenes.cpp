@@ -5,7 +5,7 @@
 #include <sstream>
 
 #include "core/file_io.h"
-#include "core/kernel_choice.h"
+#include "core/process/kernel_choice.h"
 #include "core/progress.h"
 #include "core/scene_bundle.h"
 #include "experiments/runs/prepare.h"

@@ -13,7 +13,7 @@
 #include "core/check.h"
 #include "core/error.h"
 #include "core/file_io.h"
-#include "core/kernel_choice.h"
+#include "core/process/kernel_choice.h"
 #include "core/progress.h"
 #include "core/version.h"
 #include "experiments/records/results_digest.h"

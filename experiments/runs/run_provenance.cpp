@@ -10,8 +10,8 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
-#include "core/kernel_choice.h"
-#include "core/measurement_record.h"
+#include "core/process/kernel_choice.h"
+#include "core/process/measurement_record.h"
 #include "experiments/detection/weights_exposure.h"
 #include "experiments/specs/clock_spec.h"
 #include "perception/detector/library_versions.h"

@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "core/file_io.h"
-#include "core/kernel_choice.h"
+#include "core/process/kernel_choice.h"
 
 namespace segsim::experiments {
 

@@ -14,7 +14,7 @@ namespace segsim::experiments {
 class StepRecord {
  public:
   /// What fast kernels make differs in the last bits, so it is another result
-  /// (core/kernel_choice.h).
+  /// (core/process/kernel_choice.h).
   StepRecord(std::filesystem::path file, std::string recipe);
 
   [[nodiscard]] bool is_current() const;

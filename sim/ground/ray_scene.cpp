@@ -12,7 +12,7 @@
 #include <glm/geometric.hpp>
 
 #include "core/check.h"
-#include "core/kernel_choice.h"
+#include "core/process/kernel_choice.h"
 
 namespace segsim::sim {
 namespace {

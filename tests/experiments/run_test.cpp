@@ -13,7 +13,7 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
-#include "core/kernel_choice.h"
+#include "core/process/kernel_choice.h"
 #include "experiments/episodes/episodes.h"
 #include "experiments/records/store.h"
 #include "experiments/records/trial_log.h"

@@ -12,7 +12,7 @@
 #include <string>
 
 #include "core/file_io.h"
-#include "core/measurement_record.h"
+#include "core/process/measurement_record.h"
 #include "core/scene_bundle.h"
 #include "tests/experiments/tiny_scene.h"
 #include "tests/system/gazebo_processes.h"

@@ -1,7 +1,7 @@
 #include <bit>
 #include <cstdint>
 
-#include "core/kernel_choice.h"
+#include "core/process/kernel_choice.h"
 #include "reconstruction/rasterizer/internal/plain_tile.h"
 #include "reconstruction/rasterizer/internal/training_tile.h"
 

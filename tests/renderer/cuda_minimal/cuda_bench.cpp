@@ -19,7 +19,7 @@
 #include <string>
 #include <vector>
 
-#include "core/measurement_record.h"
+#include "core/process/measurement_record.h"
 #include "core/random.h"
 #include "renderer/cuda/cuda_renderer.h"
 #include "renderer/scene/room_scene.h"

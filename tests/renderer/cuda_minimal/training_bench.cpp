@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "core/measurement_record.h"
+#include "core/process/measurement_record.h"
 #include "reconstruction/rasterizer/cuda/cuda_rasterizer.h"
 #include "renderer/scene/room_scene.h"
 #include "tests/renderer/cuda_minimal/device_training.h"

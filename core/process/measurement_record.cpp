@@ -1,4 +1,4 @@
-#include "core/measurement_record.h"
+#include "core/process/measurement_record.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "core/process_memory.h"
+#include "core/process/process_memory.h"
 
 #include <cstdlib>  // Says which C library this is.
 
