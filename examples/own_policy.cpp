@@ -17,7 +17,7 @@
 #include "sim/trial/trial.h"
 #include "worlds/capture/mesh_renderer.h"
 #include "worlds/mesh/mesh_builder.h"
-#include "worlds/surface/mesh_distance.h"
+#include "worlds/mesh/plain_mesh.h"
 
 using namespace segsim;
 
@@ -40,9 +40,8 @@ class TurnAwayPolicy final : public core::Policy {
       if (std::abs(left_rad) < 0.2 && free_m < 0.7) {
         return {{}, core::PolicyMode::kStop, core::StopReason::kGoalReached};
       }
-      return {{std::abs(left_rad) < 0.2 ? 0.4 : 0.0, left_rad},
-              core::PolicyMode::kNavigate,
-              {}};
+      return {
+          {std::abs(left_rad) < 0.2 ? 0.4 : 0.0, left_rad}, core::PolicyMode::kNavigate, {}};
     }
     return explore;
   }
@@ -135,18 +134,17 @@ int main() try {
   sim::OracleDetector detector(room.classes, {"couch"});
   TurnAwayPolicy policy;
   core::Image<core::Rgb8> last_view;
-  const sim::TrialResult result =
-      sim::run_trial({.episode = episode,
-                      .options = options,
-                      .world = world,
-                      .robot = robot,
-                      .renderer = *camera,
-                      .detector = detector,
-                      .policy = policy,
-                      .truth = &detector,
-                      .observer = [&last_view](const sim::TickRecord&, const core::Frame& frame,
-                                               const auto&,
-                                               const auto&) { last_view = frame.rgb; }});
+  const sim::TrialResult result = sim::run_trial(
+      {.episode = episode,
+       .options = options,
+       .world = world,
+       .robot = robot,
+       .renderer = *camera,
+       .detector = detector,
+       .policy = policy,
+       .truth = &detector,
+       .observer = [&last_view](const sim::TickRecord&, const core::Frame& frame, const auto&,
+                                const auto&) { last_view = frame.rgb; }});
 
   examples::write_ppm("last_view.ppm", last_view);
   std::cout << "outcome " << to_string(result.outcome) << "\nsimulated_s " << result.sim_s

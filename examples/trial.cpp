@@ -18,8 +18,8 @@
 #include "sim/trial/oracle_detector.h"
 #include "sim/trial/trial.h"
 #include "worlds/capture/mesh_renderer.h"
+#include "worlds/mesh/plain_mesh.h"
 #include "worlds/procedural/procedural_flat.h"
-#include "worlds/surface/mesh_distance.h"
 
 using namespace segsim;
 
@@ -103,21 +103,20 @@ int main(int argc, char** argv) try {
   context.camera_height_m = options.camera_height_m;
   const auto policy = nav::PolicyRegistry::instance().usual("frontier").make(context);
 
-  const sim::TrialResult result =
-      sim::run_trial({.episode = episode,
-                      .options = options,
-                      .world = world,
-                      .robot = robot,
-                      .renderer = *camera,
-                      .detector = detector,
-                      .policy = *policy,
-                      .truth = &detector});
+  const sim::TrialResult result = sim::run_trial({.episode = episode,
+                                                  .options = options,
+                                                  .world = world,
+                                                  .robot = robot,
+                                                  .renderer = *camera,
+                                                  .detector = detector,
+                                                  .policy = *policy,
+                                                  .truth = &detector});
 
   examples::write_ppm("trial.ppm", picture_of(result));
   std::cout << "outcome " << to_string(result.outcome) << "\nstop_reason "
-            << core::to_string(result.stop_reason) << "\nsimulated_s " << result.sim_s << "\npath_m "
-            << result.path_m << "\nshortest_path_m " << result.shortest_path_m << "\nspl "
-            << result.spl << "\ncontacts " << result.contacts << "\nstate_hash "
+            << core::to_string(result.stop_reason) << "\nsimulated_s " << result.sim_s
+            << "\npath_m " << result.path_m << "\nshortest_path_m " << result.shortest_path_m
+            << "\nspl " << result.spl << "\ncontacts " << result.contacts << "\nstate_hash "
             << result.state_hash << '\n';
   return 0;
 } catch (const core::InputError& error) {

@@ -1,6 +1,6 @@
 // `segsim`: sets what libraries read from the environment while they are loaded, then becomes
-// `segsim-light` or `segsim-main`, which lie beside it. core/process/kernel_choice.h says why it does the
-// former, experiments/commands/light/command_list.h why there are two.
+// `segsim-light` or `segsim-main`, which lie beside it. core/process/kernel_choice.h says why
+// it does the former, experiments/commands/light/command_list.h why there are two.
 #include <unistd.h>
 
 #include <cerrno>
@@ -49,7 +49,8 @@ int main(int argc, char** argv) {
     choice = KernelChoice::kFast;  // `segsim doctor` and every run's record say so.
   }
   segsim::core::set_environment(choice);
-  const std::vector<const char*> words(arguments.begin() + (argc > 0 ? 1 : 0), arguments.end());
+  const std::vector<const char*> words(arguments.begin() + (argc > 0 ? 1 : 0),
+                                       arguments.end());
   const bool light = segsim::experiments::is_light(words);
   arguments.push_back(nullptr);
   const std::string program = program_file(light ? "segsim-light" : "segsim-main");

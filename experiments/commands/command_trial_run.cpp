@@ -21,7 +21,8 @@ struct RunFlags {
 };
 
 void run(RunFlags& flags) {
-  const ScriptedTrial script = load_scripted_trial(find_shipped(flags.script.file), flags.script.data);
+  const ScriptedTrial script =
+      load_scripted_trial(find_shipped(flags.script.file), flags.script.data);
   if (flags.output.empty()) flags.output = fs::path("out") / "trials" / script.name;
   BoundScript bound = bind_script(script);
   const ScriptedResult result = run_script(bound, flags.output);

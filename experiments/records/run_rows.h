@@ -8,8 +8,8 @@
 #include <optional>
 #include <string>
 
-#include "experiments/records/held_out_precision.h"
 #include "experiments/records/column.h"
+#include "experiments/records/held_out_precision.h"
 #include "experiments/records/scene_exposure.h"
 
 namespace segsim::experiments {

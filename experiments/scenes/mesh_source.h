@@ -8,6 +8,7 @@ namespace segsim::experiments {
 
 /// The mesh world of a kFlat, kGazebo or kMesh source.
 [[nodiscard]] sim::MeshScene load_mesh_source(
-    const SourceSpec& source, const worlds::TextureReader& textures = worlds::image_textures());
+    const SourceSpec& source,
+    const worlds::TextureReader& textures = worlds::image_textures());
 
 }  // namespace segsim::experiments

@@ -38,7 +38,8 @@ struct BoundScript {
 /// @param textures  Of a world of meshes.
 /// @throws core::InputError naming the line of the script.
 [[nodiscard]] BoundScript bind_script(
-    const ScriptedTrial& script, const worlds::TextureReader& textures = worlds::image_textures());
+    const ScriptedTrial& script,
+    const worlds::TextureReader& textures = worlds::image_textures());
 /// The same checks. Of a world of meshes nothing is made that draws.
 void check_script(const ScriptedTrial& script);
 

@@ -149,7 +149,8 @@ void check_categories(const BoundScript& bound) {
   }
 }
 
-BoundScript bind(const ScriptedTrial& script, const worlds::TextureReader& textures, bool drawn) {
+BoundScript bind(const ScriptedTrial& script, const worlds::TextureReader& textures,
+                 bool drawn) {
   const sim::RobotModel& robot = script.robot;
   BoundScript bound = script.scene.source ? load_meshes(script, robot, textures, drawn)
                                           : load_reconstruction(script, robot);

@@ -8,8 +8,7 @@ std::filesystem::path find_shipped(const std::filesystem::path& file) {
   if (file.empty() || file.is_absolute() || fs::exists(file, error)) return file;
   const fs::path program = fs::read_symlink("/proc/self/exe", error);
   if (error) return file;
-  const fs::path shipped =
-      program.parent_path().parent_path() / "share" / "segsim" / file;
+  const fs::path shipped = program.parent_path().parent_path() / "share" / "segsim" / file;
   return fs::exists(shipped, error) ? shipped : file;
 }
 

@@ -14,7 +14,8 @@ namespace {
 using segsim::renderer::SurfelCloud;
 
 /// An opaque disc that faces the z axis.
-void add_disc(SurfelCloud& cloud, const glm::vec3& p_m, float scale_m, const glm::vec3& color) {
+void add_disc(SurfelCloud& cloud, const glm::vec3& p_m, float scale_m,
+              const glm::vec3& color) {
   cloud.position_m.push_back(p_m);
   cloud.R_world_surfel.emplace_back(1.0F, 0.0F, 0.0F, 0.0F);
   cloud.scale_m.emplace_back(scale_m, scale_m);
@@ -26,8 +27,8 @@ std::shared_ptr<SurfelCloud> wall_and_disc() {
   auto cloud = std::make_shared<SurfelCloud>();
   for (int y = -20; y <= 20; ++y) {
     for (int x = -20; x <= 20; ++x) {
-      add_disc(*cloud, {0.1F * static_cast<float>(x), 0.1F * static_cast<float>(y), 2.0F}, 0.1F,
-               {1.0F, 0.0F, 0.0F});
+      add_disc(*cloud, {0.1F * static_cast<float>(x), 0.1F * static_cast<float>(y), 2.0F},
+               0.1F, {1.0F, 0.0F, 0.0F});
     }
   }
   add_disc(*cloud, {0.0F, 0.0F, 1.0F}, 0.1F, {0.0F, 0.0F, 1.0F});
@@ -45,9 +46,9 @@ int main() {
   using namespace segsim;  // NOLINT(google-build-using-namespace): a program of one page
   const auto renderer = renderer::make_cpu_renderer(wall_and_disc());
   // The camera's frame is the world's: it looks along z.
-  const core::Frame frame = renderer->render(
-      core::CameraPose{}, core::CameraIntrinsics::from_fov(64, 48, 1.2),
-      core::Channels::kRgbd);
+  const core::Frame frame =
+      renderer->render(core::CameraPose{}, core::CameraIntrinsics::from_fov(64, 48, 1.2),
+                       core::Channels::kRgbd);
   const core::Rgb8 middle = frame.rgb(32, 24), beside = frame.rgb(4, 4);
   const bool good = expect(middle.b > 240 && middle.r < 15, "blue in the middle") &
                     expect(beside.r > 240 && beside.b < 15, "red beside it") &

@@ -68,7 +68,8 @@ TEST(Endurance, ImagesWithoutDepthEndInANamedWay) {
       }
       // Whatever is commanded, the robot only turns. The plain follower calls that stuck; the
       // others give up one frontier after the other.
-      EXPECT_EQ(core::to_string(d.stop), std::string(name == "frontier" ? "stuck" : "no_frontier_left"))
+      EXPECT_EQ(core::to_string(d.stop),
+                std::string(name == "frontier" ? "stuck" : "no_frontier_left"))
           << name << " " << depth;
     }
   }

@@ -101,23 +101,6 @@ void expect_agreement(const Frame& a, const Frame& b) {
   EXPECT_LE(labels_off, 2e-3 * pixels);
 }
 
-template <class T>
-void expect_equal_bits(const core::Image<T>& a, const core::Image<T>& b, const char* plane) {
-  ASSERT_EQ(a.size(), b.size()) << plane;
-  EXPECT_EQ(std::memcmp(a.data(), b.data(), a.size() * sizeof(T)), 0) << plane;
-}
-
-void expect_equal_bits(const Frame& a, const Frame& b) {
-  expect_equal_bits(a.rgb, b.rgb, "rgb");
-  expect_equal_bits(a.depth_m, b.depth_m, "depth");
-  expect_equal_bits(a.normal, b.normal, "normal");
-  expect_equal_bits(a.alpha, b.alpha, "alpha");
-  expect_equal_bits(a.semantic, b.semantic, "semantic");
-  expect_equal_bits(a.instance, b.instance, "instance");
-  expect_equal_bits(a.confidence, b.confidence, "confidence");
-  expect_equal_bits(a.instance_confidence, b.instance_confidence, "instance confidence");
-}
-
 #ifdef SEGSIM_ONLY_TARGET
 
 TEST(InstructionSets, PortableOneIsThatOfDoublePrecision) {
@@ -137,6 +120,23 @@ TEST(InstructionSets, PortableOneIsThatOfDoublePrecision) {
 }
 
 #else
+
+template <class T>
+void expect_equal_bits(const core::Image<T>& a, const core::Image<T>& b, const char* plane) {
+  ASSERT_EQ(a.size(), b.size()) << plane;
+  EXPECT_EQ(std::memcmp(a.data(), b.data(), a.size() * sizeof(T)), 0) << plane;
+}
+
+void expect_equal_bits(const Frame& a, const Frame& b) {
+  expect_equal_bits(a.rgb, b.rgb, "rgb");
+  expect_equal_bits(a.depth_m, b.depth_m, "depth");
+  expect_equal_bits(a.normal, b.normal, "normal");
+  expect_equal_bits(a.alpha, b.alpha, "alpha");
+  expect_equal_bits(a.semantic, b.semantic, "semantic");
+  expect_equal_bits(a.instance, b.instance, "instance");
+  expect_equal_bits(a.confidence, b.confidence, "confidence");
+  expect_equal_bits(a.instance_confidence, b.instance_confidence, "instance confidence");
+}
 
 std::vector<Frame> render_all(const std::vector<View>& views) {
   std::vector<Frame> frames;

@@ -18,9 +18,7 @@ using testing::Not;
 
 class ReportCli : public testing::Test {
  protected:
-  void SetUp() override {
-    write_small_results(work() / "results.sqlite");
-  }
+  void SetUp() override { write_small_results(work() / "results.sqlite"); }
 
   [[nodiscard]] fs::path work() const { return folder_.path() / "work"; }
   [[nodiscard]] std::string quoted(const fs::path& path) const {
@@ -86,7 +84,8 @@ TEST_F(ReportCli, ExportAndReport) {
   expect_input_error(run_segsim("report " + quoted(work()) + " -o " + quoted(work())), "work");
 }
 
-// segsim-light has the names of all subcommands, segsim-main the subcommands: no list may run ahead.
+// segsim-light has the names of all subcommands, segsim-main the subcommands: no list may run
+// ahead.
 TEST(TwoPrograms, HaveTheSameHelp) {
   for (const char* words : {"--help", "table --help", "trial --help", "compare --help",
                             "plan --help", "export --help", "trial check --help"}) {

@@ -15,9 +15,9 @@ inline void write_small_results(const std::filesystem::path& file) {
   run.success_profile = "segsim-object: STOP";
   run.planned_trials = 20;
   experiments::Store store(file);
-  const std::int64_t id = store.begin_run(
-      run, {{"room", "Room", "s", "e", 10}},
-      {{"before", "a", "c", "", -1, {}}, {"after", "b", "d", "room", -1, {}}});
+  const std::int64_t id =
+      store.begin_run(run, {{"room", "Room", "s", "e", 10}},
+                      {{"before", "a", "c", "", -1, {}}, {"after", "b", "d", "room", -1, {}}});
   for (int k = 0; k < 10; ++k) {
     for (const std::string& arm : std::vector<std::string>{"before", "after"}) {
       experiments::TrialRow trial;

@@ -261,7 +261,8 @@ void report(const sdf::Errors& errors, const fs::path& file, sim::MeshScene& sce
 
 }  // namespace
 
-sim::MeshScene load_gazebo_world(const fs::path& world_file, const GazeboImportOptions& options,
+sim::MeshScene load_gazebo_world(const fs::path& world_file,
+                                 const GazeboImportOptions& options,
                                  const TextureReader& textures) {
   if (!fs::is_regular_file(world_file)) {
     throw core::InputError::expected(world_file.string(), "a Gazebo world file", "none");

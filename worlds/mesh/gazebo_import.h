@@ -34,8 +34,8 @@ struct GazeboImportOptions {
 /// first three are counted in MeshScene::warnings.
 /// @throws InputError  no such file, no world in it, or a mesh file that is missing or
 /// unreadable.
-[[nodiscard]] sim::MeshScene load_gazebo_world(const std::filesystem::path& world_file,
-                                               const GazeboImportOptions& options = {},
-                                               const TextureReader& textures = image_textures());
+[[nodiscard]] sim::MeshScene load_gazebo_world(
+    const std::filesystem::path& world_file, const GazeboImportOptions& options = {},
+    const TextureReader& textures = image_textures());
 
 }  // namespace segsim::worlds

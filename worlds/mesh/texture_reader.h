@@ -1,8 +1,9 @@
 #pragma once
 
 /// @file
-/// How mesh importers come to the pixels of textures. Decoding image files takes OpenCV's codecs,
-/// which load GDAL and more than a hundred other libraries; who looks at shapes alone goes without.
+/// How mesh importers come to the pixels of textures. Decoding image files takes OpenCV's
+/// codecs, which load GDAL and more than a hundred other libraries; who looks at shapes alone
+/// goes without.
 
 #include <filesystem>
 #include <span>

@@ -25,7 +25,8 @@ inline constexpr CommandWord kCommands[] = {
     {"run", "Run an experiment: prepare, run all trials, print the table. Resumes.", false},
     {"merge", "Put the shards of a run together (docs/scale_out.md)", false},
     {"table",
-     "Print the table of a run, or one of the paper's: text, Markdown, LaTeX, CSV, JSON", true},
+     "Print the table of a run, or one of the paper's: text, Markdown, LaTeX, CSV, JSON",
+     true},
     {"capture", "Record a mesh world with a virtual RGB-D camera: colour, depth, exact labels",
      false},
     {"reconstruct", "Make a scene bundle from posed RGB-D frames: lift, then train", false},
@@ -45,9 +46,10 @@ inline constexpr CommandWord kCommands[] = {
     {"episodes", "Search tasks: generate, validate, import from and export to Habitat", false},
     {"explain", "Tell the story of a trial and why it failed; without TRIAL list failures",
      false},
-    {"compare", "Two arms of a run: difference, paired tests, the episodes that changed", true},
-    {"doctor", "Say what this machine computes with; compare a run's digests with recorded ones",
-     false},
+    {"compare", "Two arms of a run: difference, paired tests, the episodes that changed",
+     true},
+    {"doctor",
+     "Say what this machine computes with; compare a run's digests with recorded ones", false},
     {"plan", "How many episodes a comparison of two arms needs", true},
     {"export", "Write the trials of a run as CSV or JSON Lines", true},
     {"report", "Write a run as HTML pages: the answer, plots, maps, every trial", false},
@@ -84,9 +86,9 @@ constexpr const CommandWord* find_command(std::span<const CommandWord> list,
   return found == list.end() ? nullptr : &*found;
 }
 
-/// Whether segsim-light can do what a command line asks for. `segsim --help`, `segsim --version`
-/// and mistakes are its business, too. The answer may be no for a light command whose option has
-/// the value "run" or "2": segsim-main does it as well.
+/// Whether segsim-light can do what a command line asks for. `segsim --help`, `segsim
+/// --version` and mistakes are its business, too. The answer may be no for a light command
+/// whose option has the value "run" or "2": segsim-main does it as well.
 /// @param words  Without the program's name.
 constexpr bool is_light(std::span<const char* const> words) {
   // Before its command, `segsim` has no option that takes a value.

@@ -91,9 +91,9 @@ void LabelSet::make(const std::vector<std::string>& class_names,
       options.avoid_m = scene.starts_m;
       options.avoid_radius_m = spec_.detectors.finetune->start_clearance_m;
     }
-    append_dataset(all, label_views(core::load_bundle(scene.bundle),
-                                    spec_.robot, options, folder_)
-                            .dataset);
+    append_dataset(
+        all,
+        label_views(core::load_bundle(scene.bundle), spec_.robot, options, folder_).dataset);
   }
   perception::write_coco(json(), all);
   record_.mark_done();
@@ -104,9 +104,9 @@ std::string LabelSet::recipe() const {
   const FinetuneSpec& finetune = *spec_.detectors.finetune;
   std::ostringstream text;
   text << "views v3, " << rule_.purpose << ", " << rule_.per_scene << " per scene, "
-       << rule_.facing_share << " facing, seed " << seed_ << ", robot " << spec_.robot.name << ", "
-       << camera.width_px << "x" << camera.height_px << " f " << camera.fx_px << ", pitch "
-       << spec_.camera.pitch_down_deg;
+       << rule_.facing_share << " facing, seed " << seed_ << ", robot " << spec_.robot.name
+       << ", " << camera.width_px << "x" << camera.height_px << " f " << camera.fx_px
+       << ", pitch " << spec_.camera.pitch_down_deg;
   for (const LabelScene& scene : scenes_) {
     text << "; " << scene.spec->name << " at " << scene.spec->camera_height_m << " m "
          << core::sha256_of_file(scene.bundle / "scene.yaml");

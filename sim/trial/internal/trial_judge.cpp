@@ -6,10 +6,7 @@
 #include "sim/trial/metrics.h"
 
 namespace segsim::sim::internal {
-namespace {
-
-
-}  // namespace
+namespace {}  // namespace
 
 TrialJudge::TrialJudge(const Episode& episode, const TrialOptions& options, const World& world)
     : episode_(episode),
