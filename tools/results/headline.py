@@ -38,11 +38,12 @@ def table_lines(records):
 
 
 def digests_in_words(digests):
-    """Of the last stages: what departs earlier departs there, too."""
+    """Of the last stages: what departs earlier departs there, too. Trials are left out where they wait for a new run."""
     weights = [s["sha256"][:12] for s in digests["stages"] if s["stage"] == "weights" and s["subject"] != "arm-before"]
-    trials = digests["stages"][-1]["sha256"][:12]
-    return (f"`{digests['experiment']}.yaml` as shipped ends in these digests: fine-tuned weights {', '.join(weights)}; "
-            f"trials {trials} (found on: {', '.join(digests['confirmed_on'])}).")
+    trials = [s["sha256"][:12] for s in digests["stages"] if s["stage"] == "trials"]
+    ends = f"; trials {trials[0]}" if trials else ""
+    return (f"`{digests['experiment']}.yaml` as shipped ends in these digests: fine-tuned weights {', '.join(weights)}{ends} "
+            f"(found on: {', '.join(digests['confirmed_on'])}).")
 
 
 def in_words(record, digests):
