@@ -130,7 +130,7 @@ TEST_F(RunTest, OtherKernelsAreRefusedAndDigestsWritten) {
   core::set_environment(core::KernelChoice::kFast);
   const RunReport began = run("kernels", 1, 1);
   EXPECT_TRUE(began.trials_left > 0);
-  EXPECT_NE(began.digests.back().stage, "trials");  // Some are missing.
+  EXPECT_NE(began.digests.back().stage, DigestStage::kTrials);  // Some are missing.
   core::set_environment(core::KernelChoice::kReproducible);
   try {
     run("kernels", 1);
@@ -143,7 +143,7 @@ TEST_F(RunTest, OtherKernelsAreRefusedAndDigestsWritten) {
   const RunReport ended = run("kernels", 2);
   EXPECT_EQ(ended.trials_left, 0);
   const DigestRecord record = read_digests(ended.results / "digests.json");
-  ASSERT_EQ(record.stages.back().stage, "trials");
+  ASSERT_EQ(record.stages.back().stage, DigestStage::kTrials);
   EXPECT_EQ(record.stages.back().sha256, ended.results_sha256);
   EXPECT_EQ(record.machine.kernels, core::KernelChoice::kFast);
 }
