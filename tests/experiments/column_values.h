@@ -17,7 +17,12 @@
 namespace segsim::experiments {
 
 inline void set_value(const Column& column, int number, std::string& text) {
-  text = column.name + std::string("#") + std::to_string(number);
+  // Words that the store knows; it refuses all others.
+  static const std::map<std::string_view, const char*> kWords = {
+      {"outcome", "timeout"}, {"stop_reason", "stuck"}, {"cause", "infeasible"}};
+  const auto word = kWords.find(column.name);
+  text = word != kWords.end() ? word->second
+                              : column.name + std::string("#") + std::to_string(number);
 }
 inline void set_value(const Column& /*column*/, int number, double& value) {
   value = number + 0.1;

@@ -40,7 +40,7 @@ INSERT INTO run VALUES (1, 'old', 'Old', 'aa', 'name: old', '0.0.1', 'h', 'l', '
   '2025-01-01T00:00:00Z', '');
 INSERT INTO scene VALUES (1, 0, 'b', 'Scene B', 's', 'e', 1);
 INSERT INTO arm VALUES (1, 0, 'before', 'w.bin', 'ff', 'b', 0.25);
-INSERT INTO trial VALUES (1, 1, 'before', 'b', 'b/chair/00', 'chair', 0, 'success', 1, 'stop',
+INSERT INTO trial VALUES (1, 1, 'before', 'b', 'b/chair/00', 'chair', 0, 'success', 1, 'goal_reached',
   0.5, 0.5, 3.25, 2.0, NULL, 10, 1, 40, 0, 0, 3, 4, 0.01, 'fedcba9876543210', 1, 2, 3, '', '',
   '', '', '2025-01-01T00:01:00Z');
 )sql";
