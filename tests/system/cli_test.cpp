@@ -274,7 +274,9 @@ class Chain : public Cli {
       for (std::size_t i = 0; i < std::min(names.size(), values.size()); ++i) {
         const std::string& name = names[i];
         // Times, and a number in the order in which trials ended.
-        if (name == "wall_s" || name.ends_with("_ms") || name == "trial_id") continue;
+        if (name == "wall_s" || name.ends_with("_ms") || name == "trial_id" ||
+            name == "finished")
+          continue;
         row += name + "=" + values[i] + " ";
       }
       kept.push_back(row);
