@@ -3,9 +3,10 @@
 /// @file
 /// Which machine code libraries take for this processor, and so the last bits of every result.
 ///
-/// Reproducible: every library that picks its code by the processor is held to AVX2 with FMA
-/// (x86-64-v3), OpenBLAS to its Haswell kernels, and libtorch to one thread per caller.
-/// Processors of different makers then compute equal bits. Fast: whatever each library likes.
+/// Reproducible: libraries that pick their code by the processor are held to AVX2 with FMA
+/// (x86-64-v3), OpenBLAS to its Haswell kernels, and libtorch to one thread per caller. Our
+/// own renderer draws the same bits with every instruction set that has FMA. Processors of
+/// different makers then compute equal bits. Fast: whatever each library likes.
 ///
 /// Libraries read their settings from the environment, some of them while they are loaded,
 /// before main(): the launcher (experiments/launcher.cpp) sets them and then becomes the

@@ -43,8 +43,7 @@ void list_robots(const std::vector<std::string>& files) {
 
 void add_robots_command(CLI::App& app) {
   auto files = std::make_shared<std::vector<std::string>>();
-  CLI::App* command = app.add_subcommand(
-      "robots", "List the robots that `robot:` may name, or check files of robots");
+  CLI::App* command = add_listed(app, kCommands, "robots");
   command->add_option("robot", *files, "Names or files (YAML, as sim/robots/jackal.yaml)");
   command->callback([files] { list_robots(*files); });
 }
