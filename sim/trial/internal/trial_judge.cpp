@@ -6,7 +6,6 @@
 #include "sim/trial/metrics.h"
 
 namespace segsim::sim::internal {
-namespace {}  // namespace
 
 TrialJudge::TrialJudge(const Episode& episode, const TrialOptions& options, const World& world)
     : episode_(episode),
