@@ -261,14 +261,6 @@ std::string json_text(const PanopticTable& table) {
   return json.dump(2) + "\n";
 }
 
-/// In quotes if it must be (RFC 4180).
-std::string csv_cell(const std::string& text) {
-  if (text.find_first_of(",\"\n") == std::string::npos) return text;
-  std::string quoted = "\"";
-  for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
-  return quoted + "\"";
-}
-
 std::string csv_text(const PanopticTable& table) {
   std::string text =
       "rules,kind,method,data,scene,pq,sq,rq,mean_iou,mean_accuracy,coverage,"

@@ -7,20 +7,13 @@
 
 #include "experiments/records/store.h"
 #include "experiments/support/formatted.h"
+#include "experiments/support/text_grid.h"
 
 namespace segsim::experiments {
 namespace {
 
-/// A quoted CSV field if it needs quotes.
-std::string csv_field(const std::string& text) {
-  if (text.find_first_of(",\"\n") == std::string::npos) return text;
-  std::string quoted = "\"";
-  for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
-  return quoted + "\"";
-}
-
 std::string csv_value(const Column& /*column*/, const std::string& text) {
-  return csv_field(text);
+  return internal::csv_cell(text);
 }
 
 std::string csv_value(const Column& /*column*/, double value) {

@@ -21,14 +21,14 @@ std::string markdown_line(const std::vector<std::string>& cells) {
   return line + "\n";
 }
 
+}  // namespace
+
 std::string csv_cell(const std::string& text) {
   if (text.find_first_of(",\"\n") == std::string::npos) return text;
   std::string quoted = "\"";
   for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
   return quoted + "\"";
 }
-
-}  // namespace
 
 std::string text_of(const TextGrid& grid) {
   std::vector<std::size_t> widths;

@@ -17,7 +17,9 @@ struct TextGrid {
 [[nodiscard]] std::string text_of(const TextGrid& grid);
 [[nodiscard]] std::string markdown_of(const TextGrid& grid);
 
-/// RFC 4180: cells in quotes where they must be.
+/// A cell of CSV, in quotes if it must be (RFC 4180).
+[[nodiscard]] std::string csv_cell(const std::string& text);
+/// Of such cells.
 [[nodiscard]] std::string csv_of(const TextGrid& grid);
 /// A tabular with the rules of booktabs; the first column to the left, others centred.
 [[nodiscard]] std::string latex_of(const TextGrid& grid);
