@@ -43,7 +43,9 @@ add_link_options(-Wl,--as-needed)
 # libtorch's package forces libtorch on every program, also on those that use none of it. With CUDA
 # it has to: nothing names the symbols of libtorch_cuda.
 macro(segsim_find_torch)
-  find_package(Torch REQUIRED)
+  if(NOT TARGET torch)
+    find_package(Torch REQUIRED)
+  endif()
   if(NOT TARGET torch_cuda)
     set_target_properties(torch_cpu_library PROPERTIES
       INTERFACE_LINK_LIBRARIES "torch_cpu;$<TARGET_PROPERTY:torch_cpu,INTERFACE_LINK_LIBRARIES>")

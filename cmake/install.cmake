@@ -33,8 +33,11 @@ endfunction()
 
 segsim_install_library(kernel_choice)
 segsim_install_library(types HEADERS core)
+segsim_install_library(provenance)
+segsim_install_library(files)
 segsim_install_library(core)
 segsim_install_library(surfels HEADERS renderer renderer/scene)
+segsim_install_library(ply)
 segsim_install_library(surfel_files HEADERS renderer/files)
 segsim_install_library(evaluation HEADERS reconstruction/evaluation)
 

@@ -260,7 +260,7 @@ SceneFigures SceneJob::run(const std::string& head) {
   const auto renderer = renderer::make_cpu_renderer(
       std::make_shared<const renderer::SurfelCloud>(std::move(trained.surfels)), draw,
       trained.field);
-  const renderer::ContingencyTable trajectory = trajectory_labels(
+  const renderer::ContingencyTable trajectory = renderer::trajectory_labels(
       *renderer, *set_, [&](const renderer::TrainingView& view) { return truth_of(view); });
 
   SceneFigures figures;

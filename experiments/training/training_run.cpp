@@ -136,7 +136,7 @@ class TrainingRun {
     draw.threads = options_.device.threads;
     const auto renderer = renderer::make_cpu_renderer(surfels, draw, field);
     scene.field = field;
-    scene.quality = held_out_quality(*renderer, set_, {{}, exposures_});
+    scene.quality = renderer::held_out_quality(*renderer, set_, {{}, exposures_});
     const auto quality = scene.quality.listing();
     statistics_.insert(statistics_.end(), quality.begin(), quality.end());
     if (options_.align_held_out && !set_.held_out.empty()) {
@@ -184,7 +184,7 @@ class TrainingRun {
   }
   /// Takes the training views' poses from the trainer, if they were moved.
   void keep_poses(const renderer::GeometryTrainer& trainer);
-  [[nodiscard]] HeldOutQuality aligned_quality(core::Renderer& renderer,
+  [[nodiscard]] renderer::HeldOutQuality aligned_quality(core::Renderer& renderer,
                                                const SurfelCloud& surfels);
   void add_change(const std::string& prefix, const renderer::PoseChange& change);
   std::shared_ptr<const renderer::PanopticField> train_head(TrainedScene& scene);
@@ -261,7 +261,7 @@ void TrainingRun::keep_poses(const renderer::GeometryTrainer& trainer) {
   add_change("pose", renderer::pose_change(recorded, poses_));
 }
 
-HeldOutQuality TrainingRun::aligned_quality(core::Renderer& renderer,
+renderer::HeldOutQuality TrainingRun::aligned_quality(core::Renderer& renderer,
                                             const SurfelCloud& surfels) {
   core::Progress progress("align held-out views",
                           static_cast<std::int64_t>(set_.held_out.size()));
@@ -272,7 +272,7 @@ HeldOutQuality TrainingRun::aligned_quality(core::Renderer& renderer,
   std::vector<core::CameraPose> recorded;
   for (const auto& view : set_.held_out) recorded.push_back(view.T_world_camera);
   add_change("held_out_pose", renderer::pose_change(recorded, poses));
-  HeldOutQuality quality = held_out_quality(renderer, set_, {poses, exposures_});
+  renderer::HeldOutQuality quality = renderer::held_out_quality(renderer, set_, {poses, exposures_});
   const auto listing = quality.listing("held_out_aligned_");
   statistics_.insert(statistics_.end(), listing.begin(), listing.end());
   return quality;

@@ -17,10 +17,10 @@
 #include <vector>
 
 #include "core/scene_bundle.h"
-#include "experiments/training/training_evaluation.h"
 #include "reconstruction/datasets/rgbd_sequence.h"
 #include "reconstruction/training/geometry_training.h"
 #include "reconstruction/training/training_config.h"
+#include "reconstruction/training/training_evaluation.h"
 #include "reconstruction/training/training_set.h"
 #include "renderer/scene/panoptic_field.h"
 #include "renderer/scene/surfels.h"
@@ -48,8 +48,8 @@ struct TrainedScene {
   std::shared_ptr<const renderer::PanopticField> field;
   std::vector<core::SceneClass> classes;
   std::vector<core::SceneInstance> instances;
-  HeldOutQuality quality;
-  std::optional<HeldOutQuality> aligned_quality;  ///< With align_held_out.
+  renderer::HeldOutQuality quality;
+  std::optional<renderer::HeldOutQuality> aligned_quality;  ///< With align_held_out.
   /// T_world_camera of the training views; empty unless training moved them.
   std::vector<core::CameraPose> refined_poses;
   std::vector<std::pair<std::string, double>> statistics;  ///< For the manifest.

@@ -20,6 +20,15 @@ std::string gpu_fault() {
 #endif
 }
 
+std::unique_ptr<DifferentiableRasterizer<float>> make_on_processors(
+    [[maybe_unused]] const GeometryDevice& device) {
+#ifdef SEGSIM_WITHOUT_CPU_RENDERER
+  throw core::InputError::expected("backend", "cuda: this program has no other", "cpu");
+#else
+  return make_cpu_rasterizer<float>({.threads = device.threads});
+#endif
+}
+
 }  // namespace
 
 bool trains_on_gpu(const GeometryDevice& device) {
@@ -34,7 +43,7 @@ bool trains_on_gpu(const GeometryDevice& device) {
 
 std::unique_ptr<DifferentiableRasterizer<float>> make_training_rasterizer(
     const GeometryDevice& device) {
-  if (!trains_on_gpu(device)) return make_cpu_rasterizer<float>({.threads = device.threads});
+  if (!trains_on_gpu(device)) return make_on_processors(device);
 #ifdef SEGSIM_WITH_CUDA_TRAINING
   return make_cuda_rasterizer({.stream = nullptr, .deterministic = device.deterministic});
 #else

@@ -2,7 +2,7 @@
 
 /// @file
 /// A training set and its first surfels in one file: all that training reads, for GPU machines
-/// without the libraries that read recordings (tests/renderer/cuda_minimal/train_pack.cpp).
+/// without the libraries that read recordings (tools/train_pack.cpp).
 /// Little-endian, uncompressed; the machine's own layout of IEEE-754 floats:
 ///
 ///     8 bytes  "SEGSIMTP"

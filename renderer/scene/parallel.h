@@ -1,16 +1,21 @@
 #pragma once
 
 /// @file
-/// The threads of one renderer.
+/// The threads of one renderer: oneTBB's or, where a build has no oneTBB (SEGSIM_STD_THREADS),
+/// the standard library's. Either brings
+///
+///     run_ranges(count, grain, body)   calls body(begin, end) for ranges that cover [0, count)
+///     ThreadArena(threads)             what its execute() runs uses so many; 0 = all processors
 
 #include <cstddef>
 #include <memory>
 
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
-
 #include "core/task_order.h"
+#ifdef SEGSIM_STD_THREADS
+#include "renderer/scene/internal/std_threads.h"
+#else
+#include "renderer/scene/internal/tbb_threads.h"
+#endif
 
 namespace segsim::renderer::internal {
 
@@ -19,13 +24,10 @@ namespace segsim::renderer::internal {
 template <class Body>
 void parallel_for_each(std::size_t count, std::size_t grain, const Body& body) {
   core::TaskOrder order;
-  tbb::parallel_for(
-      tbb::blocked_range<std::size_t>(0, count, grain),
-      [&](const tbb::blocked_range<std::size_t>& range) {
-        const core::TaskOrder::Task task(order);
-        for (std::size_t i = range.begin(); i != range.end(); ++i) body(i);
-      },
-      tbb::simple_partitioner());
+  run_ranges(count, grain, [&](std::size_t begin, std::size_t end) {
+    const core::TaskOrder::Task task(order);
+    for (std::size_t i = begin; i != end; ++i) body(i);
+  });
   order.wait();
 }
 
@@ -33,17 +35,13 @@ class Workers {
  public:
   /// @param threads  0 = all processors; 1 = the calling thread only.
   explicit Workers(int threads) {
-    constexpr int kAll = tbb::task_arena::automatic;
-    if (threads != 1)
-      arena_ = std::make_unique<tbb::task_arena>(threads == 0 ? kAll : threads);
+    if (threads != 1) arena_ = std::make_unique<ThreadArena>(threads);
   }
 
-  [[nodiscard]] int thread_count() const { return arena_ ? arena_->max_concurrency() : 1; }
+  [[nodiscard]] int thread_count() const { return arena_ ? arena_->size() : 1; }
 
   /// Of the calling thread, below thread_count(); in a body of for_each().
-  [[nodiscard]] int thread_index() const {
-    return arena_ ? tbb::this_task_arena::current_thread_index() : 0;
-  }
+  [[nodiscard]] int thread_index() const { return arena_ ? ThreadArena::thread_index() : 0; }
 
   /// Calls body(i) for each i < count, in any order. The body must write to places of its own,
   /// so that results do not depend on the number of threads.
@@ -57,7 +55,7 @@ class Workers {
   }
 
  private:
-  std::unique_ptr<tbb::task_arena> arena_;
+  std::unique_ptr<ThreadArena> arena_;
 };
 
 }  // namespace segsim::renderer::internal

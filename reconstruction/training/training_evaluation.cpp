@@ -1,4 +1,4 @@
-#include "experiments/training/training_evaluation.h"
+#include "reconstruction/training/training_evaluation.h"
 
 #include <algorithm>
 #include <cstdio>
@@ -13,25 +13,23 @@
 #include "reconstruction/evaluation/semantic_quality.h"
 #include "renderer/scene/depth_normal.h"
 
-namespace segsim::experiments {
+namespace segsim::renderer {
 namespace {
 
-using renderer::TrainingView;
-
 /// The first training view after a frame.
-auto training_view_after(const renderer::TrainingSet& set, std::size_t frame) {
+auto training_view_after(const TrainingSet& set, std::size_t frame) {
   return std::upper_bound(
       set.training.begin(), set.training.end(), frame,
       [](std::size_t at, const TrainingView& other) { return at < other.frame; });
 }
 
 /// What the training frames just before and after a view say about it, and what was drawn.
-void add_sensor_level(const renderer::TrainingSet& set, const TrainingView& view,
+void add_sensor_level(const TrainingSet& set, const TrainingView& view,
                       const core::Image<float>& drawn_m, HeldOutQuality& quality) {
   const auto after = training_view_after(set, view.frame);
   const auto add = [&](const TrainingView& other) {
     if (other.depth_m.empty()) return;
-    const core::Image<float> measured_m = renderer::reprojected_depth(
+    const core::Image<float> measured_m = reprojected_depth(
         other.depth_m, set.intrinsics, other.T_world_camera, view.T_world_camera);
     core::Image<float> drawn_there_m = drawn_m;
     for (std::size_t i = 0; i < drawn_m.size(); ++i) {
@@ -112,8 +110,8 @@ std::string HeldOutQuality::text() const {
   return text;
 }
 
-renderer::Exposure exposure_between(const renderer::TrainingSet& set,
-                                    const std::vector<renderer::Exposure>& exposures,
+Exposure exposure_between(const TrainingSet& set,
+                                    const std::vector<Exposure>& exposures,
                                     std::size_t frame) {
   SEGSIM_CHECK(!exposures.empty() && exposures.size() == set.training.size(),
                std::to_string(exposures.size()) + " exposures");
@@ -121,7 +119,7 @@ renderer::Exposure exposure_between(const renderer::TrainingSet& set,
       static_cast<std::size_t>(training_view_after(set, frame) - set.training.begin());
   if (index == 0) return exposures.front();
   if (index == exposures.size()) return exposures.back();
-  const renderer::Exposure &before = exposures[index - 1], &after = exposures[index];
+  const Exposure &before = exposures[index - 1], &after = exposures[index];
   const std::size_t begin = set.training[index - 1].frame;
   const auto share =
       static_cast<float>(static_cast<double>(frame - begin) /
@@ -130,7 +128,7 @@ renderer::Exposure exposure_between(const renderer::TrainingSet& set,
           glm::mix(before.offset, after.offset, share)};
 }
 
-HeldOutQuality held_out_quality(core::Renderer& renderer, const renderer::TrainingSet& set,
+HeldOutQuality held_out_quality(core::Renderer& renderer, const TrainingSet& set,
                                 const TrainedCamera& camera) {
   const std::vector<core::CameraPose>& poses = camera.held_out_poses;
   SEGSIM_CHECK(poses.empty() || poses.size() == set.held_out.size(),
@@ -139,20 +137,20 @@ HeldOutQuality held_out_quality(core::Renderer& renderer, const renderer::Traini
   core::Progress progress("held-out views", static_cast<std::int64_t>(set.held_out.size()));
   core::Frame frame;
   std::int64_t done = 0;
-  for (const renderer::TrainingView& view : set.held_out) {
+  for (const TrainingView& view : set.held_out) {
     const core::CameraPose T_world_camera =
         poses.empty() ? view.T_world_camera : poses[static_cast<std::size_t>(done)];
     renderer.render(T_world_camera, set.intrinsics, core::Channels::kAll, frame);
     quality.color.add(frame.rgb, view.rgb);
-    quality.gain_fitted_color.add(renderer::gain_fitted(frame.rgb, view.rgb), view.rgb);
+    quality.gain_fitted_color.add(gain_fitted(frame.rgb, view.rgb), view.rgb);
     if (!camera.exposures.empty()) {
       const auto exposure = exposure_between(set, camera.exposures, view.frame);
-      quality.exposed_color.add(renderer::exposed(frame.rgb, exposure), view.rgb);
+      quality.exposed_color.add(exposed(frame.rgb, exposure), view.rgb);
     }
     if (!view.depth_m.empty()) {
       quality.depth.add(frame.depth_m, view.depth_m);
       quality.normal.add(
-          frame.normal, renderer::depth_normals(view.depth_m, set.intrinsics, T_world_camera));
+          frame.normal, depth_normals(view.depth_m, set.intrinsics, T_world_camera));
       add_sensor_level(set, view, frame.depth_m, quality);
     }
     if (!view.masks.semantic.empty() && !frame.semantic.empty()) {
@@ -162,19 +160,19 @@ HeldOutQuality held_out_quality(core::Renderer& renderer, const renderer::Traini
     progress.update(++done);
   }
   if (quality.labels.frame_count() > 0) {
-    quality.panoptic = renderer::panoptic_quality(quality.labels, set.classes,
-                                                  renderer::PanopticRules::strict());
-    quality.mean_iou = renderer::semantic_quality(quality.labels, set.classes,
-                                                  renderer::SemanticRules::pooled())
+    quality.panoptic = panoptic_quality(quality.labels, set.classes,
+                                                  PanopticRules::strict());
+    quality.mean_iou = semantic_quality(quality.labels, set.classes,
+                                                  SemanticRules::pooled())
                            .mean_iou;
   }
   return quality;
 }
 
-renderer::ContingencyTable trajectory_labels(
-    core::Renderer& renderer, const renderer::TrainingSet& set,
-    const std::function<core::FrameMasks(const renderer::TrainingView&)>& truth) {
-  renderer::ContingencyTable table;
+ContingencyTable trajectory_labels(
+    core::Renderer& renderer, const TrainingSet& set,
+    const std::function<core::FrameMasks(const TrainingView&)>& truth) {
+  ContingencyTable table;
   core::Progress progress("training trajectory",
                           static_cast<std::int64_t>(set.training.size()));
   core::Frame frame;
@@ -187,4 +185,4 @@ renderer::ContingencyTable trajectory_labels(
   return table;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::renderer

@@ -1,16 +1,14 @@
-#include "experiments/training/training_evaluation.h"
+#include "reconstruction/training/training_evaluation.h"
 
 #include <gtest/gtest.h>
 
 #include "core/check.h"
 
-namespace segsim::experiments {
+namespace segsim::renderer {
 namespace {
 
-using renderer::Exposure;
-
 TEST(ExposureBetween, IsLinearInTheFramesAndConstantAtTheEnds) {
-  renderer::TrainingSet set;
+  TrainingSet set;
   for (const std::size_t frame : {2U, 6U}) {
     set.training.emplace_back();
     set.training.back().frame = frame;
@@ -30,4 +28,4 @@ TEST(ExposureBetween, IsLinearInTheFramesAndConstantAtTheEnds) {
 }
 
 }  // namespace
-}  // namespace segsim::experiments
+}  // namespace segsim::renderer

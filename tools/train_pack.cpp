@@ -23,25 +23,16 @@
 #include <vector>
 
 #include "core/error.h"
-#include "experiments/training/training_evaluation.h"
 #include "reconstruction/labels/panoptic_training.h"
-#include "reconstruction/rasterizer/cuda/cuda_rasterizer.h"
 #include "reconstruction/training/geometry_training.h"
 #include "reconstruction/training/pose_alignment.h"
+#include "reconstruction/training/training_evaluation.h"
 #include "reconstruction/training/training_pack.h"
 #include "reconstruction/training/training_views.h"
 #include "renderer/cuda/cuda_renderer.h"
 #include "renderer/files/ply_io.h"
 
 namespace segsim {
-
-// In place of training_device.cpp: the machine lacks what the CPU's rasterizer is made of.
-bool renderer::trains_on_gpu(const GeometryDevice&) { return true; }
-std::unique_ptr<renderer::DifferentiableRasterizer<float>> renderer::make_training_rasterizer(
-    const GeometryDevice& device) {
-  return make_cuda_rasterizer({.stream = nullptr, .deterministic = device.deterministic});
-}
-
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -113,7 +104,7 @@ Flags parse(int argc, char** argv) {
 /// Moves the poses of pack.set.training with --pose-rate.
 renderer::SurfelCloud train_geometry(renderer::TrainingPack& pack, const Flags& flags,
                                      const renderer::GeometryDevice& device,
-                                     experiments::TrainedCamera& camera) {
+                                     renderer::TrainedCamera& camera) {
   renderer::GeometryTrainer trainer(pack.set, pack.start, flags.geometry, 1, device);
   const Clock::time_point start = Clock::now();
   renderer::GeometryStep step;
@@ -141,17 +132,17 @@ renderer::SurfelCloud train_geometry(renderer::TrainingPack& pack, const Flags& 
 void print_quality(const char* name, const renderer::TrainingSet& set,
                    const std::shared_ptr<const renderer::SurfelCloud>& surfels,
                    const std::shared_ptr<const renderer::PanopticField>& field, int top_k,
-                   const experiments::TrainedCamera& camera) {
+                   const renderer::TrainedCamera& camera) {
   renderer::RenderOptions options;
   options.top_k = top_k;
   const auto gpu = renderer::make_cuda_renderer(surfels, options, field);
   std::printf("%s, K = %d: %s\n", name, top_k,
-              experiments::held_out_quality(*gpu, set, camera).text().c_str());
+              renderer::held_out_quality(*gpu, set, camera).text().c_str());
 }
 
 void train_labels(const renderer::TrainingSet& set,
                   const std::shared_ptr<const renderer::SurfelCloud>& surfels,
-                  const experiments::TrainedCamera& camera, const Flags& flags,
+                  const renderer::TrainedCamera& camera, const Flags& flags,
                   const renderer::GeometryDevice& device) {
   renderer::PanopticTrainingConfig config;
   config.iterations = flags.label_iterations;
@@ -202,7 +193,7 @@ void run(const Flags& flags) {
                                         .deterministic = flags.fixed_order};
   print_quality("start", pack.set, std::make_shared<const renderer::SurfelCloud>(pack.start),
                 nullptr, 4, {});
-  experiments::TrainedCamera camera;
+  renderer::TrainedCamera camera;
   const auto surfels = std::make_shared<const renderer::SurfelCloud>(
       train_geometry(pack, flags, device, camera));
   if (!flags.out.empty()) renderer::write_surfels_ply(flags.out, *surfels);

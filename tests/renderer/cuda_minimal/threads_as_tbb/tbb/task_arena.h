@@ -1,2 +1,0 @@
-#pragma once
-#include "threads_as_tbb/threads_as_tbb.h"
