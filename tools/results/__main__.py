@@ -99,8 +99,7 @@ def check(root):
     faults = [f"{page}: not what its records say; run python3 tools/results write {root}"
               for page, text in wanted.items() if text_of(os.path.join(root, page)) != text]
     faults += [f"{page}: no subject of results/ has this page" for page in left_over(root, wanted)]
-    faults += [f"{place}: a figure without a record (results/README.md tells what to do)"
-               for place in figures_without_record(root, prose_pages(root, whole_pages([], [])))]
+    faults += figures_without_record(root, prose_pages(root, whole_pages([], [])))
     if faults:
         sys.exit("\n".join(faults))
 
