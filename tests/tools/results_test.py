@@ -161,14 +161,14 @@ class Pages(Files):
         return ""
 
     def test_a_percentage_needs_a_record_too_and_a_quoted_record_must_have_it(self):
-        self.put("It turns 7 % further.\n", "docs", "b.md")
-        self.assertIn("docs/b.md:1: 7 %: a figure without a record", self.faults())
+        self.put("It turns 9 % further.\n", "docs", "b.md")
+        self.assertIn("docs/b.md:1: 9 %: a figure without a record", self.faults())
         allowed = self.text("results", "specified_figures.txt")
-        self.put(allowed + "docs/b.md: 7 %\n", "results", "specified_figures.txt")
+        self.put(allowed + "docs/b.md: 9 %\n", "results", "specified_figures.txt")
         self.assertEqual(self.faults(), "")
-        self.put(allowed + "docs/b.md: 7 % (speed/frames)\n", "results", "specified_figures.txt")
-        self.assertIn("docs/b.md: 7 %: expected a record results/speed/frames.json that has this number", self.faults())
-        self.put(allowed + "docs/b.md: 7 % (speed/none)\n", "results", "specified_figures.txt")
+        self.put(allowed + "docs/b.md: 9 % (speed/frames)\n", "results", "specified_figures.txt")
+        self.assertIn("docs/b.md: 9 %: expected a record results/speed/frames.json that has this number", self.faults())
+        self.put(allowed + "docs/b.md: 9 % (speed/none)\n", "results", "specified_figures.txt")
         self.assertIn("expected a record results/speed/none.json", self.faults())
         self.put("It succeeds in 87.5 % of all cases.\n", "docs", "b.md")
         self.put(allowed + "docs/b.md: 87.5 % (speed/frames)\n", "results", "specified_figures.txt")
