@@ -33,7 +33,7 @@ def commands(results):
     return [
         (["--version"], True), (["--help"], True), (["table", results], True), (["compare", results], True),
         (["plan", "--psi", "0.3", "--delta", "0.2"], True), (["export", results, "-o", f"{results}/trials.csv"], True),
-        (["trial", "check", drive], True),
+        (["trial", "check", "--help"], True), (["trial", "check", drive], True),
         (["run", "--help"], False), (["render", "--help"], False), (["doctor"], False),
     ]
 
@@ -84,7 +84,9 @@ def faults(name, found):
 def record_of(segsim, rows):
     values = []
     for name, light, found in rows:
-        goals = {"libraries": None, "processor time": MOST_CPU_S, "memory": MOST_MB} if light else {}
+        goals = {"processor time": MOST_CPU_S, "memory": MOST_MB} if light else {}
+        if name.endswith(".yaml"):
+            del goals["processor time"]  # It starts, and then builds the flat that it checks the file against.
         for value, unit, number in (("libraries", "", len(found["libraries"])),
                                     ("processor time", "s", round(found["cpu_s"], 3)),
                                     ("memory", "MB", round(found["mb"]))):
