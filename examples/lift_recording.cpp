@@ -71,13 +71,13 @@ int main(int argc, char** argv) try {
   if (argc < 2) make_recording(folder);
 
   // Every tenth frame, beginning with the first, is kept out of the surfels.
-  const auto recording = renderer::open_sequence(folder);
-  const renderer::LiftResult lifted =
-      renderer::lift(*recording, {.voxel_m = 0.05, .held_out_every = 10});
+  const auto recording = reconstruction::open_sequence(folder);
+  const reconstruction::LiftResult lifted =
+      reconstruction::lift(*recording, {.voxel_m = 0.05, .held_out_every = 10});
   const auto surfels = std::make_shared<const renderer::SurfelCloud>(lifted.surfels);
   renderer::write_surfels_ply("lifted.ply", *surfels);
 
-  const renderer::RgbdFrame photo = recording->load(0);
+  const reconstruction::RgbdFrame photo = recording->load(0);
   const core::Frame frame =
       renderer::make_renderer(renderer::Backend::kCpu, surfels)
           ->render(photo.T_world_camera, recording->intrinsics(), core::Channels::kAll);

@@ -44,7 +44,7 @@ double seconds_since(Clock::time_point start) {
 struct Flags {
   std::string pack, head = "query", start, out;
   std::vector<std::string> masks;
-  renderer::GeometryConfig geometry;
+  reconstruction::GeometryConfig geometry;
   std::int64_t label_iterations = 15000;
   bool fixed_order = false;
 };
@@ -102,12 +102,12 @@ Flags parse(int argc, char** argv) {
 }
 
 /// Moves the poses of pack.set.training with --pose-rate.
-renderer::SurfelCloud train_geometry(renderer::TrainingPack& pack, const Flags& flags,
-                                     const renderer::GeometryDevice& device,
-                                     renderer::TrainedCamera& camera) {
-  renderer::GeometryTrainer trainer(pack.set, pack.start, flags.geometry, 1, device);
+renderer::SurfelCloud train_geometry(reconstruction::TrainingPack& pack, const Flags& flags,
+                                     const reconstruction::GeometryDevice& device,
+                                     reconstruction::TrainedCamera& camera) {
+  reconstruction::GeometryTrainer trainer(pack.set, pack.start, flags.geometry, 1, device);
   const Clock::time_point start = Clock::now();
-  renderer::GeometryStep step;
+  reconstruction::GeometryStep step;
   while (trainer.iteration() < flags.geometry.iterations) {
     step = trainer.step();
     if (step.iteration % 1000 == 0) {
@@ -129,39 +129,40 @@ renderer::SurfelCloud train_geometry(renderer::TrainingPack& pack, const Flags& 
   return trainer.surfels();
 }
 
-void print_quality(const char* name, const renderer::TrainingSet& set,
+void print_quality(const char* name, const reconstruction::TrainingSet& set,
                    const std::shared_ptr<const renderer::SurfelCloud>& surfels,
                    const std::shared_ptr<const renderer::PanopticField>& field, int top_k,
-                   const renderer::TrainedCamera& camera) {
+                   const reconstruction::TrainedCamera& camera) {
   renderer::RenderOptions options;
   options.top_k = top_k;
   const auto gpu = renderer::make_cuda_renderer(surfels, options, field);
   std::printf("%s, K = %d: %s\n", name, top_k,
-              renderer::held_out_quality(*gpu, set, camera).text().c_str());
+              reconstruction::held_out_quality(*gpu, set, camera).text().c_str());
 }
 
-void train_labels(const renderer::TrainingSet& set,
+void train_labels(const reconstruction::TrainingSet& set,
                   const std::shared_ptr<const renderer::SurfelCloud>& surfels,
-                  const renderer::TrainedCamera& camera, const Flags& flags,
-                  const renderer::GeometryDevice& device) {
-  renderer::PanopticTrainingConfig config;
+                  const reconstruction::TrainedCamera& camera, const Flags& flags,
+                  const reconstruction::GeometryDevice& device) {
+  reconstruction::PanopticTrainingConfig config;
   config.iterations = flags.label_iterations;
   const Clock::time_point start = Clock::now();
-  const auto views = renderer::make_training_views(set, *surfels, device);
-  renderer::PanopticHeadInputs inputs;
+  const auto views = reconstruction::make_training_views(set, *surfels, device);
+  reconstruction::PanopticHeadInputs inputs;
   inputs.position_m = surfels->position_m;
   inputs.classes = set.classes;
   inputs.frames = views->count();
-  inputs.query_seeds = renderer::seed_queries(*views, config, 1);
+  inputs.query_seeds = reconstruction::seed_queries(*views, config, 1);
   inputs.cuda_device = 0;
   std::printf("%zu query seeds\n", inputs.query_seeds.size());
-  const auto head = renderer::make_panoptic_head(flags.head, std::move(inputs), config, 1);
-  renderer::PanopticTrainingRun run;
+  const auto head =
+      reconstruction::make_panoptic_head(flags.head, std::move(inputs), config, 1);
+  reconstruction::PanopticTrainingRun run;
   run.config = config;
   run.classes = set.classes;
   run.seed = 1;
   run.warp = flags.head == "panoptic-splatting";
-  run.on_progress = [&](const renderer::PanopticProgress& p) {
+  run.on_progress = [&](const reconstruction::PanopticProgress& p) {
     if (p.iteration % 1000 == 0) {
       std::printf("%6ld  %6.1f s ", static_cast<long>(p.iteration), seconds_since(start));
       for (const auto& loss : p.losses) std::printf(" %s %.4f", loss.name.c_str(), loss.value);
@@ -169,10 +170,10 @@ void train_labels(const renderer::TrainingSet& set,
     }
     return true;
   };
-  renderer::train_panoptic(*views, *head, run);
+  reconstruction::train_panoptic(*views, *head, run);
   std::printf("labels: %ld steps in %.1f s\n", static_cast<long>(config.iterations),
               seconds_since(start));
-  renderer::PanopticResult result = head->result();
+  reconstruction::PanopticResult result = head->result();
   renderer::SurfelCloud labelled = *surfels;
   labelled.semantic_feature = std::move(result.semantic_feature);
   labelled.instance_feature = std::move(result.instance_feature);
@@ -184,30 +185,30 @@ void train_labels(const renderer::TrainingSet& set,
 
 void run(const Flags& flags) {
   const Clock::time_point start = Clock::now();
-  renderer::TrainingPack pack = renderer::read_training_pack(flags.pack);
+  reconstruction::TrainingPack pack = reconstruction::read_training_pack(flags.pack);
   if (!flags.start.empty()) pack.start = renderer::read_surfels_ply(flags.start);
   std::printf("%zu training views, %zu held out, %zu surfels, read in %.1f s\n",
               pack.set.training.size(), pack.set.held_out.size(), pack.start.size(),
               seconds_since(start));
-  const renderer::GeometryDevice device{.backend = renderer::Backend::kCuda,
-                                        .deterministic = flags.fixed_order};
+  const reconstruction::GeometryDevice device{.backend = renderer::Backend::kCuda,
+                                              .deterministic = flags.fixed_order};
   print_quality("start", pack.set, std::make_shared<const renderer::SurfelCloud>(pack.start),
                 nullptr, 4, {});
-  renderer::TrainedCamera camera;
+  reconstruction::TrainedCamera camera;
   const auto surfels = std::make_shared<const renderer::SurfelCloud>(
       train_geometry(pack, flags, device, camera));
   if (!flags.out.empty()) renderer::write_surfels_ply(flags.out, *surfels);
   print_quality("trained", pack.set, surfels, nullptr, 4, camera);
   if (flags.geometry.rate.pose_rotation > 0.0) {
-    camera.held_out_poses = renderer::align_views(pack.set.held_out, pack.set.intrinsics,
-                                                  *surfels, flags.geometry, device);
+    camera.held_out_poses = reconstruction::align_views(pack.set.held_out, pack.set.intrinsics,
+                                                        *surfels, flags.geometry, device);
     print_quality("trained, held-out poses aligned", pack.set, surfels, nullptr, 4, camera);
   }
   if (flags.label_iterations <= 0) return;
   train_labels(pack.set, surfels, camera, flags, device);
   for (const std::string& file : flags.masks) {
     std::printf("masks of %s\n", file.c_str());
-    train_labels(renderer::read_training_pack(file).set, surfels, camera, flags, device);
+    train_labels(reconstruction::read_training_pack(file).set, surfels, camera, flags, device);
   }
 }
 

@@ -8,7 +8,7 @@
 #include "core/check.h"
 #include "experiments/benchmarks/render_bench.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::benchmarks {
 namespace {
 
 constexpr int kWidth_px = 640, kHeight_px = 480;
@@ -134,4 +134,4 @@ std::vector<Curve> measure_curves(const CurveOptions& options) {
   return curves;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::benchmarks

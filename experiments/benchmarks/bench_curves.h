@@ -11,7 +11,7 @@
 #include "core/image.h"
 #include "experiments/benchmarks/bench_scene.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::benchmarks {
 
 /// Points of one panel. `proportional` is what strict proportionality to x would give, from
 /// the first point on; empty if it is not drawn.
@@ -47,4 +47,4 @@ struct LineFit {
 [[nodiscard]] core::Image<core::Rgb8> draw_curves(const std::vector<Curve>& curves,
                                                   const std::string& footer);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::benchmarks

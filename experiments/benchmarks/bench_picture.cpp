@@ -9,7 +9,7 @@
 #include "experiments/benchmarks/bench_curves.h"
 #include "experiments/drawing/map_canvas.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::benchmarks {
 namespace {
 
 constexpr int kOversampling = 2;
@@ -70,12 +70,12 @@ class Panel {
     draw_axes();
     draw_dashes();
     for (std::size_t i = 1; i < curve_.x.size(); ++i) {
-      line(at(curve_.x[i - 1], curve_.y[i - 1]), at(curve_.x[i], curve_.y[i]), ink::kExplore,
-           2.4);
+      line(at(curve_.x[i - 1], curve_.y[i - 1]), at(curve_.x[i], curve_.y[i]),
+           drawing::ink::kExplore, 2.4);
     }
     for (std::size_t i = 0; i < curve_.x.size(); ++i) {
       cv::circle(page_, at(curve_.x[i], curve_.y[i]), static_cast<int>(4.5 * kUnit),
-                 ink::kExplore, cv::FILLED, cv::LINE_AA);
+                 drawing::ink::kExplore, cv::FILLED, cv::LINE_AA);
     }
   }
 
@@ -95,27 +95,30 @@ class Panel {
       line(at(x, y_.low), at(x, y_.high), kGrid, 1);
       const std::string text = tick_text(x, x_.step);
       const cv::Point foot = at(x, y_.low);
-      draw_text(page_, text,
-                {foot.x - 0.5 * text_width_px(text, kLetter), foot.y + 18 * kUnit}, kLetter,
-                ink::kText);
+      drawing::draw_text(
+          page_, text,
+          {foot.x - 0.5 * drawing::text_width_px(text, kLetter), foot.y + 18 * kUnit}, kLetter,
+          drawing::ink::kText);
     }
     for (double y = y_.low; y < y_.high + 0.5 * y_.step; y += y_.step) {
       line(at(x_.low, y), at(x_.high, y), kGrid, 1);
       const std::string text = tick_text(y, y_.step);
-      draw_text(
-          page_, text,
-          {left_ - 8 * kUnit - text_width_px(text, kLetter), at(x_.low, y).y + 0.5 * kLetter},
-          kLetter, ink::kText);
+      drawing::draw_text(page_, text,
+                         {left_ - 8 * kUnit - drawing::text_width_px(text, kLetter),
+                          at(x_.low, y).y + 0.5 * kLetter},
+                         kLetter, drawing::ink::kText);
     }
-    line(at(x_.low, y_.low), at(x_.high, y_.low), ink::kFaint, 1.5);
-    line(at(x_.low, y_.low), at(x_.low, y_.high), ink::kFaint, 1.5);
-    draw_text(page_, curve_.title, {left_, 24 * kUnit}, kTitle, ink::kText, true);
-    draw_text(page_, curve_.note, {left_, 44 * kUnit}, kLetter, ink::kFaint);
-    draw_text(page_, curve_.y_label, {left_ - 50 * kUnit, 64 * kUnit}, kLetter, ink::kText);
-    const double label_px = text_width_px(curve_.x_label, kLetter);
-    draw_text(page_, curve_.x_label,
-              {left_ + width() - label_px, kPanelHeight - kBottom + 42 * kUnit}, kLetter,
-              ink::kText);
+    line(at(x_.low, y_.low), at(x_.high, y_.low), drawing::ink::kFaint, 1.5);
+    line(at(x_.low, y_.low), at(x_.low, y_.high), drawing::ink::kFaint, 1.5);
+    drawing::draw_text(page_, curve_.title, {left_, 24 * kUnit}, kTitle, drawing::ink::kText,
+                       true);
+    drawing::draw_text(page_, curve_.note, {left_, 44 * kUnit}, kLetter, drawing::ink::kFaint);
+    drawing::draw_text(page_, curve_.y_label, {left_ - 50 * kUnit, 64 * kUnit}, kLetter,
+                       drawing::ink::kText);
+    const double label_px = drawing::text_width_px(curve_.x_label, kLetter);
+    drawing::draw_text(page_, curve_.x_label,
+                       {left_ + width() - label_px, kPanelHeight - kBottom + 42 * kUnit},
+                       kLetter, drawing::ink::kText);
   }
 
   /// The proportional line, cut where it leaves the panel.
@@ -126,7 +129,7 @@ class Panel {
     constexpr int kDashes = 24;
     for (int i = 0; i < kDashes; ++i) {
       const double a = end * i / kDashes, b = end * (i + 0.55) / kDashes;
-      line(at(a, slope * a), at(b, slope * b), ink::kFaint, 1.6);
+      line(at(a, slope * a), at(b, slope * b), drawing::ink::kFaint, 1.6);
     }
   }
 
@@ -149,11 +152,12 @@ core::Image<core::Rgb8> draw_curves(const std::vector<Curve>& curves,
                  "points of \"" + curves[i].title + "\"");
     Panel(page, kPanelWidth * static_cast<double>(i), curves[i]).draw();
   }
-  draw_text(page, footer, {kLeft, kPanelHeight + 8 * kUnit}, 0.9 * kLetter, ink::kFaint);
+  drawing::draw_text(page, footer, {kLeft, kPanelHeight + 8 * kUnit}, 0.9 * kLetter,
+                     drawing::ink::kFaint);
   cv::Mat reduced;
   cv::resize(page, reduced, cv::Size(width / kOversampling, height / kOversampling), 0, 0,
              cv::INTER_AREA);
-  return from_bgr(reduced);
+  return drawing::from_bgr(reduced);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::benchmarks

@@ -16,7 +16,7 @@
 #include "renderer/scene/room_scene.h"
 #include "sim/ground/navmesh.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::benchmarks {
 namespace {
 
 namespace fs = std::filesystem;
@@ -140,4 +140,4 @@ BenchScene load_bench_scene(const BenchSceneOptions& options) {
   return scene;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::benchmarks

@@ -12,7 +12,7 @@
 #include "core/frames.h"
 #include "renderer/scene/surfels.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::benchmarks {
 
 struct BenchSceneOptions {
   std::string scene = "room";  ///< "room", a bundle folder or a .ply file.
@@ -39,4 +39,4 @@ struct BenchScene {
 /// @throws core::InputError for a scene that cannot be read.
 [[nodiscard]] BenchScene load_bench_scene(const BenchSceneOptions& options);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::benchmarks

@@ -8,11 +8,11 @@
 #include "experiments/support/grid_document.h"
 #include "experiments/support/text_grid.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::benchmarks {
 namespace {
 
-using internal::amount;
-using internal::print;
+using support::internal::amount;
+using support::internal::print;
 using Json = nlohmann::ordered_json;
 
 AblationRow row(const BenchCase& base, const std::string& name, renderer::TileBounds bounds,
@@ -53,9 +53,9 @@ std::string percent(double share) {
   return std::isnan(share) ? "-" : print("%.2f", 100.0 * share);
 }
 
-internal::TextGrid grid_of(std::span<const AblationRow> rows,
-                           std::span<const BenchResult> results) {
-  internal::TextGrid grid;
+support::internal::TextGrid grid_of(std::span<const AblationRow> rows,
+                                    std::span<const BenchResult> results) {
+  support::internal::TextGrid grid;
   grid.header = {
       "Exp",     "Configuration", "Time [ms]",   "FPS", "RN-Total", "RN/Tile", "Touched",
       "Fetches", "Agreement [%]", "Paper: Time", "FPS", "RN-Total", "RN/Tile", "PQ"};
@@ -196,12 +196,12 @@ std::vector<AblationRow> ablation_rows(const BenchCase& base) {
 
 std::string ablation_table(const BenchProvenance& provenance,
                            std::span<const AblationRow> rows,
-                           std::span<const BenchResult> results, TableFormat format) {
+                           std::span<const BenchResult> results, support::TableFormat format) {
   SEGSIM_CHECK(rows.size() == results.size() && !rows.empty(), "a result for each row");
   const std::string title = "Impact of precise tile intersection and Top-K hard selection";
   const std::vector<std::string> notes = notes_of(provenance, results);
-  if (format == TableFormat::kCsv) return csv_of(rows, results);
-  if (format == TableFormat::kJson) {
+  if (format == support::TableFormat::kCsv) return csv_of(rows, results);
+  if (format == support::TableFormat::kJson) {
     Json json;
     json["schema"] = "segsim.table2/1";
     json["title"] = title;
@@ -211,8 +211,9 @@ std::string ablation_table(const BenchProvenance& provenance,
     json["notes"] = notes;
     return json.dump(2) + "\n";
   }
-  const internal::TextGrid cells = grid_of(rows, results);
-  return internal::document_text({"", {{title, cells.header, cells.rows}}, notes}, format);
+  const support::internal::TextGrid cells = grid_of(rows, results);
+  return support::internal::document_text({"", {{title, cells.header, cells.rows}}, notes},
+                                          format);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::benchmarks

@@ -11,7 +11,7 @@
 #include "core/quantile.h"
 #include "experiments/reproducibility/backend_warning.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::benchmarks {
 namespace {
 
 using core::Channels;
@@ -95,8 +95,9 @@ std::vector<BenchResult> run_cases(const BenchScene& scene, std::span<const Benc
   std::vector<std::vector<double>> frame_ms(cases.size());
   for (std::size_t c = 0; c < cases.size(); ++c) {
     results[c].setup = cases[c];
-    renderers.push_back(renderer::make_renderer(
-        cases[c].backend, scene.surfels, cases[c].options, nullptr, warn_about_backend));
+    renderers.push_back(renderer::make_renderer(cases[c].backend, scene.surfels,
+                                                cases[c].options, nullptr,
+                                                reproducibility::warn_about_backend));
   }
   const int total = static_cast<int>(scene.path.size() * cases.size()) * (repeat + 1);
   const double share = 1.0 / static_cast<double>(scene.path.size());
@@ -141,7 +142,7 @@ Work count_work(const BenchCase& setup, const MeanStats& stats) {
   return work;
 }
 
-Roofline roofline(const BenchResult& result, const MachinePeaks& peaks) {
+Roofline roofline(const BenchResult& result, const reproducibility::MachinePeaks& peaks) {
   Roofline roof;
   roof.work = count_work(result.setup, result.stats);
   roof.compute_ms = roof.work.flops / (1e6 * peaks.gflops);
@@ -177,4 +178,4 @@ int thread_count(int threads_option) {
   return std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::benchmarks

@@ -16,7 +16,7 @@
 #include "renderer/renderer_backend.h"
 #include "renderer/scene/render_options.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::benchmarks {
 
 /// What to render.
 struct BenchCase {
@@ -84,7 +84,8 @@ struct Roofline {
     return compute_ms >= memory_ms ? "compute" : "memory";
   }
 };
-[[nodiscard]] Roofline roofline(const BenchResult& result, const MachinePeaks& peaks);
+[[nodiscard]] Roofline roofline(const BenchResult& result,
+                                const reproducibility::MachinePeaks& peaks);
 
 /// Words of the options, as the flags spell them.
 [[nodiscard]] std::string bounds_name(renderer::TileBounds bounds);
@@ -93,4 +94,4 @@ struct Roofline {
 /// Threads that an option of RenderOptions::threads means on this machine.
 [[nodiscard]] int thread_count(int threads_option);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::benchmarks

@@ -6,7 +6,7 @@
 
 #include "core/check.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::benchmarks {
 namespace {
 
 /// Scene, size and threads; of the rest what differs from the flags' defaults.
@@ -83,4 +83,4 @@ core::MeasurementRecord ablation_record(std::span<const AblationRow> rows,
   return record;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::benchmarks

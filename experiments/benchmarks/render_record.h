@@ -8,7 +8,7 @@
 #include "core/process/measurement_record.h"
 #include "experiments/benchmarks/render_report.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::benchmarks {
 
 /// A case for each result: frame times, frames per second, work at a pixel.
 [[nodiscard]] core::MeasurementRecord bench_record(const BenchProvenance& provenance,
@@ -19,4 +19,4 @@ namespace segsim::experiments {
 [[nodiscard]] core::MeasurementRecord ablation_record(std::span<const AblationRow> rows,
                                                       std::span<const BenchResult> results);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::benchmarks

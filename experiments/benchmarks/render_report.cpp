@@ -14,7 +14,7 @@
 #include "experiments/support/text_grid.h"
 #include "renderer/scene/simd_target.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::benchmarks {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -75,9 +75,10 @@ std::string channels_text(core::Channels channels) {
   return text;
 }
 
-const MachinePeaks& BenchProvenance::peaks_for(int threads) const {
-  const auto found = std::find_if(peaks.begin(), peaks.end(),
-                                  [&](const MachinePeaks& p) { return p.threads == threads; });
+const reproducibility::MachinePeaks& BenchProvenance::peaks_for(int threads) const {
+  const auto found = std::find_if(
+      peaks.begin(), peaks.end(),
+      [&](const reproducibility::MachinePeaks& p) { return p.threads == threads; });
   SEGSIM_CHECK(found != peaks.end(), "no peaks for " + std::to_string(threads) + " threads");
   return *found;
 }
@@ -87,7 +88,7 @@ BenchProvenance bench_provenance(const BenchScene& scene, std::span<const BenchC
   BenchProvenance provenance{core::version(),
                              core::processor_name(),
                              renderer::simd_target(),
-                             utc_now(),
+                             records::utc_now(),
                              scene.name,
                              static_cast<int>(scene.path.size()),
                              repeat,
@@ -96,37 +97,41 @@ BenchProvenance bench_provenance(const BenchScene& scene, std::span<const BenchC
   for (const BenchCase& setup : cases) threads.push_back(thread_count(setup.options.threads));
   std::sort(threads.begin(), threads.end());
   threads.erase(std::unique(threads.begin(), threads.end()), threads.end());
-  for (const int count : threads) provenance.peaks.push_back(measure_machine_peaks(count));
+  for (const int count : threads)
+    provenance.peaks.push_back(reproducibility::measure_machine_peaks(count));
   return provenance;
 }
 
 std::string bench_text(const BenchProvenance& provenance,
                        std::span<const BenchResult> results) {
-  internal::TextGrid grid;
+  support::internal::TextGrid grid;
   grid.header = {"Image",   "Top-K",    "Bounds",  "Threads",    "Median [ms]", "p95",
                  "p99",     "Min",      "FPS",     "Surfels",    "Pairs",       "Pairs/tile",
                  "Touched", "Evals/px", "Hits/px", "Fetches/px", "Pairs/s"};
   for (const BenchResult& r : results) {
     const double pixels = static_cast<double>(r.setup.width_px) * r.setup.height_px;
-    grid.rows.push_back(
-        {size_text(r.setup), top_k_name(r.setup.options.top_k),
-         bounds_name(r.setup.options.bounds),
-         r.setup.backend == renderer::Backend::kCpu
-             ? std::to_string(thread_count(r.setup.options.threads))
-             : renderer::backend_name(r.setup.backend),
-         internal::print("%.2f", r.times.median_ms), internal::print("%.2f", r.times.p95_ms),
-         internal::print("%.2f", r.times.p99_ms), internal::print("%.2f", r.times.min_ms),
-         internal::print("%.1f", r.fps()), internal::amount(r.stats.surfels_projected),
-         internal::amount(r.stats.pairs_binned), internal::print("%.0f", r.pairs_per_tile()),
-         internal::amount(r.stats.pairs_touched),
-         internal::print("%.1f", r.stats.evaluations / pixels),
-         internal::print("%.1f", r.stats.contributions / pixels),
-         internal::print("%.1f", r.stats.feature_fetches / pixels),
-         internal::amount(r.pairs_per_s())});
+    grid.rows.push_back({size_text(r.setup), top_k_name(r.setup.options.top_k),
+                         bounds_name(r.setup.options.bounds),
+                         r.setup.backend == renderer::Backend::kCpu
+                             ? std::to_string(thread_count(r.setup.options.threads))
+                             : renderer::backend_name(r.setup.backend),
+                         support::internal::print("%.2f", r.times.median_ms),
+                         support::internal::print("%.2f", r.times.p95_ms),
+                         support::internal::print("%.2f", r.times.p99_ms),
+                         support::internal::print("%.2f", r.times.min_ms),
+                         support::internal::print("%.1f", r.fps()),
+                         support::internal::amount(r.stats.surfels_projected),
+                         support::internal::amount(r.stats.pairs_binned),
+                         support::internal::print("%.0f", r.pairs_per_tile()),
+                         support::internal::amount(r.stats.pairs_touched),
+                         support::internal::print("%.1f", r.stats.evaluations / pixels),
+                         support::internal::print("%.1f", r.stats.contributions / pixels),
+                         support::internal::print("%.1f", r.stats.feature_fetches / pixels),
+                         support::internal::amount(r.pairs_per_s())});
   }
   std::string text = provenance.scene + "; " + std::to_string(provenance.views) + " views x " +
-                     std::to_string(provenance.repeat) + "\n\n" + internal::text_of(grid) +
-                     "\n";
+                     std::to_string(provenance.repeat) + "\n\n" +
+                     support::internal::text_of(grid) + "\n";
   for (const BenchResult& r : results) {
     if (r.setup.backend != renderer::Backend::kCpu)
       continue;  // The peaks are the processor's.
@@ -142,11 +147,11 @@ std::string bench_text(const BenchProvenance& provenance,
                   1e-6 * roof.work.bytes, roof.memory_ms, 100.0 * roof.share, roof.bound());
     text += line;
   }
-  for (const MachinePeaks& peaks : provenance.peaks) {
+  for (const reproducibility::MachinePeaks& peaks : provenance.peaks) {
     text += "peak, " + std::to_string(peaks.threads) +
             (peaks.threads == 1 ? " thread: " : " threads: ") +
-            internal::print("%.0f GFLOP/s (", peaks.gflops) + peaks.vector_isa +
-            internal::print("), read %.1f GB/s\n", peaks.read_gbps);
+            support::internal::print("%.0f GFLOP/s (", peaks.gflops) + peaks.vector_isa +
+            support::internal::print("), read %.1f GB/s\n", peaks.read_gbps);
   }
   return text + "segsim " + provenance.version + ", " + provenance.cpu + ", SIMD " +
          provenance.simd + ", " + provenance.date + "\n";
@@ -163,7 +168,7 @@ std::string bench_json(const BenchProvenance& provenance,
                         {"cpu", provenance.cpu},
                         {"simd", provenance.simd},
                         {"date", provenance.date}};
-  for (const MachinePeaks& peaks : provenance.peaks) {
+  for (const reproducibility::MachinePeaks& peaks : provenance.peaks) {
     json["provenance"]["peaks"].push_back({{"threads", peaks.threads},
                                            {"isa", peaks.vector_isa},
                                            {"gflops", peaks.gflops},
@@ -194,4 +199,4 @@ std::string bench_csv(const BenchProvenance& provenance,
   return text;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::benchmarks

@@ -10,16 +10,17 @@
 #include "experiments/benchmarks/render_bench.h"
 #include "experiments/results/table.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::benchmarks {
 
 /// Where and with what numbers were measured.
 struct BenchProvenance {
   std::string version, cpu, simd, date, scene;
   int views = 0, repeat = 0;
-  std::vector<MachinePeaks> peaks;  ///< For 1 thread and for each thread count in use.
+  std::vector<reproducibility::MachinePeaks>
+      peaks;  ///< For 1 thread and for each thread count in use.
 
   /// The peaks for that many threads. @throws core::ContractViolation if not measured.
-  [[nodiscard]] const MachinePeaks& peaks_for(int threads) const;
+  [[nodiscard]] const reproducibility::MachinePeaks& peaks_for(int threads) const;
 };
 
 /// "rgb+depth".
@@ -52,6 +53,6 @@ struct AblationRow {
 [[nodiscard]] std::string ablation_table(const BenchProvenance& provenance,
                                          std::span<const AblationRow> rows,
                                          std::span<const BenchResult> results,
-                                         TableFormat format);
+                                         support::TableFormat format);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::benchmarks

@@ -22,13 +22,13 @@
 #include "perception/data/image_file.h"
 #include "renderer/scene/simd_target.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::commands {
 namespace {
 
 namespace fs = std::filesystem;
 
 struct Flags {
-  BenchSceneOptions scene;
+  benchmarks::BenchSceneOptions scene;
   std::vector<std::string> sizes{"1280x720", "640x480"}, top_k{"4"}, bounds{"accutile"};
   std::string top_k_rule = "heaviest", backend = "cpu";
   std::vector<std::string> channels{"rgb", "depth", "normal", "labels"};
@@ -59,7 +59,7 @@ int number_of(const std::string& flag, const std::string& text, const std::strin
   return value;
 }
 
-void set_size(const std::string& text, BenchCase& setup) {
+void set_size(const std::string& text, benchmarks::BenchCase& setup) {
   const std::string wanted = "WxH, each 1 ... 16384";
   const std::size_t x = text.find('x');
   if (x == std::string::npos) {
@@ -89,16 +89,16 @@ core::Channels channels_of(const std::vector<std::string>& words) {
 }
 
 /// Every combination of the flags, in the order in which they are printed.
-std::vector<BenchCase> cases_of(const Flags& flags) {
+std::vector<benchmarks::BenchCase> cases_of(const Flags& flags) {
   using renderer::TileBounds;
   using renderer::TopKRule;
-  std::vector<BenchCase> cases;
+  std::vector<benchmarks::BenchCase> cases;
   const renderer::Backend backend = renderer::backend_of(flags.backend);
   for (const std::string& size : flags.sizes) {
     for (const std::string& bounds : flags.bounds) {
       for (const std::string& top_k : flags.top_k) {
         for (const int threads : flags.threads) {
-          BenchCase setup;
+          benchmarks::BenchCase setup;
           set_size(size, setup);
           setup.channels = channels_of(flags.channels);
           setup.options.bounds = value_of<TileBounds>("--bounds", bounds,
@@ -133,9 +133,10 @@ void add_record_flag(CLI::App& command, fs::path& record) {
   command.add_option("--record", record, "Save a record for results/ (results/README.md)");
 }
 
-BenchScene load_scene(BenchSceneOptions options, core::Channels channels) {
+benchmarks::BenchScene load_scene(benchmarks::BenchSceneOptions options,
+                                  core::Channels channels) {
   options.features = core::has(channels, core::Channels::kFeatures);
-  BenchScene scene = load_bench_scene(options);
+  benchmarks::BenchScene scene = benchmarks::load_bench_scene(options);
   if (options.features && !scene.surfels->has_features()) {
     throw core::InputError::expected("--channels features", "a scene with features",
                                      scene.name);
@@ -144,30 +145,33 @@ BenchScene load_scene(BenchSceneOptions options, core::Channels channels) {
 }
 
 void bench_render(const Flags& flags) {
-  const std::vector<BenchCase> cases = cases_of(flags);
-  const BenchScene scene = load_scene(flags.scene, cases.front().channels);
-  const BenchProvenance provenance = bench_provenance(scene, cases, flags.repeat);
-  std::vector<BenchResult> results;
+  const std::vector<benchmarks::BenchCase> cases = cases_of(flags);
+  const benchmarks::BenchScene scene = load_scene(flags.scene, cases.front().channels);
+  const benchmarks::BenchProvenance provenance =
+      benchmarks::bench_provenance(scene, cases, flags.repeat);
+  std::vector<benchmarks::BenchResult> results;
   core::Progress progress(
       "bench",
       static_cast<std::int64_t>(cases.size() * scene.path.size()) * (flags.repeat + 1));
   std::int64_t before = 0;
-  for (const BenchCase& setup : cases) {  // One renderer at a time: scenes may be large.
+  for (const benchmarks::BenchCase& setup :
+       cases) {  // One renderer at a time: scenes may be large.
     int done = 0;
-    results.push_back(run_cases(scene, {&setup, 1}, flags.repeat, [&](int frames, int) {
-                        done = frames;
-                        progress.update(before + done);
-                      }).front());
+    results.push_back(
+        benchmarks::run_cases(scene, {&setup, 1}, flags.repeat, [&](int frames, int) {
+          done = frames;
+          progress.update(before + done);
+        }).front());
     before += done;
   }
   progress.finish();
-  std::fputs(bench_text(provenance, results).c_str(), stdout);
-  save(flags.json, bench_json(provenance, results));
-  save(flags.csv, bench_csv(provenance, results));
-  save_record(flags.record, bench_record(provenance, results));
+  std::fputs(benchmarks::bench_text(provenance, results).c_str(), stdout);
+  save(flags.json, benchmarks::bench_json(provenance, results));
+  save(flags.csv, benchmarks::bench_csv(provenance, results));
+  save_record(flags.record, benchmarks::bench_record(provenance, results));
 }
 
-void add_scene_flags(CLI::App& command, BenchSceneOptions& scene) {
+void add_scene_flags(CLI::App& command, benchmarks::BenchSceneOptions& scene) {
   command.add_option("--scene", scene.scene, "room, a bundle folder or a surfel .ply")
       ->capture_default_str();
   command.add_option("--surfels", scene.surfels, "Of the room")
@@ -219,24 +223,24 @@ void add_render_bench(CLI::App& bench) {
 }
 
 struct CurveFlags {
-  CurveOptions options;
+  benchmarks::CurveOptions options;
   fs::path out;
 };
 
 void bench_curves(const CurveFlags& flags) {
-  CurveOptions options = flags.options;
+  benchmarks::CurveOptions options = flags.options;
   core::Progress progress("curves", 1000);
   options.on_step = [&](const std::string& what, int done, int total) {
     progress.update(1000 * done / total, what);
   };
-  const std::vector<Curve> curves = measure_curves(options);
+  const std::vector<benchmarks::Curve> curves = benchmarks::measure_curves(options);
   progress.finish();
   const std::string footer =
       "room, " + std::to_string(options.scene.surfels) + " surfels per room; " +
-      std::to_string(thread_count(options.threads)) + " threads of " + core::processor_name() +
-      ", " + renderer::simd_target() + "; segsim " + core::version();
-  perception::write_image(flags.out, draw_curves(curves, footer));
-  for (const Curve& curve : curves) {
+      std::to_string(benchmarks::thread_count(options.threads)) + " threads of " +
+      core::processor_name() + ", " + renderer::simd_target() + "; segsim " + core::version();
+  perception::write_image(flags.out, benchmarks::draw_curves(curves, footer));
+  for (const benchmarks::Curve& curve : curves) {
     std::printf("%s: %s\n", curve.title.c_str(), curve.note.c_str());
     for (std::size_t i = 0; i < curve.x.size(); ++i) {
       std::printf("  %-8.4g %.4g\n", curve.x[i], curve.y[i]);
@@ -252,7 +256,7 @@ void add_curves_bench(CLI::App& bench) {
   CLI::App* command = bench.add_subcommand(
       "curves", "Picture: time against pixels and hidden surfels, labels against K");
   command->add_option("--out", flags->out, "Picture, .png or .jpg")->required();
-  BenchSceneOptions& scene = flags->options.scene;
+  benchmarks::BenchSceneOptions& scene = flags->options.scene;
   command->add_option("--surfels", scene.surfels, "Of one room")
       ->check(CLI::Range(1, 10'000'000))
       ->capture_default_str();
@@ -269,37 +273,38 @@ void add_curves_bench(CLI::App& bench) {
 }
 
 struct AblationFlags {
-  BenchSceneOptions scene;
+  benchmarks::BenchSceneOptions scene;
   std::string size = "1296x968", format = "text";
   fs::path output, record;
   int threads = 0, repeat = 3;
 };
 
 void print_ablation(const AblationFlags& flags) {
-  const TableFormat format = table_format_from(flags.format);
-  BenchCase base;
+  const support::TableFormat format = results::table_format_from(flags.format);
+  benchmarks::BenchCase base;
   set_size(flags.size, base);
   base.options.threads = flags.threads;
-  const std::vector<AblationRow> rows = ablation_rows(base);
-  std::vector<BenchCase> cases;
-  for (const AblationRow& row : rows) cases.push_back(row.setup);
-  const BenchScene scene = load_scene(flags.scene, base.channels);
-  const BenchProvenance provenance = bench_provenance(scene, cases, flags.repeat);
+  const std::vector<benchmarks::AblationRow> rows = benchmarks::ablation_rows(base);
+  std::vector<benchmarks::BenchCase> cases;
+  for (const benchmarks::AblationRow& row : rows) cases.push_back(row.setup);
+  const benchmarks::BenchScene scene = load_scene(flags.scene, base.channels);
+  const benchmarks::BenchProvenance provenance =
+      benchmarks::bench_provenance(scene, cases, flags.repeat);
   core::Progress progress(
       "table 2",
       static_cast<std::int64_t>(cases.size() * scene.path.size()) * (flags.repeat + 1));
-  const std::vector<BenchResult> results =
-      run_cases(scene, cases, flags.repeat, [&](int done, int) { progress.update(done); });
+  const std::vector<benchmarks::BenchResult> results = benchmarks::run_cases(
+      scene, cases, flags.repeat, [&](int done, int) { progress.update(done); });
   progress.finish();
   if (!flags.output.empty()) {
-    for (const auto& [ending, form] : table_files()) {
+    for (const auto& [ending, form] : results::table_files()) {
       core::write_file_atomically(flags.output / ("table2" + ending), [&](std::ostream& out) {
-        out << ablation_table(provenance, rows, results, form);
+        out << benchmarks::ablation_table(provenance, rows, results, form);
       });
     }
   }
-  save_record(flags.record, ablation_record(rows, results));
-  std::fputs(ablation_table(provenance, rows, results, format).c_str(), stdout);
+  save_record(flags.record, benchmarks::ablation_record(rows, results));
+  std::fputs(benchmarks::ablation_table(provenance, rows, results, format).c_str(), stdout);
 }
 
 }  // namespace
@@ -332,4 +337,4 @@ void add_ablation_table(CLI::App& table) {
   command->callback([flags] { print_ablation(*flags); });
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::commands

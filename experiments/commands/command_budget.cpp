@@ -21,7 +21,7 @@
 #include "perception/data/image_file.h"
 #include "sim/time/budget_play.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::commands {
 namespace {
 
 namespace fs = std::filesystem;
@@ -77,7 +77,7 @@ sim::TimingReport timing_of_run(const fs::path& work, const std::string& arm,
   sim::TimingReport timing;
   int used = 0;
   for (const fs::path& file : files) {
-    ReplayLog log = read_replay_log(file);
+    records::ReplayLog log = records::read_replay_log(file);
     if (!arm.empty() && log.arm != arm) continue;
     if (log.clock_mode == sim::to_string(sim::ClockMode::kLockstep)) {
       throw core::InputError::expected(
@@ -112,7 +112,7 @@ sim::TimingReport play(const CheckFlags& flags, const sim::LatencyBudget& budget
 }
 
 void check(const CheckFlags& flags) {
-  const BudgetFile file = read_budget_file(flags.budget);
+  const specs::BudgetFile file = specs::read_budget_file(flags.budget);
   const double limit =
       flags.max_miss_rate >= 0.0 ? flags.max_miss_rate : file.max_miss_rate.value_or(0.01);
   sim::TimingReport timing;
@@ -122,19 +122,20 @@ void check(const CheckFlags& flags) {
     timing = timing_of_run(flags.run, flags.arm, file.budget);
     add_what_never_ran(file.budget, timing);
   }
-  std::fputs(format_timing(timing).c_str(), stdout);
+  std::fputs(results::format_timing(timing).c_str(), stdout);
   if (!flags.json.empty()) {
     core::write_file_atomically(
-        flags.json, [&](std::ostream& out) { out << timing_json(timing) << '\n'; });
+        flags.json, [&](std::ostream& out) { out << results::timing_json(timing) << '\n'; });
   }
-  const std::vector<DeadlineCheck> checks = check_deadlines(timing, limit, flags.confidence);
+  const std::vector<results::DeadlineCheck> checks =
+      results::check_deadlines(timing, limit, flags.confidence);
   if (checks.empty()) {
     throw core::InputError::expected(flags.budget.string(),
                                      "a deadline_ms of a stage, or end_to_end", "none");
   }
-  std::fputs(format_checks(checks, limit, flags.confidence).c_str(), stdout);
+  std::fputs(results::format_checks(checks, limit, flags.confidence).c_str(), stdout);
   const auto failed = std::count_if(checks.begin(), checks.end(),
-                                    [](const DeadlineCheck& c) { return !c.holds; });
+                                    [](const results::DeadlineCheck& c) { return !c.holds; });
   if (failed > 0) {
     throw core::CheckFailed(std::to_string(failed) + " of " + std::to_string(checks.size()) +
                             " deadlines do not hold");
@@ -143,8 +144,8 @@ void check(const CheckFlags& flags) {
 
 struct SweepFlags {
   std::string spec;
-  SweepOptions sweep;
-  RunOptions run;
+  runs::SweepOptions sweep;
+  runs::RunOptions run;
   fs::path output;
 };
 
@@ -156,22 +157,25 @@ void sweep(SweepFlags& flags) {
     throw core::InputError::expected("--add-ms", "two or more delays",
                                      std::to_string(delays.size()));
   }
-  const ExperimentSpec spec = load_spec(flags.spec, flags.run.folders);
-  const ExperimentSpec swept = sweep_spec(spec, flags.sweep);
+  const specs::ExperimentSpec spec = specs::load_spec(flags.spec, flags.run.folders);
+  const specs::ExperimentSpec swept = runs::sweep_spec(spec, flags.sweep);
   const std::string arm = flags.sweep.arm.empty() ? spec.arms.front().name : flags.sweep.arm;
   if (flags.output.empty()) {
     flags.output = flags.run.folders.work / ("sweep-" + flags.sweep.stage + "-" + arm);
   }
   flags.run.results = flags.output;
-  const RunReport report = run_experiment(swept, flags.run);
-  const Store store(flags.output / "results.sqlite");
-  const SweepResult result = summarise_sweep(flags.sweep, arm, store.trials(report.run_id));
-  std::fputs(format_sweep(result, flags.sweep).c_str(), stdout);
-  write_sweep_csv(flags.output / "sweep.csv", result);
-  const std::string footer = spec.title + ", arm " + arm + ", budget " +
-                             trial_clock(spec.clock, swept.arms.front().clock).budget.id +
-                             ", segsim " + core::version();
-  perception::write_image(flags.output / "sweep.png", draw_sweep(result, flags.sweep, footer));
+  const runs::RunReport report = runs::run_experiment(swept, flags.run);
+  const records::Store store(flags.output / "results.sqlite");
+  const runs::SweepResult result =
+      runs::summarise_sweep(flags.sweep, arm, store.trials(report.run_id));
+  std::fputs(runs::format_sweep(result, flags.sweep).c_str(), stdout);
+  runs::write_sweep_csv(flags.output / "sweep.csv", result);
+  const std::string footer =
+      spec.title + ", arm " + arm + ", budget " +
+      specs::trial_clock(spec.clock, swept.arms.front().clock).budget.id + ", segsim " +
+      core::version();
+  perception::write_image(flags.output / "sweep.png",
+                          runs::draw_sweep(result, flags.sweep, footer));
   std::printf("%s\n", (flags.output / "sweep.png").c_str());
   if (report.trials_left > 0) {
     std::printf("%d trials left; run the same command again to go on.\n", report.trials_left);
@@ -189,7 +193,7 @@ void write_trace(const TraceFlags& flags) {
   sim::LatencyTrace trace;
   std::map<std::string, std::uint64_t> next;
   for (const fs::path& file : flags.logs) {
-    const ReplayLog log = read_replay_log(file);
+    const records::ReplayLog log = records::read_replay_log(file);
     for (const auto& [stage, entries] : log.trace.stages()) {
       for (const auto& [index, duration_ns] : entries) {
         trace.add(stage, flags.logs.size() == 1 ? index : next[stage]++, duration_ns);
@@ -200,7 +204,7 @@ void write_trace(const TraceFlags& flags) {
     throw core::InputError::expected(flags.logs.front().string(), "durations of stages",
                                      "none: the trial ran in lockstep");
   }
-  write_trace_csv(flags.output, trace);
+  specs::write_trace_csv(flags.output, trace);
   for (const auto& [stage, entries] : trace.stages()) {
     std::printf("%s: %zu durations\n", stage.c_str(), entries.size());
   }
@@ -292,4 +296,4 @@ void add_budget_command(CLI::App& app) {
   add_trace(*budget);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::commands

@@ -8,7 +8,7 @@
 #include "experiments/commands/commands.h"
 #include "experiments/scenes/scene_source.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::commands {
 namespace {
 
 namespace fs = std::filesystem;
@@ -16,7 +16,7 @@ namespace fs = std::filesystem;
 struct Flags {
   fs::path world, mesh, out, trajectory;
   std::int64_t flat_seed = -1;
-  SourceSpec source;
+  specs::SourceSpec source;
   bool exr = false, overwrite = false;
 };
 
@@ -27,15 +27,15 @@ void capture(Flags flags) {
     throw core::InputError::expected("segsim capture", "one of --world, --mesh and --flat",
                                      std::to_string(given) + " of them");
   }
-  SourceSpec& source = flags.source;
+  specs::SourceSpec& source = flags.source;
   if (flags.flat_seed >= 0) {
-    source.type = SourceType::kFlat;
+    source.type = specs::SourceType::kFlat;
     source.seed = static_cast<std::uint64_t>(flags.flat_seed);
   } else {
-    source.type = flags.world.empty() ? SourceType::kMesh : SourceType::kGazebo;
+    source.type = flags.world.empty() ? specs::SourceType::kMesh : specs::SourceType::kGazebo;
     source.world = flags.world.empty() ? flags.mesh : flags.world;
   }
-  capture_mesh_source(source, flags.out, flags.trajectory, flags.exr, flags.overwrite);
+  scenes::capture_mesh_source(source, flags.out, flags.trajectory, flags.exr, flags.overwrite);
   std::printf("%s: RGB-D sequence in the 7-Scenes layout with exact labels\n",
               flags.out.string().c_str());
 }
@@ -51,7 +51,7 @@ void add_capture_command(CLI::App& app) {
   command->add_option("--out", flags->out, "Folder for the recording")->required();
   command->add_option("--trajectory", flags->trajectory,
                       "Poses: 'x y z yaw pitch_down' [m, rad] or TUM lines; default: planned");
-  CaptureSpec& capture_spec = flags->source.capture;
+  specs::CaptureSpec& capture_spec = flags->source.capture;
   command->add_option("--frames", capture_spec.frames, "Most frames to record")
       ->capture_default_str();
   command->add_option("--width", capture_spec.width_px, "Image width [px]")
@@ -73,4 +73,4 @@ void add_capture_command(CLI::App& app) {
   command->callback([flags] { capture(*flags); });
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::commands

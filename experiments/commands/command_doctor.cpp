@@ -13,7 +13,7 @@
 #include "experiments/reproducibility/machine_record.h"
 #include "experiments/reproducibility/stage_digests.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::commands {
 namespace {
 
 namespace fs = std::filesystem;
@@ -23,7 +23,7 @@ struct DoctorFlags {
 };
 
 void print_machine() {
-  const MachineRecord machine = describe_machine();
+  const reproducibility::MachineRecord machine = reproducibility::describe_machine();
   std::printf("segsim %s, %s kernels%s\n", core::version(), core::to_string(machine.kernels),
               core::can_be_reproducible() ? "" : " (this processor lacks AVX2 or FMA)");
   std::printf("processor %s\n", machine.processor.c_str());
@@ -49,9 +49,10 @@ void examine(const DoctorFlags& flags) {
     print_machine();
     return;
   }
-  const DigestRecord found = read_digests(digests_of(flags.digests));
+  const reproducibility::DigestRecord found =
+      reproducibility::read_digests(digests_of(flags.digests));
   if (!flags.record.empty()) {
-    record_digests(flags.record, found);
+    reproducibility::record_digests(flags.record, found);
     std::printf("%s\n", flags.record.c_str());
     return;
   }
@@ -59,11 +60,11 @@ void examine(const DoctorFlags& flags) {
     std::printf("%s by segsim %s on %s, %s kernels\n%s", found.experiment.c_str(),
                 found.program.c_str(), found.machine.processor.c_str(),
                 core::to_string(found.machine.kernels),
-                digests_in_words(found.stages).c_str());
+                reproducibility::digests_in_words(found.stages).c_str());
     return;
   }
-  const DigestComparison comparison =
-      compare_digests(read_digests(digests_of(flags.against)), found);
+  const reproducibility::DigestComparison comparison = reproducibility::compare_digests(
+      reproducibility::read_digests(digests_of(flags.against)), found);
   std::fputs(comparison.text.c_str(), stdout);
   if (!comparison.equal) {
     throw core::CheckFailed("the digests are not those of " + flags.against.string());
@@ -89,4 +90,4 @@ void add_doctor_command(CLI::App& app) {
   command->callback([flags] { examine(*flags); });
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::commands

@@ -18,7 +18,7 @@
 #include "experiments/trials/episode_validation.h"
 #include "renderer/cpu_renderer.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::commands {
 namespace {
 
 namespace fs = std::filesystem;
@@ -43,7 +43,7 @@ struct ViewerFlags {
     command.add_option("--camera-height", camera_height_m,
                        "Of the robot's camera [m] (default: the bundle's)");
   }
-  [[nodiscard]] EpisodeViewer viewer(const core::SceneManifest& manifest) const {
+  [[nodiscard]] episodes::EpisodeViewer viewer(const core::SceneManifest& manifest) const {
     constexpr double kRadians = std::numbers::pi / 180.0;
     const double mast_m = manifest.camera_height_m > 0.0 ? manifest.camera_height_m : 1.2;
     return {core::CameraIntrinsics::from_fov(width_px, height_px, hfov_deg * kRadians),
@@ -51,7 +51,7 @@ struct ViewerFlags {
   }
 };
 
-std::string counts_by_class(const EpisodeSet& set) {
+std::string counts_by_class(const episodes::EpisodeSet& set) {
   std::map<std::string, int> counts;
   for (const sim::Episode& episode : set.episodes) ++counts[episode.class_name];
   std::string text;
@@ -67,7 +67,7 @@ std::string counts_by_class(const EpisodeSet& set) {
 struct GenerateFlags {
   fs::path bundle, out;
   std::string robot = "jackal-gentle", name;
-  EpisodeRules rules;
+  episodes::EpisodeRules rules;
   ViewerFlags viewer;
   GenerateFlags() {
     // Habitat's rules (docs/episodes.md), where a spec's defaults are wider.
@@ -81,7 +81,7 @@ struct GenerateFlags {
   }
 };
 
-void print_rejections(const EpisodeRejections& r) {
+void print_rejections(const episodes::EpisodeRejections& r) {
   std::printf("view points   %d kept of %d tested; %d instances that no place sees\n",
               r.view_points_kept, r.view_points_tested, r.instances_not_visible);
   std::printf(
@@ -95,9 +95,9 @@ void print_rejections(const EpisodeRejections& r) {
 void generate(GenerateFlags& flags) {
   const core::SceneBundle bundle = core::load_bundle(flags.bundle);
   const sim::World world = sim::World::load(bundle, sim::RobotModel::by_name(flags.robot));
-  const SceneSurfels scene = load_scene_surfels(bundle);
+  const scenes::SceneSurfels scene = scenes::load_scene_surfels(bundle);
   const auto eye = renderer::make_cpu_renderer(scene.surfels, {}, scene.labels);
-  EpisodeRules& rules = flags.rules;
+  episodes::EpisodeRules& rules = flags.rules;
   if (rules.goals.empty()) {
     for (const core::SceneClass& c : bundle.manifest.classes) {
       if (c.thing) rules.goals.push_back(c.name);
@@ -112,13 +112,14 @@ void generate(GenerateFlags& flags) {
     throw core::InputError::expected("--goals", "classes of the bundle (" + names + ")",
                                      "\"" + goal + "\"");
   }
-  const EpisodeViewer viewer = flags.viewer.viewer(bundle.manifest);
+  const episodes::EpisodeViewer viewer = flags.viewer.viewer(bundle.manifest);
   rules.camera = viewer.camera;
   rules.camera_height_m = viewer.camera_height_m;
   rules.camera_pitch_down_rad = viewer.camera_pitch_down_rad;
   const std::string name = flags.name.empty() ? bundle.manifest.name : flags.name;
-  const EpisodeSet set = generate_episodes(name, bundle, world, *eye, rules);
-  write_episodes(flags.out, set);
+  const episodes::EpisodeSet set =
+      episodes::generate_episodes(name, bundle, world, *eye, rules);
+  episodes::write_episodes(flags.out, set);
   std::printf("%s\n", counts_by_class(set).c_str());
   print_rejections(set.rejections);
   if (static_cast<int>(set.episodes.size()) < rules.count) {
@@ -131,7 +132,7 @@ void generate(GenerateFlags& flags) {
 
 void add_generate(CLI::App& episodes) {
   auto flags = std::make_shared<GenerateFlags>();
-  EpisodeRules& rules = flags->rules;
+  episodes::EpisodeRules& rules = flags->rules;
   CLI::App* command = episodes.add_subcommand(
       "generate", "Make search tasks for a bundle: what is seen from where, fair starts");
   command->add_option("bundle", flags->bundle, "Folder with scene.yaml")->required();
@@ -181,16 +182,16 @@ void add_generate(CLI::App& episodes) {
 
 struct ValidateFlags {
   fs::path file, bundle;
-  ValidationOptions options;
+  trials::ValidationOptions options;
   ViewerFlags viewer;
   bool store = false;
 };
 
-void print_findings(const Validation& validation) {
+void print_findings(const trials::Validation& validation) {
   std::map<std::string, int> states;
-  for (const EpisodeFinding& finding : validation.findings) {
+  for (const episodes::EpisodeFinding& finding : validation.findings) {
     ++states[to_string(finding.state)];
-    if (finding.state == EpisodeState::kFine) continue;
+    if (finding.state == episodes::EpisodeState::kFine) continue;
     std::printf("  %-36s %s (l %.2f m in the file, %.2f m here)\n", finding.id.c_str(),
                 to_string(finding.state), finding.file_m, finding.world_m);
   }
@@ -199,7 +200,7 @@ void print_findings(const Validation& validation) {
     text += (text.empty() ? "" : ", ") + state + " " + std::to_string(count);
   }
   std::printf("episodes      %zu: %s\n", validation.findings.size(), text.c_str());
-  for (const TrialRow& trial : validation.trials) {
+  for (const records::TrialRow& trial : validation.trials) {
     if (trial.success) continue;
     char distance[32] = "off the floor";
     if (trial.distance_to_goal_m) {
@@ -212,26 +213,28 @@ void print_findings(const Validation& validation) {
 }
 
 void validate(const ValidateFlags& flags) {
-  ValidationOptions options = flags.options;
+  trials::ValidationOptions options = flags.options;
   options.viewer = flags.viewer.viewer(core::load_bundle(flags.bundle).manifest);
-  const Validation validation = validate_episodes(flags.file, flags.bundle, options);
+  const trials::Validation validation =
+      trials::validate_episodes(flags.file, flags.bundle, options);
   print_findings(validation);
-  const OracleRecord& oracle = validation.oracle;
-  const Interval interval = wilson_interval({oracle.successes, oracle.episodes});
+  const episodes::OracleRecord& oracle = validation.oracle;
+  const results::Interval interval =
+      results::wilson_interval({oracle.successes, oracle.episodes});
   std::printf("oracle-path   SR %d/%d = %.3f [%.3f, %.3f], SPL %.3f, profile %s\n",
               oracle.successes, oracle.episodes, oracle.rate(), interval.low, interval.high,
               oracle.spl, oracle.profile.c_str());
   if (flags.store) {
-    EpisodeSet set = read_episodes(flags.file);
+    episodes::EpisodeSet set = episodes::read_episodes(flags.file);
     set.oracle = oracle;
-    write_episodes(flags.file, set);
+    episodes::write_episodes(flags.file, set);
     std::printf("stored in     %s\n", flags.file.c_str());
   }
   if (validation.flagged()) {
     char text[128];
     std::snprintf(text, sizeof text,
                   "%s: FLAGGED: oracle SR %.3f is below %.2f: do not publish rates on it",
-                  flags.file.c_str(), oracle.rate(), OracleRecord::kExpected);
+                  flags.file.c_str(), oracle.rate(), episodes::OracleRecord::kExpected);
     throw core::CheckFailed(text);
   }
 }
@@ -264,8 +267,8 @@ struct ImportFlags {
   std::uint64_t seed = 1;
 };
 
-void print_scene(const HabitatScene& scene, const EpisodeSet& set,
-                 const HabitatImportCounts& counts) {
+void print_scene(const episodes::HabitatScene& scene, const episodes::EpisodeSet& set,
+                 const episodes::HabitatImportCounts& counts) {
   std::size_t goals = 0;
   for (const auto& [category, list] : scene.goals) goals += list.size();
   std::printf("%-16s %s\n", scene.name.c_str(), counts_by_class(set).c_str());
@@ -278,14 +281,15 @@ void print_scene(const HabitatScene& scene, const EpisodeSet& set,
 }
 
 void import(const ImportFlags& flags) {
-  HabitatDataset dataset = read_habitat(flags.file);
+  episodes::HabitatDataset dataset = episodes::read_habitat(flags.file);
   if (!flags.scene.empty()) {
     std::string names;
-    for (const HabitatScene& scene : dataset.scenes) {
+    for (const episodes::HabitatScene& scene : dataset.scenes) {
       names += (names.empty() ? "" : ", ") + scene.name;
     }
-    std::erase_if(dataset.scenes,
-                  [&](const HabitatScene& scene) { return scene.name != flags.scene; });
+    std::erase_if(dataset.scenes, [&](const episodes::HabitatScene& scene) {
+      return scene.name != flags.scene;
+    });
     if (dataset.scenes.empty()) {
       throw core::InputError::expected("--scene", "one of " + names,
                                        "\"" + flags.scene + "\"");
@@ -298,23 +302,23 @@ void import(const ImportFlags& flags) {
   std::optional<core::SceneBundle> bundle;
   std::optional<sim::World> world;
   core::BundleParts parts;
-  std::optional<HabitatBinding> binding;
+  std::optional<episodes::HabitatBinding> binding;
   if (!flags.bundle.empty()) {
     bundle = core::load_bundle(flags.bundle);
     parts = core::load_bundle_parts(flags.bundle);
     world = sim::World::load(*bundle, sim::RobotModel::by_name(flags.robot));
-    binding = HabitatBinding{&*bundle, &parts.levelling, &*world};
+    binding = episodes::HabitatBinding{&*bundle, &parts.levelling, &*world};
   }
   std::string unbound;
   std::size_t episodes = 0;
-  for (const HabitatScene& scene : dataset.scenes) {
-    HabitatImportCounts counts;
-    const EpisodeSet set =
-        episodes_from_habitat(scene, dataset.split, binding, flags.seed, &counts);
+  for (const episodes::HabitatScene& scene : dataset.scenes) {
+    episodes::HabitatImportCounts counts;
+    const episodes::EpisodeSet set =
+        episodes::episodes_from_habitat(scene, dataset.split, binding, flags.seed, &counts);
     print_scene(scene, set, counts);
     unbound += (unbound.empty() ? "" : ", ") + scene.scene_id;
     episodes += set.episodes.size();
-    if (!flags.out.empty()) write_episodes(flags.out / (scene.name + ".jsonl"), set);
+    if (!flags.out.empty()) episodes::write_episodes(flags.out / (scene.name + ".jsonl"), set);
   }
   if (!binding) {
     std::printf(
@@ -348,7 +352,7 @@ struct ExportFlags {
 };
 
 void export_set(const ExportFlags& flags) {
-  const EpisodeSet set = read_episodes(flags.file);
+  const episodes::EpisodeSet set = episodes::read_episodes(flags.file);
   const core::SceneBundle bundle = core::load_bundle(flags.bundle);
   const core::BundleParts parts = core::load_bundle_parts(flags.bundle);
   if (!set.scene_sha256.empty() && set.scene_sha256 != bundle.scene_sha256) {
@@ -359,7 +363,7 @@ void export_set(const ExportFlags& flags) {
   const std::string scene_id =
       flags.scene_id.empty() ? bundle.manifest.name + ".glb" : flags.scene_id;
   const fs::path content =
-      write_habitat(flags.out, flags.split, scene_id, set, bundle, parts.levelling);
+      episodes::write_habitat(flags.out, flags.split, scene_id, set, bundle, parts.levelling);
   std::printf("%s\nwritten to    %s, %s\n", counts_by_class(set).c_str(),
               (flags.out / (flags.split + ".json.gz")).c_str(), content.c_str());
 }
@@ -388,4 +392,4 @@ void add_episodes_command(CLI::App& app) {
   add_export(*episodes);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::commands

@@ -14,7 +14,7 @@
 #include "perception/data/image_file.h"
 #include "renderer/cpu_renderer.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::commands {
 namespace {
 
 namespace fs = std::filesystem;
@@ -26,10 +26,10 @@ struct Flags {
   bool pictures = true;
 };
 
-void list_failures(const std::vector<TrialRow>& rows) {
+void list_failures(const std::vector<records::TrialRow>& rows) {
   std::printf("%6s  %-32s %-18s %-24s %s\n", "trial", "episode", "arm", "cause", "outcome");
   int failures = 0;
-  for (const TrialRow& row : rows) {
+  for (const records::TrialRow& row : rows) {
     if (row.success || !row.counts()) continue;
     ++failures;
     std::printf("%6lld  %-32s %-18s %-24s %s\n", static_cast<long long>(row.trial_id),
@@ -41,9 +41,10 @@ void list_failures(const std::vector<TrialRow>& rows) {
               rows.size());
 }
 
-const TrialRow& chosen_trial(const Flags& flags, const std::vector<TrialRow>& rows) {
-  std::vector<const TrialRow*> fitting;
-  for (const TrialRow& row : rows) {
+const records::TrialRow& chosen_trial(const Flags& flags,
+                                      const std::vector<records::TrialRow>& rows) {
+  std::vector<const records::TrialRow*> fitting;
+  for (const records::TrialRow& row : rows) {
     if (!flags.arm.empty() && row.arm != flags.arm) continue;
     if (std::to_string(row.trial_id) == flags.trial || row.episode == flags.trial) {
       fitting.push_back(&row);
@@ -58,38 +59,38 @@ const TrialRow& chosen_trial(const Flags& flags, const std::vector<TrialRow>& ro
         "\"" + flags.trial + "\"" + (flags.arm.empty() ? "" : " of arm " + flags.arm));
   }
   std::string found;
-  for (const TrialRow* row : fitting) {
+  for (const records::TrialRow* row : fitting) {
     found += (found.empty() ? "" : ", ") + std::to_string(row->trial_id) + " (arm " +
              row->arm + ")";
   }
   throw core::InputError::expected("TRIAL", "one trial (give its number, or --arm)", found);
 }
 
-void draw(const Flags& flags, const fs::path& folder, const TrialRow& row,
-          const TrialLog& log) {
+void draw(const Flags& flags, const fs::path& folder, const records::TrialRow& row,
+          const records::TrialLog& log) {
   const fs::path bundle_folder = log.bundle.is_absolute() ? log.bundle : folder / log.bundle;
   const core::SceneBundle bundle = core::load_bundle(bundle_folder);
-  const SceneSurfels scene = load_scene_surfels(bundle);
+  const scenes::SceneSurfels scene = scenes::load_scene_surfels(bundle);
   const auto renderer = renderer::make_cpu_renderer(scene.surfels, {}, scene.labels);
   const fs::path out = flags.out.empty() ? folder / "explain" : flags.out;
   const std::string stem = "trial-" + std::to_string(row.trial_id);
-  perception::write_image(
-      out / (stem + "-map.png"),
-      draw_story_map(row, log, bundle.manifest, make_floor_plan(*scene.surfels)));
+  perception::write_image(out / (stem + "-map.png"),
+                          results::draw_story_map(row, log, bundle.manifest,
+                                                  drawing::make_floor_plan(*scene.surfels)));
   perception::write_image(out / (stem + "-frames.png"),
-                          draw_story_frames(row, log, bundle.manifest, *renderer));
+                          results::draw_story_frames(row, log, bundle.manifest, *renderer));
   std::printf("  pictures    %s, %s\n", (out / (stem + "-map.png")).c_str(),
               (out / (stem + "-frames.png")).c_str());
 }
 
 void explain(const Flags& flags) {
-  const StoredRun stored = load_run(flags.work, flags.run_id);
-  const std::vector<TrialRow>& rows = stored.trials;
+  const results::StoredRun stored = results::load_run(flags.work, flags.run_id);
+  const std::vector<records::TrialRow>& rows = stored.trials;
   if (flags.trial.empty()) {
     list_failures(rows);
     return;
   }
-  const TrialRow& row = chosen_trial(flags, rows);
+  const records::TrialRow& row = chosen_trial(flags, rows);
   if (row.log.empty()) {
     const std::string why = row.error.empty() ? row.outcome : row.outcome + ": " + row.error;
     throw core::InputError::expected(
@@ -97,8 +98,9 @@ void explain(const Flags& flags) {
         row.why.known() ? "none (" + why + ")" : "one of an older version, without any");
   }
   const fs::path& folder = stored.folder;
-  const TrialLog log = read_trial_log(folder / row.log);
-  for (const std::string& line : tell_story(row, log)) std::printf("%s\n", line.c_str());
+  const records::TrialLog log = records::read_trial_log(folder / row.log);
+  for (const std::string& line : results::tell_story(row, log))
+    std::printf("%s\n", line.c_str());
   if (flags.pictures) draw(flags, folder, row, log);
 }
 
@@ -119,4 +121,4 @@ void add_explain_command(CLI::App& app) {
   command->callback([flags] { explain(*flags); });
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::commands

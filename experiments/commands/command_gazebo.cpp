@@ -22,7 +22,7 @@
 #include "sim/gazebo/gazebo_cameras.h"
 #include "sim/gazebo/gazebo_world.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::commands {
 namespace {
 
 namespace fs = std::filesystem;
@@ -198,19 +198,19 @@ void serve(const ServeFlags& flags) {
   for (const std::string& warning : found.warnings) {
     std::fprintf(stderr, "warning: %s\n", warning.c_str());
   }
-  const SceneSurfels scene = load_scene_surfels(bundle);
+  const scenes::SceneSurfels scene = scenes::load_scene_surfels(bundle);
   renderer::RenderOptions render_options;
   render_options.threads = flags.threads;
-  const auto renderer =
-      renderer::make_renderer(renderer::backend_of(flags.backend), scene.surfels,
-                              render_options, scene.labels, warn_about_backend);
+  const auto renderer = renderer::make_renderer(renderer::backend_of(flags.backend),
+                                                scene.surfels, render_options, scene.labels,
+                                                reproducibility::warn_about_backend);
   sim::GazeboBridgeOptions options;
   options.world = flags.world.empty() ? found.world : flags.world;
   options.pose_topic = flags.pose_topic;
   options.flavour = flavour_of(flags.flavour);
   options.cameras = found.cameras;
 
-  const StopOnSignal signals;
+  const support::StopOnSignal signals;
   sim::GazeboBridge bridge(options, *renderer, bundle.manifest);
   print_topics(bridge, found);
   const Clock::time_point start = Clock::now();
@@ -221,7 +221,7 @@ void serve(const ServeFlags& flags) {
     StatusLine line(bridge.pose_topic());
     bridge.run([&] {
       line.update(bridge);
-      return !StopOnSignal::requested() &&
+      return !support::StopOnSignal::requested() &&
              (flags.duration_s <= 0.0 || served_s() < flags.duration_s);
     });
   }
@@ -333,4 +333,4 @@ void add_gazebo_command(CLI::App& app) {
   add_export(*gazebo);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::commands

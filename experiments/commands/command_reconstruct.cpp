@@ -13,7 +13,7 @@
 #include "experiments/scenes/scene_source.h"
 #include "reconstruction/labels/panoptic_head.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::commands {
 namespace {
 
 namespace fs = std::filesystem;
@@ -25,14 +25,14 @@ struct Flags {
   double floor_height_m = 0.0;
   bool floor_given = false, init_only = false;
   std::int64_t iterations = -1, label_iterations = -1;
-  ReconstructOptions reconstruct;
-  TrainingOptions training;
+  scenes::ReconstructOptions reconstruct;
+  training::TrainingOptions training;
 };
 
 /// The file's settings with those given as flags.
-renderer::TrainingConfig config_of(const Flags& flags) {
-  renderer::TrainingConfig config;
-  if (!flags.config.empty()) config = renderer::read_training_config(flags.config);
+reconstruction::TrainingConfig config_of(const Flags& flags) {
+  reconstruction::TrainingConfig config;
+  if (!flags.config.empty()) config = reconstruction::read_training_config(flags.config);
   if (flags.iterations >= 0) config.geometry.iterations = flags.iterations;
   if (flags.label_iterations >= 0) config.panoptic.iterations = flags.label_iterations;
   return config;
@@ -48,7 +48,7 @@ std::vector<glm::vec3> thinned(const std::vector<glm::vec3>& points_m) {
 }
 
 void check_head(const std::string& head) {
-  std::vector<std::string> known = renderer::panoptic_head_names();
+  std::vector<std::string> known = reconstruction::panoptic_head_names();
   known.emplace_back("none");
   if (std::find(known.begin(), known.end(), head) != known.end()) return;
   std::string words;
@@ -79,39 +79,41 @@ void reconstruct(Flags flags) {
     flags.training.set.frame_step = flags.reconstruct.lift.frame_step;
     flags.reconstruct.training = flags.training;
   }
-  renderer::SequenceOptions options;
-  options.layout = renderer::parse_sequence_layout(flags.layout, "--layout");
-  options.up_axis = renderer::parse_up_axis(flags.up, "--up");
-  options.on_bad_frame = renderer::parse_on_bad_frame(flags.on_bad_frame, "--on-bad-frame");
+  reconstruction::SequenceOptions options;
+  options.layout = reconstruction::parse_sequence_layout(flags.layout, "--layout");
+  options.up_axis = reconstruction::parse_up_axis(flags.up, "--up");
+  options.on_bad_frame =
+      reconstruction::parse_on_bad_frame(flags.on_bad_frame, "--on-bad-frame");
   options.label_map = flags.label_map;
   if (flags.floor_given) options.floor_height_m = flags.floor_height_m;
   if (!flags.start.empty()) {
-    flags.reconstruct.start = renderer::read_point_cloud(flags.start);
+    flags.reconstruct.start = reconstruction::read_point_cloud(flags.start);
     options.floor_points_m = thinned(flags.reconstruct.start->position_m);
   }
-  const auto sequence = open_recording(flags.sequence, flags.boxes, options);
+  const auto sequence = scenes::open_recording(flags.sequence, flags.boxes, options);
   for (const std::string& note : sequence->notes()) std::printf("%s\n", note.c_str());
 
   if (!flags.export_pack.empty()) {
-    export_training_pack(*sequence, flags.reconstruct, flags.export_pack);
+    scenes::export_training_pack(*sequence, flags.reconstruct, flags.export_pack);
     std::printf("%s: %.1f MB\n", flags.export_pack.string().c_str(),
                 1e-6 * static_cast<double>(fs::file_size(flags.export_pack)));
     return;
   }
-  flags.reconstruct.mesh = parse_mesh_source(flags.mesh, "--mesh");
+  flags.reconstruct.mesh = scenes::parse_mesh_source(flags.mesh, "--mesh");
   worlds::DepthFusionOptions& fusion = flags.reconstruct.surface.fusion;
-  fusion.truncation_m = kTruncationVoxels * fusion.voxel_m;
+  fusion.truncation_m = scenes::kTruncationVoxels * fusion.voxel_m;
   flags.reconstruct.name = flags.out.filename().string();
   flags.reconstruct.source = "recording " + flags.sequence.filename().string();
   flags.reconstruct.robot = sim::RobotModel::by_name(flags.robot);
-  const core::SceneBundle bundle = reconstruct_bundle(*sequence, flags.reconstruct, flags.out);
+  const core::SceneBundle bundle =
+      scenes::reconstruct_bundle(*sequence, flags.reconstruct, flags.out);
   std::printf("%s: %zu classes, %zu instances; see `segsim scene inspect`\n",
               flags.out.string().c_str(), bundle.manifest.classes.size(),
               bundle.manifest.instances.size());
 }
 
 void add_training_options(CLI::App& command, const std::shared_ptr<Flags>& flags) {
-  TrainingOptions& training = flags->training;
+  training::TrainingOptions& training = flags->training;
   command.add_flag("--init-only", flags->init_only, "Lift, do not train");
   command.add_option(
       "--config", flags->config,
@@ -199,7 +201,7 @@ void add_reconstruct_command(CLI::App& app) {
   command->add_option("--start", flags->start,
                       "Point cloud (PCD or PLY, in the coordinates of the recording's poses) "
                       "to start from instead of the frames' depth");
-  renderer::LiftOptions& lift = flags->reconstruct.lift;
+  reconstruction::LiftOptions& lift = flags->reconstruct.lift;
   command->add_option("--voxel", lift.voxel_m, "Spacing of the surfels [m]")
       ->check(CLI::Range(0.002, 0.5))
       ->capture_default_str();
@@ -235,4 +237,4 @@ void add_reconstruct_command(CLI::App& app) {
   command->callback([flags] { reconstruct(*flags); });
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::commands

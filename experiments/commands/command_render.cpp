@@ -24,7 +24,7 @@
 #include "renderer/renderer_backend.h"
 #include "renderer/scene/render_options.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::commands {
 namespace {
 
 namespace fs = std::filesystem;
@@ -86,7 +86,7 @@ void add_choice(CLI::App& command, const std::string& flag, Enum& value,
 }
 
 /// A bundle's surfels and names, or those of a bare surfel file, which has none.
-std::pair<SceneSurfels, renderer::FrameInfo> read_scene(const fs::path& scene) {
+std::pair<scenes::SceneSurfels, renderer::FrameInfo> read_scene(const fs::path& scene) {
   renderer::FrameInfo info;
   if (scene.extension() == ".ply") {
     return {
@@ -98,7 +98,7 @@ std::pair<SceneSurfels, renderer::FrameInfo> read_scene(const fs::path& scene) {
   info.scene_sha256 = bundle.scene_sha256;
   info.names =
       std::make_shared<const renderer::SceneNames>(renderer::SceneNames::of(bundle.manifest));
-  return {load_scene_surfels(bundle), info};
+  return {scenes::load_scene_surfels(bundle), info};
 }
 
 core::CameraPose camera_pose(const std::vector<double>& pose) {
@@ -111,10 +111,10 @@ core::CameraPose camera_pose(const std::vector<double>& pose) {
 void render(const Flags& flags) {
   const auto [scene, info] = read_scene(flags.scene);
   const auto renderer =
-      flags.reference
-          ? renderer::make_reference_renderer(scene.surfels, flags.options)
-          : renderer::make_renderer(renderer::backend_of(flags.backend), scene.surfels,
-                                    flags.options, scene.labels, warn_about_backend);
+      flags.reference ? renderer::make_reference_renderer(scene.surfels, flags.options)
+                      : renderer::make_renderer(renderer::backend_of(flags.backend),
+                                                scene.surfels, flags.options, scene.labels,
+                                                reproducibility::warn_about_backend);
   const auto intrinsics = core::CameraIntrinsics::from_fov(
       flags.width_px, flags.height_px, flags.hfov_deg * std::numbers::pi / 180.0);
   const core::Frame frame =
@@ -126,7 +126,7 @@ void render(const Flags& flags) {
     if (flags.single_part) options.layout = renderer::ExrLayout::kSinglePart;
     renderer::write_frame_exr(flags.out, frame, info, options);
   } else if (extension == ".png" || extension == ".jpg") {
-    perception::write_image(flags.out, frame_picture(frame));
+    perception::write_image(flags.out, drawing::frame_picture(frame));
   } else {
     throw core::InputError::expected("--out", "a name that ends in .exr, .png or .jpg",
                                      flags.out.string());
@@ -207,4 +207,4 @@ void add_render_command(CLI::App& app) {
   command->callback([flags] { render(*flags); });
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::commands

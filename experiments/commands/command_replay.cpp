@@ -13,14 +13,14 @@
 #include "experiments/records/replay_log.h"
 #include "experiments/runs/trial_replay.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::commands {
 namespace {
 
 namespace fs = std::filesystem;
 
 struct ReplayFlags {
   std::vector<fs::path> paths;
-  SpecFolders folders;
+  specs::SpecFolders folders;
   bool verify = false, from_log = false;
 };
 
@@ -48,9 +48,11 @@ std::vector<fs::path> log_files(const std::vector<fs::path>& paths) {
 }
 
 /// @return  Whether the replay equals the record.
-bool report(const fs::path& file, const ReplayLog& recorded, const ReplayLog& replayed) {
-  const Divergence found = first_divergence(recorded.ticks, replayed.ticks);
-  const std::string sensor = first_differing_sensor(recorded.sensors, replayed.sensors);
+bool report(const fs::path& file, const records::ReplayLog& recorded,
+            const records::ReplayLog& replayed) {
+  const records::Divergence found = records::first_divergence(recorded.ticks, replayed.ticks);
+  const std::string sensor =
+      records::first_differing_sensor(recorded.sensors, replayed.sensors);
   if (found.tick < 0 && !sensor.empty()) {
     std::printf("%s: differs in the readings of %s, in no tick\n", file.c_str(),
                 sensor.c_str());
@@ -72,15 +74,15 @@ bool report(const fs::path& file, const ReplayLog& recorded, const ReplayLog& re
 }
 
 void replay(const ReplayFlags& flags) {
-  std::unique_ptr<TrialReplay> stage;
+  std::unique_ptr<runs::TrialReplay> stage;
   int different = 0;
   const std::vector<fs::path> files = log_files(flags.paths);
   for (const fs::path& file : files) {
-    const ReplayLog log = read_replay_log(file);
-    SpecFolders folders = flags.folders;
-    if (folders.work.empty()) folders.work = work_of_replay(file);
+    const records::ReplayLog log = records::read_replay_log(file);
+    specs::SpecFolders folders = flags.folders;
+    if (folders.work.empty()) folders.work = runs::work_of_replay(file);
     if (stage == nullptr || !stage->fits(log, folders.work)) {
-      stage = std::make_unique<TrialReplay>(log, folders, flags.from_log);
+      stage = std::make_unique<runs::TrialReplay>(log, folders, flags.from_log);
     }
     if (!report(file, log, stage->play(log, file))) ++different;
   }
@@ -110,4 +112,4 @@ void add_replay_command(CLI::App& app) {
   command->callback([flags] { replay(*flags); });
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::commands

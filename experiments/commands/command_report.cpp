@@ -7,19 +7,19 @@
 #include "experiments/commands/commands.h"
 #include "experiments/report/report.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::commands {
 namespace {
 
 struct Flags {
   std::filesystem::path work;
   std::int64_t run_id = 0;
-  ReportOptions options;
+  report::ReportOptions options;
 };
 
 void report(Flags& flags) {
-  const StoredRun stored = load_run(flags.work, flags.run_id);
+  const results::StoredRun stored = results::load_run(flags.work, flags.run_id);
   if (flags.options.output.empty()) flags.options.output = stored.folder / "report";
-  const ReportSummary summary = write_report(stored, flags.options);
+  const report::ReportSummary summary = report::write_report(stored, flags.options);
   for (const std::string& note : summary.notes) {
     std::fprintf(stderr, "segsim: note: %s\n", note.c_str());
   }
@@ -49,4 +49,4 @@ void add_report_command(CLI::App& app) {
   command->callback([flags] { report(*flags); });
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::commands

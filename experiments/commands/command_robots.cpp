@@ -12,31 +12,31 @@
 #include "nav/grid/robot_fit.h"
 #include "sim/ground/robot.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::commands {
 namespace {
 
 std::vector<std::string> row_of(const sim::RobotModel& robot) {
   const nav::RobotFit fit = nav::fit_of(robot);
   return {robot.name,
-          print("%.3f x %.3f", robot.length_m, robot.width_m),
-          print("%.2f", robot.max_forward_mps),
-          print("%.2f", robot.max_turn_radps),
-          print("%.1f", robot.max_acceleration_mps2),
-          print("%.2f", robot.camera_height_m),
-          print("%.2f", fit.radius_m),
-          print("%.2f", fit.tight_radius_m),
+          support::print("%.3f x %.3f", robot.length_m, robot.width_m),
+          support::print("%.2f", robot.max_forward_mps),
+          support::print("%.2f", robot.max_turn_radps),
+          support::print("%.1f", robot.max_acceleration_mps2),
+          support::print("%.2f", robot.camera_height_m),
+          support::print("%.2f", fit.radius_m),
+          support::print("%.2f", fit.tight_radius_m),
           robot.title};
 }
 
 void list_robots(const std::vector<std::string>& files) {
-  internal::TextGrid grid{{"Robot", "size [m]", "v [m/s]", "w [rad/s]", "a [m/s^2]",
-                           "camera [m]", "planned with [m]", "where closed [m]", ""},
-                          {}};
+  support::internal::TextGrid grid{{"Robot", "size [m]", "v [m/s]", "w [rad/s]", "a [m/s^2]",
+                                    "camera [m]", "planned with [m]", "where closed [m]", ""},
+                                   {}};
   const std::vector<std::string>& names = files.empty() ? sim::RobotModel::names() : files;
   for (const std::string& name : names) {
     grid.rows.push_back(row_of(sim::RobotModel::by_name(name)));
   }
-  std::printf("%s", internal::text_of(grid).c_str());
+  std::printf("%s", support::internal::text_of(grid).c_str());
 }
 
 }  // namespace
@@ -48,4 +48,4 @@ void add_robots_command(CLI::App& app) {
   command->callback([files] { list_robots(*files); });
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::commands

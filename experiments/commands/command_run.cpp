@@ -14,18 +14,18 @@
 #include "experiments/runs/run.h"
 #include "experiments/support/shipped_file.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::commands {
 namespace {
 
 namespace fs = std::filesystem;
 
 struct RunFlags {
   std::string spec, shard;
-  RunOptions options;
+  runs::RunOptions options;
 };
 
 /// @throws what its exit code stands for, if the run did not end well.
-void check_end(const RunReport& report) {
+void check_end(const runs::RunReport& report) {
   if (report.interrupted && report.trials_left > 0) {
     throw core::Interrupted("stopped with " + std::to_string(report.trials_left) +
                             " trials left; run the same command again to go on");
@@ -37,21 +37,23 @@ void check_end(const RunReport& report) {
 }
 
 void run(RunFlags& flags) {
-  if (!flags.shard.empty()) flags.options.shard = shard_from(flags.shard);
-  const ExperimentSpec spec = load_spec(find_shipped(flags.spec), flags.options.folders);
-  const RunReport report = run_experiment(spec, flags.options);
+  if (!flags.shard.empty()) flags.options.shard = runs::shard_from(flags.shard);
+  const specs::ExperimentSpec spec =
+      specs::load_spec(support::find_shipped(flags.spec), flags.options.folders);
+  const runs::RunReport report = runs::run_experiment(spec, flags.options);
   if (flags.options.shard) {
     std::printf("Shard %s: %d trials run, %d left; storing them took %.2f s\n",
                 flags.options.shard->text().c_str(), report.trials_run, report.trials_left,
                 report.store_s);
   } else {
-    std::fputs(format_table(report.table, TableFormat::kText).c_str(), stdout);
+    std::fputs(results::format_table(report.table, support::TableFormat::kText).c_str(),
+               stdout);
     std::printf(
         "\nDigests of the stages (%s kernels; segsim doctor --digests %s compares them):\n%s",
         core::to_string(core::kernel_choice()), report.results.c_str(),
-        digests_in_words(report.digests).c_str());
+        reproducibility::digests_in_words(report.digests).c_str());
   }
-  std::fputs(stage_times_text(report.times, report.wall_s).c_str(), stdout);
+  std::fputs(support::stage_times_text(report.times, report.wall_s).c_str(), stdout);
   std::printf("\nResults in %s, SHA-256 %s\n", report.results.c_str(),
               report.results_sha256.c_str());
   check_end(report);
@@ -64,13 +66,13 @@ struct MergeFlags {
 
 void merge(const MergeFlags& flags) {
   const std::vector<fs::path> shards =
-      flags.shards.empty() ? shard_folders(flags.out) : flags.shards;
+      flags.shards.empty() ? runs::shard_folders(flags.out) : flags.shards;
   if (shards.empty()) {
     throw core::InputError::expected((flags.out / "shards").string(),
                                      "shards of segsim run --shard", "none");
   }
-  const MergeReport report = merge_runs(flags.out, shards);
-  std::fputs(format_table(report.table, TableFormat::kText).c_str(), stdout);
+  const runs::MergeReport report = runs::merge_runs(flags.out, shards);
+  std::fputs(results::format_table(report.table, support::TableFormat::kText).c_str(), stdout);
   std::printf("\nMerged %zu shards into %s: %d trials added, %d known, %d failed.\n",
               shards.size(), flags.out.c_str(), report.added, report.known, report.failed);
   std::printf("%d of %d trials are done. SHA-256 of the results: %s\n",
@@ -123,4 +125,4 @@ void add_run_command(CLI::App& app) {
   add_merge_command(app);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::commands

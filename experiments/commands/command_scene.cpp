@@ -18,10 +18,10 @@
 #include "sim/ground/robot.h"
 #include "sim/ground/world.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::commands {
 namespace {
 
-std::string labels_in_words(const SceneSurfels& scene) {
+std::string labels_in_words(const scenes::SceneSurfels& scene) {
   if (!scene.labels) return scene.surfels->has_labels() ? "one per surfel" : "none";
   char text[160];
   std::snprintf(
@@ -47,7 +47,7 @@ void inspect(const std::filesystem::path& folder, const std::string& robot_name)
   const core::SceneBundle bundle = core::load_bundle(folder);
   const core::SceneManifest& m = bundle.manifest;
   const core::BundleParts parts = core::load_bundle_parts(folder);
-  const SceneSurfels scene = load_scene_surfels(bundle);
+  const scenes::SceneSurfels scene = scenes::load_scene_surfels(bundle);
   const renderer::SurfelCloud& surfels = *scene.surfels;
   const sim::World world = sim::World::load(bundle, sim::RobotModel::by_name(robot_name));
 
@@ -84,7 +84,7 @@ void inspect(const std::filesystem::path& folder, const std::string& robot_name)
   std::printf("\nunlabelled surfels: %zu\n\nstatistics\n", surfels_of_class[0]);
   for (const auto& [key, value] : m.statistics)
     std::printf("  %-28s %g\n", key.c_str(), value);
-  const std::string warning = coverage_warning(m);
+  const std::string warning = scenes::coverage_warning(m);
   if (!warning.empty()) std::printf("\nwarning: %s\n", warning.c_str());
 }
 
@@ -108,4 +108,4 @@ void add_scene_command(CLI::App& app) {
   add_scene_mesh(*scene);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::commands

@@ -27,7 +27,7 @@
 #include "worlds/procedural/procedural_flat.h"
 #include "worlds/surface/mesh_distance.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::commands {
 namespace {
 
 namespace fs = std::filesystem;
@@ -36,7 +36,7 @@ struct RemeshFlags {
   fs::path bundle, out;
   std::string robot = "jackal-gentle", backend = "cpu";
   std::size_t frame_step = 1;
-  SurfaceOptions surface;
+  scenes::SurfaceOptions surface;
 };
 
 /// Statistics of the old mesh would contradict the new ones.
@@ -64,7 +64,7 @@ void write_remeshed(const fs::path& folder, const RemeshFlags& flags,
                     const core::SceneBundle& bundle) {
   core::SceneManifest manifest = bundle.manifest;
   core::BundleParts parts = core::load_bundle_parts(bundle.folder);
-  const SceneSurfels scene = load_scene_surfels(bundle);
+  const scenes::SceneSurfels scene = scenes::load_scene_surfels(bundle);
   core::CameraPath cameras = cameras_of(bundle, parts);
   std::vector<core::CameraPose> poses;
   for (std::size_t i = 0; i < cameras.views.size(); i += flags.frame_step) {
@@ -72,15 +72,16 @@ void write_remeshed(const fs::path& folder, const RemeshFlags& flags,
   }
   const auto renderer =
       renderer::make_renderer(renderer::backend_of(flags.backend), scene.surfels);
-  SceneShape shape = fuse_rendered_depth(*renderer, cameras.intrinsics, poses, flags.surface);
-  const core::SceneLevelling step = level_shape(shape);
-  move_cameras(step, cameras);
+  scenes::SceneShape shape =
+      scenes::fuse_rendered_depth(*renderer, cameras.intrinsics, poses, flags.surface);
+  const core::SceneLevelling step = scenes::level_shape(shape);
+  scenes::move_cameras(step, cameras);
   core::write_camera_path(folder / parts.cameras.name, cameras);
-  decimate_shape(shape, flags.surface.max_error_m);
+  scenes::decimate_shape(shape, flags.surface.max_error_m);
 
   renderer::SurfelCloud surfels = *scene.surfels;
   renderer::transform_surfels(step.R_world_source, step.p_world_source_m, surfels);
-  manifest.instances = renderer::instance_boxes(surfels, manifest.instances);
+  manifest.instances = reconstruction::instance_boxes(surfels, manifest.instances);
   manifest.created_by = std::string("segsim ") + core::version();
   drop_shape_statistics(manifest);
   renderer::write_surfels_ply(folder / manifest.surfels.name, surfels);
@@ -93,7 +94,8 @@ void write_remeshed(const fs::path& folder, const RemeshFlags& flags,
     renderer::write_panoptic_model(folder / renderer::kPanopticFileName, moved);
   }
   const auto robot = sim::RobotModel::by_name(flags.robot);
-  for (const std::string& warning : write_shape(folder, shape, robot, {}, manifest).warnings) {
+  for (const std::string& warning :
+       scenes::write_shape(folder, shape, robot, {}, manifest).warnings) {
     std::fprintf(stderr, "warning: %s\n", warning.c_str());
   }
   parts.mesh_source = shape.source;
@@ -134,17 +136,18 @@ void mesh_error(const ErrorFlags& flags) {
   }
   const core::SceneBundle bundle = core::load_bundle(flags.bundle);
   const core::SceneLevelling levelling = core::load_bundle_parts(flags.bundle).levelling;
-  SourceSpec source;
-  source.type = flags.flat_given ? SourceType::kFlat : SourceType::kMesh;
+  specs::SourceSpec source;
+  source.type = flags.flat_given ? specs::SourceType::kFlat : specs::SourceType::kMesh;
   source.seed = flags.flat;
   source.world = flags.mesh;
-  sim::TriangleMesh truth = worlds::plain_mesh(load_mesh_source(source));
+  sim::TriangleMesh truth = worlds::plain_mesh(scenes::load_mesh_source(source));
   for (glm::vec3& p : truth.positions_m) {
     p = glm::vec3(levelling.R_world_source * glm::dvec3(p) + levelling.p_world_source_m);
   }
   const sim::TriangleMesh found = sim::read_mesh_ply(bundle.collision_mesh_file());
-  std::printf(
-      "%s", mesh_accuracy(found, truth, sim::RobotModel::by_name(flags.robot)).text().c_str());
+  std::printf("%s", scenes::mesh_accuracy(found, truth, sim::RobotModel::by_name(flags.robot))
+                        .text()
+                        .c_str());
 }
 
 void add_remesh(CLI::App& scene) {
@@ -164,7 +167,8 @@ void add_remesh(CLI::App& scene) {
       ->check(CLI::Range(0.005, 0.2))
       ->capture_default_str();
   command->callback([flags] {
-    flags->surface.fusion.truncation_m = kTruncationVoxels * flags->surface.fusion.voxel_m;
+    flags->surface.fusion.truncation_m =
+        scenes::kTruncationVoxels * flags->surface.fusion.voxel_m;
     remesh(*flags);
   });
 }
@@ -189,4 +193,4 @@ void add_scene_mesh(CLI::App& scene) {
   add_mesh_error(scene);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::commands

@@ -16,7 +16,7 @@
 #include "sim/ground/robot.h"
 #include "sim/ground/world.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::commands {
 namespace {
 
 namespace fs = std::filesystem;
@@ -31,10 +31,10 @@ struct SensorsFlags {
 void draw(const SensorsFlags& flags) {
   const core::SceneBundle bundle = core::load_bundle(flags.bundle);
   const sim::World world = sim::World::load(bundle, sim::RobotModel::jackal_gentle());
-  const SceneSurfels scene = load_scene_surfels(bundle);
+  const scenes::SceneSurfels scene = scenes::load_scene_surfels(bundle);
   const auto renderer = renderer::make_cpu_renderer(scene.surfels, {}, scene.labels);
-  SensorSheetOptions options;
-  options.pose = flags.pose.empty() ? roomiest_pose(world)
+  trials::SensorSheetOptions options;
+  options.pose = flags.pose.empty() ? trials::roomiest_pose(world)
                                     : core::Pose2{flags.pose[0], flags.pose[1],
                                                   flags.pose[2] * std::numbers::pi / 180.0};
   options.camera_height_m =
@@ -42,8 +42,8 @@ void draw(const SensorsFlags& flags) {
   options.turn_radps = flags.turn_radps;
   options.seed = flags.seed;
   perception::write_image(
-      flags.output,
-      draw_sensor_sheet(*renderer, world, make_floor_plan(*scene.surfels), options));
+      flags.output, trials::draw_sensor_sheet(
+                        *renderer, world, drawing::make_floor_plan(*scene.surfels), options));
   std::printf("%s: from (%.2f, %.2f), %.0f deg\n", flags.output.c_str(), options.pose.x_m,
               options.pose.y_m, options.pose.yaw_rad * 180.0 / std::numbers::pi);
 }
@@ -72,4 +72,4 @@ void add_sensors_command(CLI::App& app) {
   command->callback([flags] { draw(*flags); });
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::commands

@@ -10,19 +10,19 @@
 #include "experiments/dashboard/dashboard.h"
 #include "experiments/support/stop_signal.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::commands {
 namespace {
 
 constexpr auto kSignalPoll = std::chrono::milliseconds(100);
 
-void serve(const DashboardOptions& options) {
-  Dashboard dashboard(options);
-  const StopOnSignal signals;
+void serve(const dashboard::DashboardOptions& options) {
+  dashboard::Dashboard dashboard(options);
+  const support::StopOnSignal signals;
   std::printf("%s\n", dashboard.address().c_str());
   std::fflush(stdout);
   std::fprintf(stderr, "segsim: serving until interrupted (Ctrl-C)\n");
   std::jthread watch([&](const std::stop_token& stop) {
-    while (!stop.stop_requested() && !StopOnSignal::requested()) {
+    while (!stop.stop_requested() && !support::StopOnSignal::requested()) {
       std::this_thread::sleep_for(kSignalPoll);
     }
     dashboard.stop();
@@ -33,7 +33,7 @@ void serve(const DashboardOptions& options) {
 }  // namespace
 
 void add_serve_command(CLI::App& app) {
-  auto options = std::make_shared<DashboardOptions>();
+  auto options = std::make_shared<dashboard::DashboardOptions>();
   CLI::App* command = add_listed(app, kCommands, "serve");
   command
       ->add_option("runs", options->roots,
@@ -51,4 +51,4 @@ void add_serve_command(CLI::App& app) {
   command->callback([options] { serve(*options); });
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::commands

@@ -14,7 +14,7 @@
 #include "experiments/panoptic/panoptic_run.h"
 #include "experiments/panoptic/panoptic_table.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::commands {
 namespace {
 
 namespace fs = std::filesystem;
@@ -26,7 +26,7 @@ struct Flags {
   std::int64_t iterations = -1, label_iterations = -1;
   int shrink = 0;
   bool resume = false, quick = false;
-  PanopticRunOptions run;
+  panoptic::PanopticRunOptions run;
 };
 
 /// "exact", or a level.
@@ -42,18 +42,19 @@ std::optional<double> mask_level(const std::string& text) {
                                    "\"" + text + "\"");
 }
 
-PanopticRunOptions run_options(const Flags& flags, PanopticScenes scenes) {
-  PanopticRunOptions options = flags.run;
+panoptic::PanopticRunOptions run_options(const Flags& flags, panoptic::PanopticScenes scenes) {
+  panoptic::PanopticRunOptions options = flags.run;
   options.scenes = std::move(scenes.scenes);
-  options.heads = parse_heads(flags.heads);
+  options.heads = panoptic::parse_heads(flags.heads);
   options.mask_level = mask_level(flags.masks);
   options.device.backend = renderer::backend_of(flags.backend);
   options.work = flags.work;
-  if (!flags.config.empty()) options.config = renderer::read_training_config(flags.config);
-  if (flags.quick) make_quick(options);
+  if (!flags.config.empty())
+    options.config = reconstruction::read_training_config(flags.config);
+  if (flags.quick) panoptic::make_quick(options);
   if (flags.iterations >= 0) options.config.geometry.iterations = flags.iterations;
   if (flags.label_iterations >= 0) options.config.panoptic.iterations = flags.label_iterations;
-  for (PanopticScene& scene : options.scenes) {
+  for (panoptic::PanopticScene& scene : options.scenes) {
     if (flags.shrink > 0) scene.shrink = flags.shrink;
   }
   return options;
@@ -67,36 +68,36 @@ void check_work(const Flags& flags) {
                                    "files of an earlier run");
 }
 
-void write_table(const PanopticTable& table, const fs::path& work) {
-  for (const auto& [ending, format] : table_files()) {
+void write_table(const panoptic::PanopticTable& table, const fs::path& work) {
+  for (const auto& [ending, format] : results::table_files()) {
     core::write_file_atomically(work / ("table1" + ending), [&](std::ostream& out) {
-      out << format_panoptic_table(table, format);
+      out << panoptic::format_panoptic_table(table, format);
     });
   }
 }
 
 void print_table1(const Flags& flags) {
   // All words are checked before anything runs.
-  const TableFormat format = table_format_from(flags.format);
-  PanopticTable table;
-  table.rules = parse_rules(flags.rules);
-  PanopticScenes scenes = panoptic_scenes(
+  const support::TableFormat format = results::table_format_from(flags.format);
+  panoptic::PanopticTable table;
+  table.rules = panoptic::parse_rules(flags.rules);
+  panoptic::PanopticScenes scenes = panoptic::panoptic_scenes(
       flags.quick && flags.scenes.empty() ? "flat-3" : flags.scenes, flags.data);
   table.missing = scenes.missing;
   table.quick = flags.quick;
-  for (const MissingScene& scene : table.missing) {
+  for (const panoptic::MissingScene& scene : table.missing) {
     std::fprintf(stderr, "not run: %s: %s\n", scene.title.c_str(), scene.why.c_str());
   }
-  PanopticRunOptions options = run_options(flags, std::move(scenes));
+  panoptic::PanopticRunOptions options = run_options(flags, std::move(scenes));
   check_work(flags);
   table.planned = static_cast<int>(options.scenes.size() * options.heads.size());
-  options.on_result = [&](const std::vector<SceneFigures>& results) {
+  options.on_result = [&](const std::vector<panoptic::SceneFigures>& results) {
     table.results = results;
     write_table(table, flags.work);  // What is there so far.
   };
-  table.results = run_panoptic_scenes(options);
+  table.results = panoptic::run_panoptic_scenes(options);
   write_table(table, flags.work);
-  std::fputs(format_panoptic_table(table, format).c_str(), stdout);
+  std::fputs(panoptic::format_panoptic_table(table, format).c_str(), stdout);
 }
 
 }  // namespace
@@ -150,4 +151,4 @@ void add_panoptic_table(CLI::App& table) {
   command->callback([flags] { print_table1(*flags); });
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::commands

@@ -9,7 +9,7 @@
 #include "experiments/commands/commands.h"
 #include "experiments/results/table.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::commands {
 namespace {
 
 namespace fs = std::filesystem;
@@ -44,7 +44,7 @@ void make_all_tables(const AllFlags& flags) {
     app.parse(command, false);
     std::printf("\n");
   }
-  for (const auto& [ending, format] : table_files()) {
+  for (const auto& [ending, format] : results::table_files()) {
     const std::string name = "table1" + ending;
     const std::string text = core::read_file(table1_work / name);
     core::write_file_atomically(flags.output / name, [&](std::ostream& out) { out << text; });
@@ -79,4 +79,4 @@ void add_table_command(CLI::App& app) {
   add_all_tables(table);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::commands

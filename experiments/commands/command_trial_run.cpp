@@ -10,7 +10,7 @@
 #include "experiments/scripted_trials/scripted_run.h"
 #include "experiments/support/shipped_file.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::commands {
 namespace {
 
 namespace fs = std::filesystem;
@@ -21,12 +21,13 @@ struct RunFlags {
 };
 
 void run(RunFlags& flags) {
-  const ScriptedTrial script =
-      load_scripted_trial(find_shipped(flags.script.file), flags.script.data);
+  const scripted_trials::ScriptedTrial script = scripted_trials::load_scripted_trial(
+      support::find_shipped(flags.script.file), flags.script.data);
   if (flags.output.empty()) flags.output = fs::path("out") / "trials" / script.name;
-  BoundScript bound = bind_script(script);
-  const ScriptedResult result = run_script(bound, flags.output);
-  std::fputs(in_words(script, result).c_str(), stdout);
+  scripted_trials::BoundScript bound = scripted_trials::bind_script(script);
+  const scripted_trials::ScriptedResult result =
+      scripted_trials::run_script(bound, flags.output);
+  std::fputs(scripted_trials::in_words(script, result).c_str(), stdout);
   std::printf("%s\n", flags.output.c_str());
   if (!result.passed()) throw core::CheckFailed(script.name + " did not pass");
 }
@@ -44,4 +45,4 @@ void add_trial_command(CLI::App& app) {
   command->callback([flags] { run(*flags); });
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::commands

@@ -13,7 +13,7 @@
 #include "experiments/films/run_video.h"
 #include "experiments/results/stored_run.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::commands {
 namespace {
 
 namespace fs = std::filesystem;
@@ -24,11 +24,11 @@ struct Flags {
   std::int64_t trial = 0;
   std::vector<std::string> pair;
   bool demo = false;
-  DemoOptions options;
+  films::DemoOptions options;
 };
 
-const TrialRow& trial_of(const StoredRun& stored, std::int64_t number) {
-  for (const TrialRow& row : stored.trials) {
+const records::TrialRow& trial_of(const results::StoredRun& stored, std::int64_t number) {
+  for (const records::TrialRow& row : stored.trials) {
     if (row.trial_id == number) return row;
   }
   throw core::InputError::expected("--trial",
@@ -39,9 +39,9 @@ const TrialRow& trial_of(const StoredRun& stored, std::int64_t number) {
 }
 
 /// The trial of the same episode and repetition in another arm.
-const TrialRow& same_episode(const StoredRun& stored, const TrialRow& trial,
-                             const std::string& arm) {
-  for (const TrialRow& row : stored.trials) {
+const records::TrialRow& same_episode(const results::StoredRun& stored,
+                                      const records::TrialRow& trial, const std::string& arm) {
+  for (const records::TrialRow& row : stored.trials) {
     if (row.episode == trial.episode && row.repetition == trial.repetition && row.arm == arm) {
       return row;
     }
@@ -50,8 +50,8 @@ const TrialRow& same_episode(const StoredRun& stored, const TrialRow& trial,
 }
 
 void write_video(Flags& flags) {
-  const StoredRun stored = load_run(flags.work, flags.run_id);
-  VideoOptions& options = flags.options.video;
+  const results::StoredRun stored = results::load_run(flags.work, flags.run_id);
+  films::VideoOptions& options = flags.options.video;
   if (!flags.demo && flags.trial == 0) {
     throw core::InputError::expected("segsim video", "--trial or --demo", "neither");
   }
@@ -60,15 +60,15 @@ void write_video(Flags& flags) {
     options.output =
         stored.folder / "videos" / (stem + (flags.pair.empty() ? "" : "-pair") + ".mp4");
   }
-  VideoSummary summary;
+  films::VideoSummary summary;
   if (flags.demo) {
-    summary = write_demo_video(stored, flags.options);
+    summary = films::write_demo_video(stored, flags.options);
   } else if (!flags.pair.empty()) {
-    const TrialRow& trial = trial_of(stored, flags.trial);
-    summary = write_pair_video(stored, same_episode(stored, trial, flags.pair.at(0)),
-                               same_episode(stored, trial, flags.pair.at(1)), options);
+    const records::TrialRow& trial = trial_of(stored, flags.trial);
+    summary = films::write_pair_video(stored, same_episode(stored, trial, flags.pair.at(0)),
+                                      same_episode(stored, trial, flags.pair.at(1)), options);
   } else {
-    summary = write_trial_video(stored, trial_of(stored, flags.trial), options);
+    summary = films::write_trial_video(stored, trial_of(stored, flags.trial), options);
   }
   if (summary.copied) {
     std::printf("%s: as the run recorded it (it left no log to play)\n",
@@ -111,4 +111,4 @@ void add_video_command(CLI::App& app) {
   command->callback([flags] { write_video(*flags); });
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::commands

@@ -7,7 +7,7 @@
 
 #include "experiments/commands/light/light_commands.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::commands {
 
 void add_run_command(CLI::App& app);
 void add_table_command(CLI::App& app);
@@ -49,4 +49,4 @@ void add_report_command(CLI::App& app);
 void add_serve_command(CLI::App& app);
 void add_video_command(CLI::App& app);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::commands

@@ -15,7 +15,7 @@
 #include "experiments/report/report_assets.h"
 #include "experiments/results/explanation.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::dashboard {
 namespace {
 
 namespace fs = std::filesystem;
@@ -80,7 +80,8 @@ Json json_points(const std::vector<glm::dvec2>& points_m) {
   return json;
 }
 
-Json json_log(const StoredRun& stored, const TrialRow& trial, const TrialLog& log) {
+Json json_log(const results::StoredRun& stored, const records::TrialRow& trial,
+              const records::TrialLog& log) {
   Json json{
       {"run", stored.run.title.empty() ? stored.run.name : stored.run.title},
       {"trial", internal::trial_json(trial)},
@@ -95,7 +96,7 @@ Json json_log(const StoredRun& stored, const TrialRow& trial, const TrialLog& lo
       {"ticks", Json::array()},
       {"detections", Json::array()},
       {"moments", Json::array()},
-      {"story", tell_story(trial, log)}};
+      {"story", results::tell_story(trial, log)}};
   for (std::size_t k = 0; k < log.track.size(); ++k) {
     const sim::TickRecord& t = log.track[k];
     json["ticks"].push_back(
@@ -104,11 +105,11 @@ Json json_log(const StoredRun& stored, const TrialRow& trial, const TrialLog& lo
          t.in_contact ? 1 : 0, log.evidence[k].largest_px,
          std::isfinite(log.distance_m[k]) ? Json(log.distance_m[k]) : Json()});
   }
-  for (const JudgedDetection& d : log.detections) {
+  for (const records::JudgedDetection& d : log.detections) {
     json["detections"].push_back(
         {d.tick, d.score, d.box.x0, d.box.y0, d.box.x1, d.box.y1, d.is_goal ? 1 : 0});
   }
-  for (const KeyMoment& moment : key_moments(trial, log)) {
+  for (const results::KeyMoment& moment : results::key_moments(trial, log)) {
     json["moments"].push_back({moment.tick, moment.what});
   }
   return json;
@@ -147,12 +148,12 @@ struct Dashboard::Impl {
 
   static HttpReply static_file(const std::string& name) {
     if (name == "chart.min.js")
-      return library_reply(internal::kChartLibrary, "libjs-chart.js");
+      return library_reply(report::internal::kChartLibrary, "libjs-chart.js");
     if (name == "three.min.js") return library_reply(internal::kThreeLibrary, "libjs-three");
     if (name == "OrbitControls.js") {
       return library_reply(internal::kOrbitControls, "libjs-three");
     }
-    if (name == "report.css") return binary_reply(kStyle, internal::kReportCss, false);
+    if (name == "report.css") return binary_reply(kStyle, report::internal::kReportCss, false);
     const char* text = name.ends_with(".html") ? nullptr : internal::find_asset(name);
     if (text == nullptr) return not_found("no such file");
     return binary_reply(name.ends_with(".css") ? kStyle : kScript, text, false);
@@ -160,7 +161,7 @@ struct Dashboard::Impl {
 
   HttpReply all_runs() {
     Json json{{"runs", Json::array()}, {"problems", Json::array()}};
-    const std::string now = utc_now();
+    const std::string now = records::utc_now();
     for (const RunPointer& run : index.runs()) {
       json["runs"].push_back(internal::overview_json(*run, ask_workers(*run).files, now));
     }
@@ -188,7 +189,7 @@ struct Dashboard::Impl {
     if (rest[0] == "scenes" && rest.size() == 3) return of_scene(run, rest[1], rest[2]);
     if (rest[0] == "trials" && rest.size() >= 2) {
       const auto id = number_of(rest[1]);
-      for (const TrialRow& trial : run.stored.trials) {
+      for (const records::TrialRow& trial : run.stored.trials) {
         if (id && trial.trial_id == *id) {
           return of_trial(run, trial, {rest.begin() + 2, rest.end()});
         }
@@ -200,7 +201,7 @@ struct Dashboard::Impl {
 
   static HttpReply whole_run(const internal::RunSnapshot& run) {
     const LiveAnswer live = ask_workers(run);
-    Json json = internal::overview_json(run, live.files, utc_now());
+    Json json = internal::overview_json(run, live.files, records::utc_now());
     json["can_ask"] = live.could_ask;
     json["live"] = Json::array();
     for (const internal::LiveFile& file : live.files) {
@@ -215,7 +216,7 @@ struct Dashboard::Impl {
   /// The bundle that trials of a scene ran in, or run in now.
   [[nodiscard]] std::optional<fs::path> bundle(const internal::RunSnapshot& run,
                                                const std::string& scene) {
-    for (const TrialRow& trial : run.stored.trials) {
+    for (const records::TrialRow& trial : run.stored.trials) {
       std::error_code error;
       if (trial.scene != scene || trial.log.empty()) continue;
       if (!fs::exists(run.stored.folder / trial.log, error)) continue;
@@ -247,7 +248,7 @@ struct Dashboard::Impl {
     return not_found("no such picture of a scene");
   }
 
-  HttpReply of_trial(const internal::RunSnapshot& run, const TrialRow& trial,
+  HttpReply of_trial(const internal::RunSnapshot& run, const records::TrialRow& trial,
                      const std::vector<std::string>& rest) {
     if (rest.empty()) {
       Json json = json_log(run.stored, trial, *viewer.log(run.stored, trial));
@@ -256,7 +257,7 @@ struct Dashboard::Impl {
         if (run.stored.scenes[k].name == trial.scene) json["scene_number"] = k;
       }
       json["others"] = Json::array();
-      for (const TrialRow& other : run.stored.trials) {
+      for (const records::TrialRow& other : run.stored.trials) {
         if (other.episode != trial.episode) continue;
         json["others"].push_back(internal::trial_json(other));
       }
@@ -317,4 +318,4 @@ std::string Dashboard::address() const { return address_; }
 void Dashboard::serve() { impl_->server->serve(); }
 void Dashboard::stop() { impl_->server->stop(); }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::dashboard

@@ -15,7 +15,7 @@
 #include <string>
 #include <vector>
 
-namespace segsim::experiments {
+namespace segsim::experiments::dashboard {
 
 struct DashboardOptions {
   /// Work folders, folders of work folders, or results databases; looked at again and again,
@@ -53,4 +53,4 @@ class Dashboard {
   std::string address_;
 };
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::dashboard

@@ -12,7 +12,7 @@
 #include "perception/data/dataset.h"
 #include "perception/detector/evaluate.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::detection {
 namespace {
 
 namespace fs = std::filesystem;
@@ -30,12 +30,12 @@ std::string describe_inputs(const fs::path& weights, const HeldOutSets& sets,
 }
 
 /// Nothing if the file is missing, unreadable or of other inputs: it is only a shortcut.
-std::optional<HeldOutPrecision> read_measurement(const fs::path& file,
-                                                 const std::string& inputs) {
+std::optional<records::HeldOutPrecision> read_measurement(const fs::path& file,
+                                                          const std::string& inputs) {
   if (!fs::exists(file)) return std::nullopt;
   const auto json = nlohmann::json::parse(core::read_file(file), nullptr, false);
   if (json.is_discarded() || json.value("inputs", "") != inputs) return std::nullopt;
-  HeldOutPrecision result;
+  records::HeldOutPrecision result;
   result.views = json.value("views", 0);
   result.ap50 = json.value("ap50", 0.0);
   result.ap = json.value("ap", 0.0);
@@ -48,7 +48,7 @@ std::optional<HeldOutPrecision> read_measurement(const fs::path& file,
 }
 
 void write_measurement(const fs::path& file, const std::string& inputs,
-                       const HeldOutPrecision& result) {
+                       const records::HeldOutPrecision& result) {
   nlohmann::ordered_json json{{"inputs", inputs},
                               {"views", result.views},
                               {"ap50", result.ap50},
@@ -80,9 +80,9 @@ void choose_threshold(const fs::path& weights_file, const fs::path& validation,
 
 }  // namespace
 
-HeldOutPrecision prepare_arm_weights(const fs::path& weights, const HeldOutSets& sets,
-                                     double precision_target, const fs::path& output,
-                                     const std::function<void()>& on_measure) {
+records::HeldOutPrecision prepare_arm_weights(const fs::path& weights, const HeldOutSets& sets,
+                                              double precision_target, const fs::path& output,
+                                              const std::function<void()>& on_measure) {
   const fs::path record = output.string() + ".precision.json";
   const std::string inputs = describe_inputs(weights, sets, precision_target);
   if (fs::exists(output)) {
@@ -92,7 +92,7 @@ HeldOutPrecision prepare_arm_weights(const fs::path& weights, const HeldOutSets&
   choose_threshold(weights, sets.validation, precision_target, output);
   const perception::EvaluationReport report = perception::evaluate(output, sets.test);
   const perception::OperatingPoint& point = report.precision.operating;
-  HeldOutPrecision result;
+  records::HeldOutPrecision result;
   result.views = report.images;
   result.ap50 = report.precision.ap50;
   result.ap = report.precision.ap;
@@ -109,4 +109,4 @@ HeldOutPrecision prepare_arm_weights(const fs::path& weights, const HeldOutSets&
   return result;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::detection

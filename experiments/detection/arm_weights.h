@@ -9,7 +9,7 @@
 
 #include "experiments/records/held_out_precision.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::detection {
 
 /// Data sets (COCO JSON) of an experiment that nothing is trained on.
 struct HeldOutSets {
@@ -25,9 +25,9 @@ struct HeldOutSets {
 /// lies in `output`.precision.json.
 /// @param on_measure  Called before that takes time.
 /// @throws core::InputError if a file is missing or damaged.
-HeldOutPrecision prepare_arm_weights(const std::filesystem::path& weights,
-                                     const HeldOutSets& sets, double precision_target,
-                                     const std::filesystem::path& output,
-                                     const std::function<void()>& on_measure = {});
+records::HeldOutPrecision prepare_arm_weights(const std::filesystem::path& weights,
+                                              const HeldOutSets& sets, double precision_target,
+                                              const std::filesystem::path& output,
+                                              const std::function<void()>& on_measure = {});
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::detection

@@ -10,11 +10,11 @@
 #include "experiments/support/text_grid.h"
 #include "perception/data/image_file.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::detection {
 namespace {
 
-using internal::print;
-using internal::TextGrid;
+using support::internal::print;
+using support::internal::TextGrid;
 using Json = nlohmann::ordered_json;
 
 std::string percent(double value) { return value < 0.0 ? "-" : print("%.1f", 100.0 * value); }
@@ -208,4 +208,4 @@ void write_comparison(const std::filesystem::path& folder, const ComparisonRepor
   }
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::detection

@@ -10,7 +10,7 @@
 #include "core/image.h"
 #include "experiments/detection/detector_comparison.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::detection {
 
 struct ComparisonReport {
   ComparisonOptions options;
@@ -40,4 +40,4 @@ struct ComparisonReport {
 /// misses-NAME.png.
 void write_comparison(const std::filesystem::path& folder, const ComparisonReport& report);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::detection

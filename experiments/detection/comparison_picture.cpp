@@ -10,7 +10,7 @@
 #include "experiments/drawing/map_canvas.h"
 #include "perception/data/image_file.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::detection {
 namespace {
 
 using perception::ConfusionMatrix;
@@ -25,7 +25,7 @@ core::Image<core::Rgb8> reduced(const cv::Mat& page) {
   cv::Mat small;
   cv::resize(page, small, cv::Size(page.cols / kOversampling, page.rows / kOversampling), 0, 0,
              cv::INTER_AREA);
-  return from_bgr(small);
+  return drawing::from_bgr(small);
 }
 
 void draw_curve(cv::Mat& page, const cv::Rect2d& plot,
@@ -48,7 +48,7 @@ void draw_panel(cv::Mat& page, const cv::Rect2d& plot, const PrecisionCurve& cur
     cv::line(page, cv::Point2d(x, plot.y), cv::Point2d(x, plot.y + plot.height), kGrid, 2);
     cv::line(page, cv::Point2d(plot.x, y), cv::Point2d(plot.x + plot.width, y), kGrid, 2);
   }
-  cv::rectangle(page, plot, ink::kFaint, 2);
+  cv::rectangle(page, plot, drawing::ink::kFaint, 2);
   draw_curve(page, plot, curve.before, kBefore, 5);
   draw_curve(page, plot, curve.after, kAfter, 5);
   const auto area = [](const auto& values) {
@@ -59,7 +59,8 @@ void draw_panel(cv::Mat& page, const cv::Rect2d& plot, const PrecisionCurve& cur
   char text[96];
   std::snprintf(text, sizeof text, "%s  %.0f -> %.0f", curve.name.c_str(), area(curve.before),
                 area(curve.after));
-  draw_text(page, text, {plot.x, plot.y - 0.6 * letter_px}, letter_px, ink::kText, true);
+  drawing::draw_text(page, text, {plot.x, plot.y - 0.6 * letter_px}, letter_px,
+                     drawing::ink::kText, true);
 }
 
 std::string axis_name(const SetComparison& set, int index, const char* none) {
@@ -105,18 +106,19 @@ void draw_matrix(cv::Mat& page, const SetComparison& set, const ConfusionMatrix&
       cv::rectangle(page, box, kGrid, 2);
       if (count == 0) continue;
       const std::string text = std::to_string(count);
-      draw_text(page, text,
-                {box.x + 0.5 * (cell - text_width_px(text, letter)), box.y + 0.62 * cell},
-                letter, fade > 0.7 ? cv::Scalar(255, 255, 255) : ink::kText);
+      drawing::draw_text(
+          page, text,
+          {box.x + 0.5 * (cell - drawing::text_width_px(text, letter)), box.y + 0.62 * cell},
+          letter, fade > 0.7 ? cv::Scalar(255, 255, 255) : drawing::ink::kText);
     }
     const std::string name = axis_name(set, shown[r], "nothing there");
-    draw_text(page, name,
-              {left - 10 - text_width_px(name, letter),
-               top + (static_cast<double>(r) + 0.62) * cell},
-              letter, ink::kText);
+    drawing::draw_text(page, name,
+                       {left - 10 - drawing::text_width_px(name, letter),
+                        top + (static_cast<double>(r) + 0.62) * cell},
+                       letter, drawing::ink::kText);
     const std::string column = axis_name(set, shown[r], "not found").substr(0, 7);
-    draw_text(page, column, {left + static_cast<double>(r) * cell + 4, top - 10}, 0.8 * letter,
-              ink::kText);
+    drawing::draw_text(page, column, {left + static_cast<double>(r) * cell + 4, top - 10},
+                       0.8 * letter, drawing::ink::kText);
   }
 }
 
@@ -165,10 +167,10 @@ core::Image<core::Rgb8> draw_precision_curves(const SetComparison& set) {
   const double height = 2 * kGap + std::max(kLarge + kGap, rows * (kSmall + kGap));
   cv::Mat page(static_cast<int>(height), static_cast<int>(width), CV_8UC3,
                cv::Scalar(255, 255, 255));
-  draw_text(
+  drawing::draw_text(
       page,
       set.name + ": precision over recall at IoU 0.5, AP50 before (grey) -> after (blue)",
-      {kGap, 0.7 * kGap}, 12 * kUnit, ink::kText, true);
+      {kGap, 0.7 * kGap}, 12 * kUnit, drawing::ink::kText, true);
   for (std::size_t i = 0; i < set.curves.size(); ++i) {
     cv::Rect2d plot(kGap, 2 * kGap, kLarge, kLarge);
     if (i > 0) {
@@ -197,15 +199,15 @@ core::Image<core::Rgb8> draw_confusion(const SetComparison& set) {
     std::snprintf(title, sizeof title,
                   "%s, %s: rows are there, columns detected, score >= %.2f", set.name.c_str(),
                   after ? "after" : "before", errors.score_threshold);
-    draw_text(page, title, {(after ? right : kNames) - 60 * kUnit, 22 * kUnit}, 10 * kUnit,
-              ink::kText, true);
+    drawing::draw_text(page, title, {(after ? right : kNames) - 60 * kUnit, 22 * kUnit},
+                       10 * kUnit, drawing::ink::kText, true);
     draw_matrix(page, set, errors.confusion, shown, after ? right : kNames, kTop, kCell);
   }
   return reduced(page);
 }
 
 core::Image<core::Rgb8> draw_worst_misses(const SetComparison& set, int count) {
-  std::vector<SheetPicture> pictures;
+  std::vector<drawing::SheetPicture> pictures;
   for (const WorstImage& worst : worst_images(set)) {
     if (static_cast<int>(pictures.size()) == count) break;
     const perception::LabeledImage& image = set.dataset.images[worst.image];
@@ -219,13 +221,14 @@ core::Image<core::Rgb8> draw_worst_misses(const SetComparison& set, int count) {
     std::snprintf(caption, sizeof caption, "%s: %d missed, %d confused, %d false",
                   std::filesystem::path(image.file).stem().string().c_str(), worst.missed,
                   worst.wrong, worst.nothing_there);
-    pictures.push_back({draw_boxes(perception::read_image(set.dataset.image_file(image)),
-                                   result.truth, shown, set.dataset.class_names, scale),
-                        caption});
+    pictures.push_back(
+        {drawing::draw_boxes(perception::read_image(set.dataset.image_file(image)),
+                             result.truth, shown, set.dataset.class_names, scale),
+         caption});
   }
   if (pictures.empty()) return {};
-  return picture_sheet(pictures, 3,
-                       set.name + ", after: worst images (labels solid, detections dashed)");
+  return drawing::picture_sheet(
+      pictures, 3, set.name + ", after: worst images (labels solid, detections dashed)");
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::detection

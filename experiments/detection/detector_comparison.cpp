@@ -13,7 +13,7 @@
 #include "perception/checkpoint/weights_file.h"
 #include "perception/detector/evaluate.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::detection {
 namespace {
 
 using perception::EvaluationImage;
@@ -104,7 +104,7 @@ std::vector<Scores> all_scores(const std::vector<JudgedScores>& judged,
   return classes;
 }
 
-Interval percentile_interval(const std::vector<double>& samples, double confidence) {
+results::Interval percentile_interval(const std::vector<double>& samples, double confidence) {
   if (samples.empty()) return {-1.0, -1.0};
   const auto at = [&](double share) {
     return core::quantile(samples, share, core::Between::kNearest);
@@ -293,4 +293,4 @@ SetComparison compare_on_set(const ComparisonOptions& options, const std::string
   return set;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::detection

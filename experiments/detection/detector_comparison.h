@@ -20,12 +20,12 @@
 #include "perception/evaluation/coco_evaluation.h"
 #include "perception/evaluation/confusion.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::detection {
 
 /// A number with its bootstrap interval; -1 without objects.
 struct Estimate {
   double value = -1.0;
-  Interval interval{-1.0, -1.0};
+  results::Interval interval{-1.0, -1.0};
 };
 
 enum class Score : unsigned char { kAp, kAp50, kAr1, kAr10, kAr100 };
@@ -80,4 +80,4 @@ struct ComparisonOptions {
 /// The comparison itself, from detections that are there already: fills `rows` and `curves`.
 void compare_results(const ComparisonOptions& options, SetComparison& set);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::detection

@@ -6,7 +6,7 @@
 #include "core/quantile.h"
 #include "perception/evaluation/average_precision.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::detection {
 namespace {
 
 double quantile(const std::vector<double>& values, double share) {
@@ -118,4 +118,4 @@ std::vector<InstanceConsistency> LabelConsistency::result() const {
   return result;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::detection

@@ -24,7 +24,7 @@
 #include "core/scene_bundle.h"
 #include "perception/data/labeled_box.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::detection {
 
 struct InstanceConsistency {
   std::string scene, name, class_name;  ///< Class as the scene has it.
@@ -65,4 +65,4 @@ class LabelConsistency {
   std::map<int, Record> records_;
 };
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::detection

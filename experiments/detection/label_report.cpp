@@ -12,15 +12,15 @@
 #include "perception/data/image_file.h"
 #include "perception/data/yolo_labels.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::detection {
 namespace {
 
 namespace fs = std::filesystem;
-using internal::print;
-using internal::TextGrid;
 using perception::CocoDataset;
 using perception::LabeledBox;
 using perception::LabeledImage;
+using support::internal::print;
+using support::internal::TextGrid;
 
 constexpr int kSheetPictures = 20, kSheetColumns = 4;
 
@@ -136,17 +136,17 @@ std::string label_report_markdown(const LabelReport& report) {
 
 void write_contact_sheet(const fs::path& file, const CocoDataset& dataset, int count,
                          const std::string& title) {
-  std::vector<SheetPicture> pictures;
+  std::vector<drawing::SheetPicture> pictures;
   const std::size_t images = dataset.images.size();
   const std::size_t shown = std::min(images, static_cast<std::size_t>(count));
   for (std::size_t k = 0; k < shown; ++k) {
     const LabeledImage& image = dataset.images[k * images / shown];
-    pictures.push_back({draw_boxes(perception::read_image(dataset.image_file(image)),
-                                   image.boxes, {}, dataset.class_names),
+    pictures.push_back({drawing::draw_boxes(perception::read_image(dataset.image_file(image)),
+                                            image.boxes, {}, dataset.class_names),
                         image.file});
   }
   if (pictures.empty()) return;
-  perception::write_image(file, picture_sheet(pictures, kSheetColumns, title));
+  perception::write_image(file, drawing::picture_sheet(pictures, kSheetColumns, title));
 }
 
 void write_label_files(const fs::path& folder, const LabelReport& report) {
@@ -177,4 +177,4 @@ void write_label_files(const fs::path& folder, const LabelReport& report) {
                           " views; T = truncated, O = occluded, grey = ignored");
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::detection

@@ -12,7 +12,7 @@
 #include "experiments/detection/view_split.h"
 #include "perception/data/dataset.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::detection {
 
 struct LabelReport {
   perception::CocoDataset dataset;
@@ -43,4 +43,4 @@ void write_contact_sheet(const std::filesystem::path& file,
 /// labels/*.txt with data.yaml, consistency.csv, report.md, contact_sheet.png.
 void write_label_files(const std::filesystem::path& folder, const LabelReport& report);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::detection

@@ -10,7 +10,7 @@
 #include "perception/models/object_detector.h"
 #include "reconstruction/datasets/mask_files.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::detection {
 namespace {
 
 namespace fs = std::filesystem;
@@ -92,7 +92,7 @@ std::vector<core::SceneClass> prompt_classes(const std::vector<std::string>& phr
   return classes;
 }
 
-DetectMasksReport detect_masks(const renderer::RgbdSequence& recording,
+DetectMasksReport detect_masks(const reconstruction::RgbdSequence& recording,
                                const DetectMasksOptions& options) {
   perception::ObjectDetectorOptions detector_options;
   detector_options.prompts = perception::parse_prompt(options.prompt);
@@ -110,7 +110,7 @@ DetectMasksReport detect_masks(const renderer::RgbdSequence& recording,
   core::Progress progress(
       "detect masks", static_cast<std::int64_t>((recording.frame_count() + step - 1) / step));
   for (std::size_t i = 0; i < recording.frame_count(); i += step) {
-    const renderer::RgbdFrame frame = recording.load(i);
+    const reconstruction::RgbdFrame frame = recording.load(i);
     core::Observation observation;
     observation.intrinsics = recording.intrinsics();
     observation.rgb = &frame.rgb;
@@ -120,20 +120,20 @@ DetectMasksReport detect_masks(const renderer::RgbdSequence& recording,
     const core::FrameMasks masks =
         compose_masks(frame.rgb.width_px(), frame.rgb.height_px(), found,
                       segmenter->segment(frame.rgb, boxes), classes);
-    renderer::write_masks(options.output, recording.frame_name(i), masks, classes);
+    reconstruction::write_masks(options.output, recording.frame_name(i), masks, classes);
     report.masks += masks.segments.size();
     progress.update(static_cast<std::int64_t>(++report.views));
   }
   progress.finish();
-  renderer::MaskSetInfo info;
+  reconstruction::MaskSetInfo info;
   info.source = "detector " + options.detector.filename().string() + ", segmenter " +
                 options.segmenter.filename().string() + ", of " + recording.name();
   info.classes = classes;
   std::sort(info.classes.begin(), info.classes.end(),
             [](const auto& a, const auto& b) { return a.id < b.id; });
   info.prompts = detector_options.prompts;
-  renderer::write_mask_set_info(options.output, info);
+  reconstruction::write_mask_set_info(options.output, info);
   return report;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::detection

@@ -18,7 +18,7 @@
 #include "perception/models/prompt_segmenter.h"
 #include "reconstruction/datasets/rgbd_sequence.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::detection {
 
 /// Paints masks by ascending score, so that the surest is on top. Things get ids 1, 2, ... in
 /// descending score; masks of one stuff class share id 0. The score of a mask is the
@@ -51,7 +51,7 @@ struct DetectMasksReport {
 };
 
 /// Writes the masks of a recording; masks.yaml last.
-DetectMasksReport detect_masks(const renderer::RgbdSequence& recording,
+DetectMasksReport detect_masks(const reconstruction::RgbdSequence& recording,
                                const DetectMasksOptions& options);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::detection

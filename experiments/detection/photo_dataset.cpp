@@ -10,12 +10,12 @@
 #include "core/progress.h"
 #include "perception/data/image_file.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::detection {
 namespace {
 
 namespace fs = std::filesystem;
-using renderer::AnnotatedBox;
-using renderer::OrientedBox;
+using reconstruction::AnnotatedBox;
+using reconstruction::OrientedBox;
 
 constexpr float kNoHit = std::numeric_limits<float>::quiet_NaN();
 
@@ -105,7 +105,7 @@ DepthSays ask_depth(double measured_m, const Span& span, double slack_m) {
   return measured_m > span.leave_m + slack_m ? DepthSays::kFliesOn : DepthSays::kNothing;
 }
 
-double depth_at(const renderer::RgbdFrame& frame, int x, int y, int width, int height) {
+double depth_at(const reconstruction::RgbdFrame& frame, int x, int y, int width, int height) {
   if (frame.depth_m.empty()) return 0.0;
   return frame.depth_m(x * frame.depth_m.width_px() / width,
                        y * frame.depth_m.height_px() / height);
@@ -113,7 +113,8 @@ double depth_at(const renderer::RgbdFrame& frame, int x, int y, int width, int h
 
 }  // namespace
 
-PhotoLabels cast_boxes(const renderer::RgbdFrame& frame, const core::CameraIntrinsics& camera,
+PhotoLabels cast_boxes(const reconstruction::RgbdFrame& frame,
+                       const core::CameraIntrinsics& camera,
                        const std::vector<AnnotatedBox>& boxes, double depth_slack_m) {
   const int width = camera.width_px, height = camera.height_px;
   PhotoLabels labels;
@@ -150,8 +151,8 @@ PhotoLabels cast_boxes(const renderer::RgbdFrame& frame, const core::CameraIntri
   return labels;
 }
 
-fs::path write_photo_dataset(const renderer::RgbdSequence& sequence,
-                             const renderer::BoxAnnotation& annotation,
+fs::path write_photo_dataset(const reconstruction::RgbdSequence& sequence,
+                             const reconstruction::BoxAnnotation& annotation,
                              const PhotoOptions& options, const fs::path& folder) {
   SEGSIM_CHECK(options.frame_step > 0, "frame step");
   std::map<std::uint16_t, std::uint16_t> class_of;
@@ -167,7 +168,7 @@ fs::path write_photo_dataset(const renderer::RgbdSequence& sequence,
   core::Progress progress("photographs", static_cast<std::int64_t>(sequence.frame_count()));
   const auto step = static_cast<std::size_t>(options.frame_step);
   for (std::size_t i = 0; i < sequence.frame_count(); i += step) {
-    const renderer::RgbdFrame frame = sequence.load(i);
+    const reconstruction::RgbdFrame frame = sequence.load(i);
     const PhotoLabels labels =
         cast_boxes(frame, sequence.intrinsics(), annotation.boxes, options.depth_slack_m);
     core::Image<std::uint16_t> semantic(labels.instance.width_px(),
@@ -197,4 +198,4 @@ fs::path write_photo_dataset(const renderer::RgbdSequence& sequence,
   return folder / "labels.json";
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::detection

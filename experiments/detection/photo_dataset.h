@@ -18,7 +18,7 @@
 #include "reconstruction/datasets/box_annotation.h"
 #include "reconstruction/datasets/rgbd_sequence.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::detection {
 
 struct PhotoOptions {
   std::vector<std::string>
@@ -34,18 +34,18 @@ struct PhotoLabels {
   core::Image<float> depth_m;           ///< Where the ray enters it, along +z; NaN = none.
   std::map<std::uint16_t, double> visible_fraction;
 };
-[[nodiscard]] PhotoLabels cast_boxes(const renderer::RgbdFrame& frame,
+[[nodiscard]] PhotoLabels cast_boxes(const reconstruction::RgbdFrame& frame,
                                      const core::CameraIntrinsics& camera,
-                                     const std::vector<renderer::AnnotatedBox>& boxes,
+                                     const std::vector<reconstruction::AnnotatedBox>& boxes,
                                      double depth_slack_m);
 
 /// Writes every `frame_step`-th frame as `folder`/images/NAME.png, and `folder`/labels.json.
 /// Objects that are not annotated with care (`AnnotatedBox::core`) are ignored.
 /// @return  The JSON file.
 /// @throws core::InputError for a broken recording or annotation.
-std::filesystem::path write_photo_dataset(const renderer::RgbdSequence& sequence,
-                                          const renderer::BoxAnnotation& annotation,
+std::filesystem::path write_photo_dataset(const reconstruction::RgbdSequence& sequence,
+                                          const reconstruction::BoxAnnotation& annotation,
                                           const PhotoOptions& options,
                                           const std::filesystem::path& folder);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::detection

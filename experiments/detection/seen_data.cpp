@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace segsim::experiments {
+namespace segsim::experiments::detection {
 namespace {
 
 using perception::DataPurpose;
@@ -85,4 +85,4 @@ std::string scene_text(const ImagedScene& scene) {
          std::to_string(scene.last_seed);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::detection

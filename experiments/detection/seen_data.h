@@ -9,7 +9,7 @@
 
 #include "perception/checkpoint/lineage.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::detection {
 
 /// Each text is a line without a full stop.
 struct SeenData {
@@ -27,4 +27,4 @@ struct SeenData {
 /// "flat-3" or "source_rooms/1, seeds 1 to 250".
 [[nodiscard]] std::string scene_text(const perception::ImagedScene& scene);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::detection

@@ -17,7 +17,7 @@
 #include "worlds/procedural/procedural_furniture.h"
 #include "worlds/procedural/source_domain.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::detection {
 namespace {
 
 namespace fs = std::filesystem;
@@ -89,7 +89,7 @@ class SceneViews {
 
 fs::path render_source_dataset(const SourceDatasetOptions& options, const fs::path& folder) {
   const fs::path json = folder / "labels.json";
-  const StepRecord record(folder / "labels.step", describe(options));
+  const support::StepRecord record(folder / "labels.step", describe(options));
   if (fs::exists(json) && record.is_current()) return json;
 
   SceneViews views("source views", options.rooms * options.views_per_room, options.camera,
@@ -106,7 +106,7 @@ fs::path render_source_dataset(const SourceDatasetOptions& options, const fs::pa
 
 fs::path render_unseen_homes(const UnseenHomesOptions& options, const fs::path& folder) {
   const fs::path json = folder / "labels.json";
-  const StepRecord record(folder / "labels.step", describe(options));
+  const support::StepRecord record(folder / "labels.step", describe(options));
   if (fs::exists(json) && record.is_current()) return json;
 
   SceneViews views("views of unseen homes", options.homes * options.views_per_home,
@@ -128,4 +128,4 @@ fs::path render_unseen_homes(const UnseenHomesOptions& options, const fs::path& 
   return json;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::detection

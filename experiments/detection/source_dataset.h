@@ -9,7 +9,7 @@
 
 #include "core/camera.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::detection {
 
 struct SourceDatasetOptions {
   std::uint64_t seed = 1;
@@ -38,4 +38,4 @@ struct UnseenHomesOptions {
 std::filesystem::path render_unseen_homes(const UnseenHomesOptions& options,
                                           const std::filesystem::path& folder);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::detection

@@ -16,7 +16,7 @@
 #include "renderer/files/ply_io.h"
 #include "sim/ground/world.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::detection {
 namespace {
 
 namespace fs = std::filesystem;
@@ -99,8 +99,8 @@ std::vector<core::SceneClass> mapped_classes(const core::SceneManifest& manifest
   return classes;
 }
 
-ViewSamplerOptions sampler_options(const ViewLabelOptions& options) {
-  ViewSamplerOptions result;
+scenes::ViewSamplerOptions sampler_options(const ViewLabelOptions& options) {
+  scenes::ViewSamplerOptions result;
   result.seed = options.seed;
   result.share_facing_object = options.share_facing_object;
   result.max_object_distance_m = options.max_object_distance_m;
@@ -120,8 +120,8 @@ class ViewLabeller {
         classes_(classes),
         folder_(folder),
         surfels_(read_labelled(bundle.surfels_file())),
-        renderer_(
-            renderer::make_cpu_renderer(surfels_, {}, load_scene_labels(bundle, *surfels_))),
+        renderer_(renderer::make_cpu_renderer(surfels_, {},
+                                              scenes::load_scene_labels(bundle, *surfels_))),
         alone_(surfels_),
         consistency_(bundle.manifest),
         T_robot_camera_(
@@ -214,11 +214,11 @@ class ViewLabeller {
 };
 
 /// Every picture of the drives that is of use.
-void add_drives(const sim::World& world, const ViewLabelOptions& options, ViewSampler& sampler,
-                ViewLabeller& labeller, ViewLabels& labels) {
-  for (const Drive& drive : options.drives) {
+void add_drives(const sim::World& world, const ViewLabelOptions& options,
+                scenes::ViewSampler& sampler, ViewLabeller& labeller, ViewLabels& labels) {
+  for (const scenes::Drive& drive : options.drives) {
     if (!drive.scene.empty() && drive.scene != world.manifest().name) continue;
-    for (const core::Pose2& pose : drive_poses(world, drive)) {
+    for (const core::Pose2& pose : scenes::drive_poses(world, drive)) {
       const bool wanted = !sampler.is_avoided(pose) && !sampler.is_near_duplicate(pose);
       if (!wanted || !labeller.add(pose, 0)) {
         ++labels.drive_views_refused;
@@ -241,7 +241,7 @@ ViewLabels label_views(const core::SceneBundle& bundle, const sim::RobotModel& r
   const std::vector<core::SceneClass> classes =
       mapped_classes(bundle.manifest, options, labels.unmapped);
   ViewLabeller labeller(bundle, options, classes, folder);
-  ViewSampler sampler(world, classes, options.class_names, sampler_options(options));
+  scenes::ViewSampler sampler(world, classes, options.class_names, sampler_options(options));
   add_drives(world, options, sampler, labeller, labels);
 
   std::unique_ptr<core::Progress> progress;
@@ -282,4 +282,4 @@ void append_dataset(perception::CocoDataset& all, const perception::CocoDataset&
   }
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::detection

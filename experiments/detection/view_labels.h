@@ -21,7 +21,7 @@
 #include "perception/data/dataset.h"
 #include "sim/ground/robot.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::detection {
 
 struct ViewLabelOptions {
   std::uint64_t seed = 1;
@@ -38,8 +38,8 @@ struct ViewLabelOptions {
   double min_view_distance_m = 0.4;    ///< Median depth below this: the view stares at a wall.
   double max_invalid_share =
       0.35;  ///< Of pixels with alpha < 0.5: outside the reconstruction.
-  ViewDistance near_duplicate;
-  std::vector<Drive> drives;  ///< Those of this scene, or of any, are driven first.
+  scenes::ViewDistance near_duplicate;
+  std::vector<scenes::Drive> drives;  ///< Those of this scene, or of any, are driven first.
   std::vector<glm::dvec2>
       avoid_m;  ///< Starts of evaluation episodes: no view within `avoid_radius_m` of them.
   double avoid_radius_m = 0.0;
@@ -75,4 +75,4 @@ struct ViewLabels {
 /// known if those of both are.
 void append_dataset(perception::CocoDataset& all, const perception::CocoDataset& other);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::detection

@@ -9,7 +9,7 @@
 #include "core/error.h"
 #include "core/random.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::detection {
 namespace {
 
 using perception::CocoDataset;
@@ -108,4 +108,4 @@ ViewSplit split_views(const CocoDataset& dataset, const ViewSplitOptions& option
           static_cast<int>(std::count(parts.begin(), parts.end(), Part::kDropped))};
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::detection

@@ -10,12 +10,13 @@
 #include "experiments/scenes/view_sampler.h"
 #include "perception/data/dataset.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::detection {
 
 struct ViewSplitOptions {
-  double val_share = 0.2;                ///< Of each training scene's views, [0, 1).
-  ViewDistance apart{0.5, 0.523598776};  ///< A validation view is unlike every training view.
-  std::vector<std::string> val_scenes;   ///< Wholly held out.
+  double val_share = 0.2;  ///< Of each training scene's views, [0, 1).
+  scenes::ViewDistance apart{
+      0.5, 0.523598776};                ///< A validation view is unlike every training view.
+  std::vector<std::string> val_scenes;  ///< Wholly held out.
   std::uint64_t seed = 1;
 };
 
@@ -31,4 +32,4 @@ struct ViewSplit {
 [[nodiscard]] ViewSplit split_views(const perception::CocoDataset& dataset,
                                     const ViewSplitOptions& options);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::detection

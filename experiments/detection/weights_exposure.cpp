@@ -7,7 +7,7 @@
 #include "perception/models/object_detector.h"
 #include "worlds/procedural/procedural_flat.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::detection {
 namespace {
 
 using perception::DataPurpose;
@@ -42,21 +42,22 @@ std::vector<DataUse> data_of_file(const std::filesystem::path& file) {
   return perception::data_of(perception::read_weights(file), file);
 }
 
-TrainingDataKnown how_much_is_known(const std::vector<DataUse>& data) {
+records::TrainingDataKnown how_much_is_known(const std::vector<DataUse>& data) {
   const auto is_known = [](const DataUse& use) { return use.scenes.has_value(); };
-  if (std::all_of(data.begin(), data.end(), is_known)) return TrainingDataKnown::kAll;
+  if (std::all_of(data.begin(), data.end(), is_known)) return records::TrainingDataKnown::kAll;
   const bool knows_training = std::any_of(data.begin(), data.end(), [&](const DataUse& use) {
     return is_known(use) && use.purpose != DataPurpose::kValidation;
   });
-  return knows_training ? TrainingDataKnown::kPart : TrainingDataKnown::kNothing;
+  return knows_training ? records::TrainingDataKnown::kPart
+                        : records::TrainingDataKnown::kNothing;
 }
 
 }  // namespace
 
-SceneExposure exposure_of(const std::filesystem::path& weights,
-                          std::span<const EvaluationScene> scenes) {
+records::SceneExposure exposure_of(const std::filesystem::path& weights,
+                                   std::span<const EvaluationScene> scenes) {
   const std::vector<DataUse> data = data_of_file(weights);
-  SceneExposure exposure;
+  records::SceneExposure exposure;
   for (const EvaluationScene& scene : scenes) {
     bool trained = false, chosen = false, named = false;
     for (const DataUse& use : data) {
@@ -72,4 +73,4 @@ SceneExposure exposure_of(const std::filesystem::path& weights,
   return exposure;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::detection

@@ -12,7 +12,7 @@
 #include "core/scene_bundle.h"
 #include "experiments/records/scene_exposure.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::detection {
 
 /// A scene of an evaluation.
 struct EvaluationScene {
@@ -23,7 +23,7 @@ struct EvaluationScene {
 
 /// @param weights  Of this program, or a model of others: that says nothing.
 /// @throws core::InputError if the file or its record is damaged.
-[[nodiscard]] SceneExposure exposure_of(const std::filesystem::path& weights,
-                                        std::span<const EvaluationScene> scenes);
+[[nodiscard]] records::SceneExposure exposure_of(const std::filesystem::path& weights,
+                                                 std::span<const EvaluationScene> scenes);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::detection

@@ -10,7 +10,7 @@
 #include "core/check.h"
 #include "experiments/drawing/map_canvas.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::drawing {
 namespace {
 
 constexpr double kLetter = 9.0, kTitle = 13.0;
@@ -145,4 +145,4 @@ core::Image<core::Rgb8> picture_sheet(const std::vector<SheetPicture>& pictures,
   return from_bgr(page);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::drawing

@@ -10,7 +10,7 @@
 #include "core/stages.h"
 #include "perception/data/labeled_box.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::drawing {
 
 /// One image of a sheet.
 struct SheetPicture {
@@ -31,4 +31,4 @@ struct SheetPicture {
 [[nodiscard]] core::Image<core::Rgb8> picture_sheet(const std::vector<SheetPicture>& pictures,
                                                     int columns, const std::string& title);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::drawing

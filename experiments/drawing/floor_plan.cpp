@@ -9,7 +9,7 @@
 
 #include "core/quantile.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::drawing {
 namespace {
 
 constexpr float kMinOpacity = 0.3F;
@@ -96,4 +96,4 @@ FloorPlan make_floor_plan(const renderer::SurfelCloud& surfels, double max_heigh
   return plan;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::drawing

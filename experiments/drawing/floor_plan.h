@@ -8,7 +8,7 @@
 #include "core/image.h"
 #include "renderer/scene/surfels.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::drawing {
 
 /// Image of the floor, +x to the right and +y up: world point p lies at pixel
 /// ((p.x - origin.x) px_per_m, height - (p.y - origin.y) px_per_m).
@@ -29,4 +29,4 @@ struct FloorPlan {
 [[nodiscard]] FloorPlan make_floor_plan(const renderer::SurfelCloud& surfels,
                                         double max_height_m = 1.8, double px_per_m = 64.0);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::drawing

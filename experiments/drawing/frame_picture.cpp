@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace segsim::experiments {
+namespace segsim::experiments::drawing {
 namespace {
 
 using core::Image;
@@ -91,4 +91,4 @@ Image<Rgb8> frame_picture(const core::Frame& frame) {
   return sheet;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::drawing

@@ -8,7 +8,7 @@
 #include "core/image.h"
 #include "core/render.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::drawing {
 
 /// A colour per id, far apart for neighbouring ids; 0 is dark grey. Equal everywhere in the
 /// program.
@@ -25,4 +25,4 @@ namespace segsim::experiments {
 /// Colour | depth over normals | panoptic.
 [[nodiscard]] core::Image<core::Rgb8> frame_picture(const core::Frame& frame);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::drawing

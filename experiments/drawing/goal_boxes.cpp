@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <map>
 
-namespace segsim::experiments {
+namespace segsim::experiments::drawing {
 namespace {
 
 constexpr double kSmallestDrawn_px = 10.0;  // Less is a crumb at the edge of another object.
@@ -32,4 +32,4 @@ std::vector<perception::LabeledBox> goal_boxes(const core::Frame& frame,
   return list;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::drawing

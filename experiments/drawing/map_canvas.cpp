@@ -5,7 +5,7 @@
 
 #include <opencv2/imgproc.hpp>
 
-namespace segsim::experiments {
+namespace segsim::experiments::drawing {
 namespace {
 
 constexpr int kShift = 4;  // Fixed-point bits of OpenCV's sub-pixel coordinates.
@@ -272,4 +272,4 @@ void MapCanvas::draw_scale_bar() {
   draw_text(image_, "1 m", {a.x + 3.0 * unit_, y - 4.0 * unit_}, 6.5 * unit_, ink::kText);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::drawing

@@ -16,7 +16,7 @@
 #include "experiments/drawing/odom_placement.h"
 #include "sim/trial/trial.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::drawing {
 
 /// Colours of the pictures, as OpenCV wants them (blue, green, red).
 namespace ink {
@@ -84,4 +84,4 @@ class MapCanvas {
   double unit_;  ///< Width of a thin line [canvas pixels].
 };
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::drawing

@@ -7,7 +7,7 @@
 
 #include "experiments/drawing/map_canvas.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::drawing {
 namespace {
 
 /// One entry of the legend: a symbol and a word.
@@ -145,4 +145,4 @@ void draw_map_legend(cv::Mat& image, const cv::Point& corner, int width_px, doub
   });
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::drawing

@@ -9,7 +9,7 @@
 
 #include "sim/trial/trial.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::drawing {
 
 /// In capitals, for people.
 [[nodiscard]] std::string outcome_words(sim::Outcome outcome);
@@ -23,4 +23,4 @@ double draw_pill(cv::Mat& image, const std::string& text, const cv::Point2d& at,
 void draw_map_legend(cv::Mat& image, const cv::Point& corner, int width_px, double scale);
 [[nodiscard]] int map_legend_height_px(int width_px, double scale);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::drawing

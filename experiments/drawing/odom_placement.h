@@ -11,7 +11,7 @@
 
 #include "core/frames.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::drawing {
 
 class OdomPlacement {
  public:
@@ -43,4 +43,4 @@ class OdomPlacement {
   double cos_ = 1.0, sin_ = 0.0;
 };
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::drawing

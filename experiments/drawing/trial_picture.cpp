@@ -9,7 +9,7 @@
 #include "experiments/drawing/map_canvas.h"
 #include "experiments/drawing/map_legend.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::drawing {
 namespace {
 
 constexpr int kOversampling = 2;
@@ -96,4 +96,4 @@ core::Image<core::Rgb8> draw_trial(const TrialScene& scene, const sim::TrialResu
   return from_bgr(reduced);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::drawing

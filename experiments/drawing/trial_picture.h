@@ -13,7 +13,7 @@
 #include "experiments/drawing/floor_plan.h"
 #include "sim/trial/trial.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::drawing {
 
 /// A numbered place.
 struct TrialMark {
@@ -40,4 +40,4 @@ struct TrialScene {
                                                  const sim::TrialResult& result,
                                                  int long_side_px = 1000);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::drawing

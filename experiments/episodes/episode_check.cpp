@@ -9,7 +9,7 @@
 #include "core/config.h"
 #include "core/error.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::episodes {
 namespace {
 
 constexpr double kSameLength_m = 0.05, kSameLengthShare = 0.01;
@@ -94,4 +94,4 @@ std::vector<EpisodeFinding> bind_episodes(EpisodeSet& set, const std::string& pl
   return findings;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::episodes

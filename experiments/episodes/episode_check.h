@@ -11,7 +11,7 @@
 #include "experiments/episodes/episodes.h"
 #include "sim/ground/world.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::episodes {
 
 enum class EpisodeState : std::uint8_t {
   kFine,
@@ -43,4 +43,4 @@ std::vector<EpisodeFinding> bind_episodes(EpisodeSet& set, const std::string& pl
                                           const core::SceneBundle& bundle,
                                           const sim::World& world);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::episodes

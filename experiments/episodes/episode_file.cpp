@@ -8,7 +8,7 @@
 #include "core/file_io.h"
 #include "experiments/episodes/episodes.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::episodes {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -202,4 +202,4 @@ EpisodeSet read_episodes(const std::filesystem::path& file) {
   return set;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::episodes

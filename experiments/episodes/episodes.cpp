@@ -11,7 +11,7 @@
 #include "core/random.h"
 #include "core/version.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::episodes {
 namespace {
 
 /// Counts labelled pixels as the robot's camera sees them.
@@ -311,4 +311,4 @@ EpisodeSet generate_episodes(const std::string& scene_name, const core::SceneBun
   return set;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::episodes

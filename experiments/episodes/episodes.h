@@ -17,7 +17,7 @@
 #include "sim/trial/episode_sampling.h"
 #include "sim/trial/trial.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::episodes {
 
 /// What makes a place a view point and a pose a start.
 struct EpisodeRules {
@@ -108,4 +108,4 @@ void write_episodes(const std::filesystem::path& file, const EpisodeSet& set);
 /// @throws core::InputError with file and line.
 [[nodiscard]] EpisodeSet read_episodes(const std::filesystem::path& file);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::episodes

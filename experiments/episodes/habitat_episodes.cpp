@@ -19,7 +19,7 @@
 #include "experiments/support/gzip_file.h"
 #include "perception/data/class_map.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::episodes {
 namespace {
 
 namespace fs = std::filesystem;
@@ -397,9 +397,9 @@ fs::path write_habitat(const fs::path& folder, const std::string& split,
   top.update(ids);
   const fs::path file =
       folder / "content" / (scene_file.substr(0, scene_file.find('.')) + ".json.gz");
-  write_gzip(file, content.dump());
-  write_gzip(folder / (split + ".json.gz"), top.dump());
+  support::write_gzip(file, content.dump());
+  support::write_gzip(folder / (split + ".json.gz"), top.dump());
   return file;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::episodes

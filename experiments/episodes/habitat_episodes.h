@@ -29,7 +29,7 @@
 #include "core/frames.h"
 #include "experiments/episodes/episodes.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::episodes {
 
 [[nodiscard]] inline glm::dvec3 source_from_habitat(const glm::dvec3& p_habitat_m) {
   return {p_habitat_m.x, -p_habitat_m.z, p_habitat_m.y};
@@ -122,4 +122,4 @@ std::filesystem::path write_habitat(const std::filesystem::path& folder,
                                     const EpisodeSet& set, const core::SceneBundle& bundle,
                                     const core::SceneLevelling& levelling);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::episodes

@@ -9,7 +9,7 @@
 #include "experiments/episodes/habitat_episodes.h"
 #include "experiments/support/gzip_file.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::episodes {
 namespace {
 
 namespace fs = std::filesystem;
@@ -146,7 +146,7 @@ class FileReader {
 };
 
 Json parse_gzip(const fs::path& file) {
-  const std::string text = read_gzip(file);
+  const std::string text = support::read_gzip(file);
   try {
     return Json::parse(text);
   } catch (const std::exception& error) {
@@ -190,4 +190,4 @@ HabitatDataset read_habitat(const fs::path& file) {
   return dataset;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::episodes

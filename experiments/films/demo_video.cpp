@@ -14,7 +14,7 @@
 #include "experiments/support/formatted.h"
 #include "experiments/video/video_file.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::films {
 namespace {
 
 constexpr double kFrames_per_s = 12.0;
@@ -24,7 +24,7 @@ constexpr double kResult_s = 12.0;
 constexpr double kPair_s =
     13.0;  ///< At most, but for trials that the least speed makes longer.
 
-using Pair = std::pair<const TrialRow*, const TrialRow*>;
+using Pair = std::pair<const records::TrialRow*, const records::TrialRow*>;
 
 double longer_s(const Pair& pair) { return std::max(pair.first->sim_s, pair.second->sim_s); }
 
@@ -44,11 +44,11 @@ std::string one_of(std::size_t count, const std::string& what) {
 }
 
 /// Pairs by what came out: 2 * before succeeded + after succeeded.
-std::map<int, std::vector<Pair>> pairs_by_outcome(const std::vector<TrialRow>& trials,
+std::map<int, std::vector<Pair>> pairs_by_outcome(const std::vector<records::TrialRow>& trials,
                                                   const std::string& before,
                                                   const std::string& after) {
   std::map<std::pair<std::string, int>, Pair> pairs;
-  for (const TrialRow& trial : trials) {
+  for (const records::TrialRow& trial : trials) {
     if (!trial.counts() || trial.ticks == 0) continue;
     Pair& pair = pairs[{trial.episode, trial.repetition}];
     if (trial.arm == before) pair.first = &trial;
@@ -68,17 +68,17 @@ double speed_for(const DemoPair& pair, double least) {
   return std::max(least, std::ceil(2.0 * wanted) / 2.0);
 }
 
-std::string names_of(const std::vector<SceneRow>& scenes) {
+std::string names_of(const std::vector<records::SceneRow>& scenes) {
   std::string names;
-  for (const SceneRow& scene : scenes) {
+  for (const records::SceneRow& scene : scenes) {
     if (scene.reconstruction > 1) continue;
     names += (names.empty() ? "" : ", ") + (scene.title.empty() ? scene.name : scene.title);
   }
   return names;
 }
 
-std::string title_of(const StoredRun& stored, const std::string& scene) {
-  for (const SceneRow& row : stored.scenes) {
+std::string title_of(const results::StoredRun& stored, const std::string& scene) {
+  for (const records::SceneRow& row : stored.scenes) {
     if (row.name == scene && !row.title.empty()) return row.title;
   }
   return scene;
@@ -86,7 +86,7 @@ std::string title_of(const StoredRun& stored, const std::string& scene) {
 
 }  // namespace
 
-std::vector<DemoPair> choose_demo_pairs(const std::vector<TrialRow>& trials,
+std::vector<DemoPair> choose_demo_pairs(const std::vector<records::TrialRow>& trials,
                                         const std::string& before, const std::string& after) {
   enum Group : int { kNeither, kOnlyAfter, kOnlyBefore, kBoth };
   std::map<int, std::vector<Pair>> groups = pairs_by_outcome(trials, before, after);
@@ -119,14 +119,14 @@ std::vector<DemoPair> choose_demo_pairs(const std::vector<TrialRow>& trials,
   return chosen;
 }
 
-VideoSummary write_demo_video(const StoredRun& stored, const DemoOptions& options) {
-  const ResultTable table = summarise(stored, options.before, options.after);
+VideoSummary write_demo_video(const results::StoredRun& stored, const DemoOptions& options) {
+  const results::ResultTable table = results::summarise(stored, options.before, options.after);
   if (table.before.empty()) {
     throw core::InputError::expected(stored.folder.string(), "a run with two arms to compare",
                                      std::to_string(stored.arms.size()) + " arms");
   }
   // Of several trainings the first is shown.
-  const TrainingSummary& training = table.trainings.front();
+  const results::TrainingSummary& training = table.trainings.front();
   const std::vector<DemoPair> pairs =
       choose_demo_pairs(stored.trials, training.before, training.arm);
   if (pairs.empty()) {
@@ -139,7 +139,7 @@ VideoSummary write_demo_video(const StoredRun& stored, const DemoOptions& option
   std::int64_t done = 0;
   const auto on_tick = [&] { progress.update(std::min(++done, ticks)); };
 
-  internal::VideoFile file(options.video.output, kFrames_per_s);
+  video::internal::VideoFile file(options.video.output, kFrames_per_s);
   const auto show = [&file](const cv::Mat& card, double duration_s) {
     file.write(card);
     file.hold(duration_s - 1.0 / kFrames_per_s);
@@ -150,8 +150,8 @@ VideoSummary write_demo_video(const StoredRun& stored, const DemoOptions& option
             "The same search, robot, starts and goals; the detector alone differs: \"" +
                 table.before + "\" against \"" + table.after + "\".",
             "Places: " + names_of(stored.scenes) +
-                print(".  Trials: %d of %d planned.", table.finished_trials,
-                      table.run.planned_trials)}),
+                support::print(".  Trials: %d of %d planned.", table.finished_trials,
+                               table.run.planned_trials)}),
        kTitle_s);
   show(internal::reading_card(table.before, table.after), kReading_s);
   TrialPlayer player(stored, options.video.data);
@@ -159,13 +159,14 @@ VideoSummary write_demo_video(const StoredRun& stored, const DemoOptions& option
     const std::string title =
         title_of(stored, pair.before->scene) + ": find a " + pair.before->goal_class;
     const double speed = speed_for(pair, options.video.speed);
-    show(internal::title_card(
-             title, {pair.reason, "Episode " + pair.before->episode +
-                                      print(", shown at %g times its speed.", speed)}),
-         kPairTitle_s);
+    show(
+        internal::title_card(
+            title, {pair.reason, "Episode " + pair.before->episode +
+                                     support::print(", shown at %g times its speed.", speed)}),
+        kPairTitle_s);
     internal::append_pair(player, *pair.before, *pair.after, title,
-                          print("%g x real time", speed), speed / kFrames_per_s, on_tick,
-                          file);
+                          support::print("%g x real time", speed), speed / kFrames_per_s,
+                          on_tick, file);
     file.hold(kOutcome_s);
   }
   show(internal::result_card(table), kResult_s);
@@ -174,4 +175,4 @@ VideoSummary write_demo_video(const StoredRun& stored, const DemoOptions& option
   return {file.frames(), file.duration_s(), false};
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::films

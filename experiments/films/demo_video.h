@@ -10,12 +10,12 @@
 #include "experiments/films/run_video.h"
 #include "experiments/results/table.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::films {
 
 /// Two trials of one episode, and why these.
 struct DemoPair {
-  const TrialRow* before = nullptr;
-  const TrialRow* after = nullptr;
+  const records::TrialRow* before = nullptr;
+  const records::TrialRow* after = nullptr;
   std::string reason;  ///< "one of 22 episodes in which only after succeeded"
 };
 
@@ -23,9 +23,9 @@ struct DemoPair {
 /// does not speak for it: solved by "before" only, or else by neither. Of each group the
 /// episode is taken whose longer trial is of median length, so that nobody chooses.
 /// @param trials  Borrowed by the result.
-[[nodiscard]] std::vector<DemoPair> choose_demo_pairs(const std::vector<TrialRow>& trials,
-                                                      const std::string& before,
-                                                      const std::string& after);
+[[nodiscard]] std::vector<DemoPair> choose_demo_pairs(
+    const std::vector<records::TrialRow>& trials, const std::string& before,
+    const std::string& after);
 
 struct DemoOptions {
   VideoOptions video;         ///< Its speed is the least: long trials are shown faster.
@@ -33,6 +33,6 @@ struct DemoOptions {
 };
 
 /// @throws core::InputError if the run has no two arms to compare, and as write_pair_video().
-VideoSummary write_demo_video(const StoredRun& stored, const DemoOptions& options);
+VideoSummary write_demo_video(const results::StoredRun& stored, const DemoOptions& options);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::films

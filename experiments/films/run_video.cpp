@@ -14,7 +14,7 @@
 #include "experiments/support/formatted.h"
 #include "experiments/video/video_file.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::films {
 namespace {
 
 namespace fs = std::filesystem;
@@ -22,24 +22,25 @@ namespace fs = std::filesystem;
 constexpr double kMostFrames_per_s = 25.0;
 constexpr double kHold_s = 2.0;  // The outcome.
 
-std::string name_of(const TrialRow& trial) {
+std::string name_of(const records::TrialRow& trial) {
   return "trial " + std::to_string(trial.trial_id) + " (" + trial.episode + ", " + trial.arm +
          ")";
 }
 
 /// One page per tick, but no more than a screen can show.
-double frames_per_s(const StoredRun& stored, const TrialRow& trial, double speed) {
+double frames_per_s(const results::StoredRun& stored, const records::TrialRow& trial,
+                    double speed) {
   if (trial.log.empty()) {
     throw core::InputError::expected(
         name_of(trial), "a log to play again (replays: {of: all} in the spec)", "none");
   }
-  const TrialLog log = read_trial_log(stored.folder / trial.log);
+  const records::TrialLog log = records::read_trial_log(stored.folder / trial.log);
   return std::min(kMostFrames_per_s, speed / log.control_period_s);
 }
 
 }  // namespace
 
-fs::path replay_log_of(const StoredRun& stored, const TrialRow& trial) {
+fs::path replay_log_of(const results::StoredRun& stored, const records::TrialRow& trial) {
   // Files of one trial have the same name in different folders.
   if (trial.log.empty()) return {};
   fs::path stem = fs::path(trial.log).lexically_relative("logs");
@@ -50,37 +51,38 @@ fs::path replay_log_of(const StoredRun& stored, const TrialRow& trial) {
 }
 
 struct TrialPlayer::Impl {
-  const StoredRun& stored;
+  const results::StoredRun& stored;
   fs::path data;
-  std::unique_ptr<TrialReplay> replay;
+  std::unique_ptr<runs::TrialReplay> replay;
 };
 
-TrialPlayer::TrialPlayer(const StoredRun& stored, fs::path data)
+TrialPlayer::TrialPlayer(const results::StoredRun& stored, fs::path data)
     : impl_(new Impl{stored, std::move(data), nullptr}) {}
 
 TrialPlayer::~TrialPlayer() = default;
 
-void TrialPlayer::play(const TrialRow& trial, TrialViewer& viewer) {
+void TrialPlayer::play(const records::TrialRow& trial, trials::TrialViewer& viewer) {
   const fs::path file = replay_log_of(impl_->stored, trial);
   if (file.empty() || !fs::exists(file)) {
     throw core::InputError::expected(
         name_of(trial), "a log to play again (replays: {of: all} in the spec)", "none");
   }
-  const ReplayLog log = read_replay_log(file);
-  const fs::path work = work_of_replay(file);
+  const records::ReplayLog log = records::read_replay_log(file);
+  const fs::path work = runs::work_of_replay(file);
   if (impl_->replay == nullptr || !impl_->replay->fits(log, work)) {
-    impl_->replay = std::make_unique<TrialReplay>(log, SpecFolders{impl_->data, work}, true);
+    impl_->replay =
+        std::make_unique<runs::TrialReplay>(log, specs::SpecFolders{impl_->data, work}, true);
   }
-  const ReplayLog again = impl_->replay->play(log, file, &viewer);
-  const Divergence found = first_divergence(log.ticks, again.ticks);
+  const records::ReplayLog again = impl_->replay->play(log, file, &viewer);
+  const records::Divergence found = records::first_divergence(log.ticks, again.ticks);
   if (found.tick < 0) return;
   throw core::InputError::expected(
       name_of(trial), "the same trial when it is played again",
       "another from tick " + std::to_string(found.tick) + " on (" + found.field + ")");
 }
 
-VideoSummary write_trial_video(const StoredRun& stored, const TrialRow& trial,
-                               const VideoOptions& options) {
+VideoSummary write_trial_video(const results::StoredRun& stored,
+                               const records::TrialRow& trial, const VideoOptions& options) {
   const fs::path log = replay_log_of(stored, trial);
   const fs::path recorded = trial.video.empty() ? fs::path() : stored.folder / trial.video;
   if ((log.empty() || !fs::exists(log)) && !recorded.empty() && fs::exists(recorded)) {
@@ -90,11 +92,11 @@ VideoSummary write_trial_video(const StoredRun& stored, const TrialRow& trial,
     return {0, 0.0, true};
   }
   const double rate = frames_per_s(stored, trial, options.speed);
-  internal::VideoFile file(options.output, rate);
+  video::internal::VideoFile file(options.output, rate);
   core::Progress progress("video", std::max(1, trial.ticks));
   int done = 0;
   internal::PageSampler sampler(
-      internal::PageForm::kWide, options.speed / rate,
+      video::internal::PageForm::kWide, options.speed / rate,
       [&file](const cv::Mat& page) { file.write(page); },
       [&] { progress.update(std::min(++done, std::max(1, trial.ticks))); });
   TrialPlayer(stored, options.data).play(trial, sampler);
@@ -109,12 +111,14 @@ VideoSummary write_trial_video(const StoredRun& stored, const TrialRow& trial,
 
 namespace internal {
 
-void append_pair(TrialPlayer& player, const TrialRow& left, const TrialRow& right,
-                 const std::string& title, const std::string& note, double step_s,
-                 const std::function<void()>& on_tick, VideoFile& file) {
+void append_pair(TrialPlayer& player, const records::TrialRow& left,
+                 const records::TrialRow& right, const std::string& title,
+                 const std::string& note, double step_s, const std::function<void()>& on_tick,
+                 video::internal::VideoFile& file) {
   PageTape tape;
   PageSampler first(
-      PageForm::kColumn, step_s, [&tape](const cv::Mat& page) { tape.push(page); }, on_tick);
+      video::internal::PageForm::kColumn, step_s,
+      [&tape](const cv::Mat& page) { tape.push(page); }, on_tick);
   player.play(left, first);
   if (tape.empty()) {
     throw core::InputError::expected(name_of(left), "a trial with an image", left.outcome);
@@ -122,7 +126,7 @@ void append_pair(TrialPlayer& player, const TrialRow& left, const TrialRow& righ
   std::size_t screens = 0;
   cv::Mat last;
   PageSampler second(
-      PageForm::kColumn, step_s,
+      video::internal::PageForm::kColumn, step_s,
       [&](const cv::Mat& page) {
         file.write(pair_screen(title, note, tape.at(screens++), page));
         last = page;
@@ -139,17 +143,17 @@ void append_pair(TrialPlayer& player, const TrialRow& left, const TrialRow& righ
 
 }  // namespace internal
 
-VideoSummary write_pair_video(const StoredRun& stored, const TrialRow& left,
-                              const TrialRow& right, const VideoOptions& options) {
+VideoSummary write_pair_video(const results::StoredRun& stored, const records::TrialRow& left,
+                              const records::TrialRow& right, const VideoOptions& options) {
   const double rate = frames_per_s(stored, left, options.speed);
-  internal::VideoFile file(options.output, rate);
+  video::internal::VideoFile file(options.output, rate);
   const std::int64_t ticks = std::max(1, left.ticks + right.ticks);
   core::Progress progress("video", ticks);
   std::int64_t done = 0;
   TrialPlayer player(stored, options.data);
   internal::append_pair(
       player, left, right, "Find a " + left.goal_class + ",  " + left.episode,
-      print("%g x real time", options.speed), options.speed / rate,
+      support::print("%g x real time", options.speed), options.speed / rate,
       [&] { progress.update(std::min(++done, ticks)); }, file);
   file.hold(kHold_s);
   file.finish();
@@ -157,4 +161,4 @@ VideoSummary write_pair_video(const StoredRun& stored, const TrialRow& left,
   return {file.frames(), file.duration_s(), false};
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::films

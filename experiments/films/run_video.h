@@ -15,7 +15,7 @@
 #include "experiments/specs/spec.h"
 #include "experiments/trials/trial_viewer.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::films {
 
 struct VideoOptions {
   std::filesystem::path output;  ///< The file; MP4 by its ending.
@@ -31,21 +31,21 @@ struct VideoSummary {
 };
 
 /// The log that belongs to a trial; whether it is there is another matter.
-[[nodiscard]] std::filesystem::path replay_log_of(const StoredRun& stored,
-                                                  const TrialRow& trial);
+[[nodiscard]] std::filesystem::path replay_log_of(const results::StoredRun& stored,
+                                                  const records::TrialRow& trial);
 
 /// Plays trials of one run.
 class TrialPlayer {
  public:
   /// @param stored  Must outlive the player. @param data  See VideoOptions.
-  TrialPlayer(const StoredRun& stored, std::filesystem::path data);
+  TrialPlayer(const results::StoredRun& stored, std::filesystem::path data);
   ~TrialPlayer();
   TrialPlayer(const TrialPlayer&) = delete;
   TrialPlayer& operator=(const TrialPlayer&) = delete;
 
   /// @throws core::InputError if the trial left no log, or if it does not happen again as it
   /// did: a video would show something else than what was counted.
-  void play(const TrialRow& trial, TrialViewer& viewer);
+  void play(const records::TrialRow& trial, trials::TrialViewer& viewer);
 
  private:
   struct Impl;
@@ -55,11 +55,11 @@ class TrialPlayer {
 /// One trial: camera with detections, labels, map, figures; the outcome in the end.
 /// @throws core::InputError as TrialPlayer::play(), if nothing was recorded either, and if the
 /// file cannot be written.
-VideoSummary write_trial_video(const StoredRun& stored, const TrialRow& trial,
-                               const VideoOptions& options);
+VideoSummary write_trial_video(const results::StoredRun& stored,
+                               const records::TrialRow& trial, const VideoOptions& options);
 
 /// Two trials of one episode side by side, at the same simulated time.
-VideoSummary write_pair_video(const StoredRun& stored, const TrialRow& left,
-                              const TrialRow& right, const VideoOptions& options);
+VideoSummary write_pair_video(const results::StoredRun& stored, const records::TrialRow& left,
+                              const records::TrialRow& right, const VideoOptions& options);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::films

@@ -1,7 +1,7 @@
 // The paper's Table 1 as it is printed (its LaTeX source), in percent.
 #include "experiments/panoptic/panoptic_table.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::panoptic {
 namespace {
 
 constexpr const char* kScanNet = "ScanNet";
@@ -33,4 +33,4 @@ constexpr PaperRow kRows[] = {
 
 std::span<const PaperRow> paper_table1() { return kRows; }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::panoptic

@@ -21,12 +21,12 @@
 #include "renderer/cpu_renderer.h"
 #include "renderer/files/ply_io.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::panoptic {
 namespace {
 
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
-using Recording = renderer::RgbdSequence;
+using Recording = reconstruction::RgbdSequence;
 
 /// Label iterations that take as long as one of shape and colour (docs/training.md).
 constexpr double kLabelCost = 0.05;
@@ -55,18 +55,19 @@ class Outlook {
 std::string describe_masks(const PanopticRunOptions& options, const PanopticScene& scene) {
   if (!scene.masks.empty()) return "masks of " + scene.masks.filename().string();
   if (!options.mask_level) return "exact labels";
-  MaskSimulation simulation;
+  training::MaskSimulation simulation;
   simulation.level = *options.mask_level;
   simulation.fit = options.fit_masks;
   simulation.seed = options.seed;
-  return describe(simulation);
+  return training::describe(simulation);
 }
 
 /// What frames are used and how; shape and colour follow from it and the configuration.
 std::string describe_frames(const PanopticRunOptions& options, const PanopticScene& scene) {
   std::ostringstream text;
-  text << describe_capture(scene.source) << "; voxel " << scene.source.voxel_m << " m, shrink "
-       << scene.shrink << ", every " << options.held_out_every << ". frame held out";
+  text << scenes::describe_capture(scene.source) << "; voxel " << scene.source.voxel_m
+       << " m, shrink " << scene.shrink << ", every " << options.held_out_every
+       << ". frame held out";
   if (!scene.label_map.empty()) text << ", labels " << scene.label_map.filename().string();
   return text.str();
 }
@@ -101,41 +102,42 @@ class SceneJob {
   }
   [[nodiscard]] fs::path surfel_file() const { return folder_ / "surfels.ply"; }
   [[nodiscard]] std::string surfel_recipe() const {
-    renderer::TrainingConfig config = options_.config;
+    reconstruction::TrainingConfig config = options_.config;
     config.panoptic = {};  // Takes no part.
     return describe_frames(options_, scene_) + "; seed " + std::to_string(options_.seed) +
-           ", geometry " + core::sha256_hex(renderer::training_config_text(config));
+           ", geometry " + core::sha256_hex(reconstruction::training_config_text(config));
   }
-  [[nodiscard]] StepRecord surfel_record() const {
+  [[nodiscard]] support::StepRecord surfel_record() const {
     return {folder_ / "surfels.step", surfel_recipe()};
   }
   [[nodiscard]] std::string recipe(const std::string& head) const {
     return surfel_recipe() + "; " + head + ", " + describe_masks(options_, scene_) +
-           ", labels " + core::sha256_hex(renderer::training_config_text(options_.config));
+           ", labels " +
+           core::sha256_hex(reconstruction::training_config_text(options_.config));
   }
   [[nodiscard]] bool simulates() const {
     return scene_.masks.empty() && options_.mask_level.has_value();
   }
   /// Options of a stage; its state is that of its recipe alone.
-  [[nodiscard]] TrainingOptions stage(const std::string& name,
-                                      const std::string& stage_recipe) const;
+  [[nodiscard]] training::TrainingOptions stage(const std::string& name,
+                                                const std::string& stage_recipe) const;
 
   void open();
   void prepare_masks();
   void prepare_surfels();
-  [[nodiscard]] core::FrameMasks truth_of(const renderer::TrainingView& view) const;
+  [[nodiscard]] core::FrameMasks truth_of(const reconstruction::TrainingView& view) const;
   [[nodiscard]] std::vector<core::SceneClass> evaluated_classes() const;
 
   const PanopticRunOptions& options_;
   const PanopticScene& scene_;
   fs::path folder_;
   std::unique_ptr<Recording> recording_;
-  std::optional<renderer::TrainingSet> set_;
+  std::optional<reconstruction::TrainingSet> set_;
 };
 
-TrainingOptions SceneJob::stage(const std::string& name,
-                                const std::string& stage_recipe) const {
-  TrainingOptions training;
+training::TrainingOptions SceneJob::stage(const std::string& name,
+                                          const std::string& stage_recipe) const {
+  training::TrainingOptions training;
   training.config = options_.config;
   training.device = options_.device;
   training.seed = options_.seed;
@@ -155,19 +157,19 @@ TrainingOptions SceneJob::stage(const std::string& name,
 
 void SceneJob::open() {
   fs::path place = scene_.source.folder;
-  if (scene_.source.type != SourceType::kRgbd) {
+  if (scene_.source.type != specs::SourceType::kRgbd) {
     // A capture goes on where it was stopped; one of another recipe has another folder.
-    const std::string recipe = describe_capture(scene_.source);
+    const std::string recipe = scenes::describe_capture(scene_.source);
     place = folder_ / ("recording-" + core::sha256_hex(recipe).substr(0, 8));
-    capture_mesh_source(scene_.source, place);
+    scenes::capture_mesh_source(scene_.source, place);
   }
-  renderer::SequenceOptions sequence;
-  sequence.on_bad_frame = renderer::OnBadFrame::kSkip;
+  reconstruction::SequenceOptions sequence;
+  sequence.on_bad_frame = reconstruction::OnBadFrame::kSkip;
   sequence.label_map = scene_.label_map;
-  if (scene_.source.type == SourceType::kRgbd) {
+  if (scene_.source.type == specs::SourceType::kRgbd) {
     sequence.floor_height_m = scene_.source.floor_height_m;
   }
-  recording_ = open_recording(place, scene_.source.boxes, sequence);
+  recording_ = scenes::open_recording(place, scene_.source.boxes, sequence);
   for (const std::string& warning : recording_->warnings()) {
     std::fprintf(stderr, "warning: %s\n", warning.c_str());
   }
@@ -184,38 +186,40 @@ void SceneJob::open() {
 void SceneJob::prepare_masks() {
   if (!simulates()) return;
   const fs::path masks = folder_ / "masks";
-  const StepRecord record(folder_ / "masks.step", describe_frames(options_, scene_) + "; " +
-                                                      describe_masks(options_, scene_));
+  const support::StepRecord record(
+      folder_ / "masks.step",
+      describe_frames(options_, scene_) + "; " + describe_masks(options_, scene_));
   if (record.is_current() && fs::exists(masks / "masks.yaml")) return;
-  MaskSimulation simulation;
+  training::MaskSimulation simulation;
   simulation.level = *options_.mask_level;
   simulation.fit = options_.fit_masks;
   simulation.seed = options_.seed;
   simulation.frame_step = scene_.source.frame_step;
-  simulate_masks(*recording_, simulation, masks);
+  training::simulate_masks(*recording_, simulation, masks);
   record.mark_done();
 }
 
 void SceneJob::prepare_surfels() {
   if (has_surfels() && fs::exists(surfel_file())) return;
-  TrainingOptions training = stage("geometry", surfel_recipe());
+  training::TrainingOptions training = stage("geometry", surfel_recipe());
   training.head = "none";
   // Surfels know nothing of labels: a state must not be refused because of them.
   training.config.panoptic = {};
   training.masks.clear();
-  renderer::LiftOptions lift;
+  reconstruction::LiftOptions lift;
   lift.voxel_m = scene_.source.voxel_m;
   lift.frame_step = scene_.source.frame_step;
   lift.held_out_every = options_.held_out_every;
   lift.threads = options_.device.threads;
-  const renderer::LiftResult lifted = lift_recording(*recording_, lift);
-  const TrainedScene trained = train_scene(*set_, lifted.surfels, training);
+  const reconstruction::LiftResult lifted = scenes::lift_recording(*recording_, lift);
+  const training::TrainedScene trained =
+      training::train_scene(*set_, lifted.surfels, training);
   std::fprintf(stderr, "%s: %s\n", scene_.title.c_str(), trained.quality.text().c_str());
   core::write_via_temporary(surfel_file(), [&](const fs::path& file) {
     renderer::write_surfels_ply(file, trained.surfels);
   });
   surfel_record().mark_done();
-  remove_training_state(training.work);
+  training::remove_training_state(training.work);
 }
 
 void SceneJob::prepare() {
@@ -223,7 +227,7 @@ void SceneJob::prepare() {
   fs::create_directories(folder_);
   open();
   prepare_masks();
-  set_ = load_set(*recording_, stage("geometry", surfel_recipe()));
+  set_ = training::load_set(*recording_, stage("geometry", surfel_recipe()));
   if (set_->held_out.empty()) {
     throw core::InputError::expected(
         scene_.title, "held-out views",
@@ -233,35 +237,36 @@ void SceneJob::prepare() {
 }
 
 /// The recording's labels of a training view; it carries those that were learnt from.
-core::FrameMasks SceneJob::truth_of(const renderer::TrainingView& view) const {
+core::FrameMasks SceneJob::truth_of(const reconstruction::TrainingView& view) const {
   if (!simulates() && scene_.masks.empty()) return view.masks;
-  renderer::TrainingView exact;
-  const renderer::RgbdFrame frame = recording_->load(view.frame);
+  reconstruction::TrainingView exact;
+  const reconstruction::RgbdFrame frame = recording_->load(view.frame);
   exact.rgb = frame.rgb;
-  exact.masks = renderer::exact_masks(frame);
-  return scene_.shrink > 1 ? renderer::shrunk(exact, scene_.shrink).masks : exact.masks;
+  exact.masks = reconstruction::exact_masks(frame);
+  return scene_.shrink > 1 ? reconstruction::shrunk(exact, scene_.shrink).masks : exact.masks;
 }
 
 std::vector<core::SceneClass> SceneJob::evaluated_classes() const {
   if (scene_.label_map.empty()) return recording_->classes();
-  return renderer::read_label_map(scene_.label_map).evaluated();
+  return reconstruction::read_label_map(scene_.label_map).evaluated();
 }
 
 SceneFigures SceneJob::run(const std::string& head) {
-  TrainingOptions training = stage(head, recipe(head));
+  training::TrainingOptions training = stage(head, recipe(head));
   training.head = head;
   training.config.geometry.iterations = 0;  // Frozen, the same for all heads.
   const renderer::SurfelCloud surfels = renderer::read_surfels_ply(surfel_file());
   training.config.geometry.sh_degree = surfels.sh_degree;
-  TrainedScene trained = train_scene(*set_, surfels, training);
+  training::TrainedScene trained = training::train_scene(*set_, surfels, training);
 
   renderer::RenderOptions draw;
   draw.threads = options_.device.threads;
   const auto renderer = renderer::make_cpu_renderer(
       std::make_shared<const renderer::SurfelCloud>(std::move(trained.surfels)), draw,
       trained.field);
-  const renderer::ContingencyTable trajectory = renderer::trajectory_labels(
-      *renderer, *set_, [&](const renderer::TrainingView& view) { return truth_of(view); });
+  const reconstruction::ContingencyTable trajectory = reconstruction::trajectory_labels(
+      *renderer, *set_,
+      [&](const reconstruction::TrainingView& view) { return truth_of(view); });
 
   SceneFigures figures;
   figures.scene = scene_.name;
@@ -277,10 +282,10 @@ SceneFigures SceneJob::run(const std::string& head) {
   figures.statistics.emplace_back("surfels", static_cast<double>(surfels.size()));
   if (simulates()) {
     figures.mask_quality =
-        renderer::read_mask_set_info(folder_ / "masks" / "masks.yaml").measured;
+        reconstruction::read_mask_set_info(folder_ / "masks" / "masks.yaml").measured;
   }
   write_scene_figures(result_file(head), figures);
-  remove_training_state(training.work);
+  training::remove_training_state(training.work);
   return figures;
 }
 
@@ -336,11 +341,11 @@ std::vector<SceneFigures> run_panoptic_scenes(const PanopticRunOptions& options)
 void make_quick(PanopticRunOptions& options) {
   constexpr int kWidth_px = 96, kHeight_px = 72, kFrames = 32;
   for (PanopticScene& scene : options.scenes) {
-    CaptureSpec& capture = scene.source.capture;
+    specs::CaptureSpec& capture = scene.source.capture;
     capture.frames = std::min(capture.frames, kFrames);
     capture.width_px = kWidth_px, capture.height_px = kHeight_px;
     scene.source.voxel_m = std::max(scene.source.voxel_m, 0.08);
-    if (scene.source.type == SourceType::kRgbd) {
+    if (scene.source.type == specs::SourceType::kRgbd) {
       scene.source.frame_step *= 7;  // Nothing in common with held_out_every.
       scene.shrink = std::max(scene.shrink, 4);
     }
@@ -354,4 +359,4 @@ void make_quick(PanopticRunOptions& options) {
   options.fit_masks = false;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::panoptic

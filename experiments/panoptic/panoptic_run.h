@@ -22,17 +22,17 @@
 #include "reconstruction/training/geometry_training.h"
 #include "reconstruction/training/training_config.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::panoptic {
 
 struct PanopticRunOptions {
   std::vector<PanopticScene> scenes;
   std::vector<std::string> heads;  ///< Of panoptic_head_names().
-  renderer::TrainingConfig config;
+  reconstruction::TrainingConfig config;
   /// Level of simulated masks (docs/masks.md), for scenes without masks of their own; none:
   /// exact labels.
   std::optional<double> mask_level;
   bool fit_masks = true;  ///< Scale the noise to the published quality first.
-  renderer::GeometryDevice device;
+  reconstruction::GeometryDevice device;
   std::uint64_t seed = 1;
   int held_out_every = 8;
   std::filesystem::path work;
@@ -48,4 +48,4 @@ std::vector<SceneFigures> run_panoptic_scenes(const PanopticRunOptions& options)
 /// Reduces scenes and training to what runs in seconds and says nothing about quality.
 void make_quick(PanopticRunOptions& options);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::panoptic

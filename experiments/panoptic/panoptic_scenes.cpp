@@ -7,7 +7,7 @@
 
 #include "core/error.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::panoptic {
 namespace {
 
 namespace fs = std::filesystem;
@@ -27,7 +27,7 @@ PanopticScene flat(std::uint64_t seed) {
   scene.name = "flat-" + std::to_string(seed);
   scene.title = "Flat " + std::to_string(seed);
   scene.data = "procedural";
-  scene.source.type = SourceType::kFlat;
+  scene.source.type = specs::SourceType::kFlat;
   scene.source.seed = seed;
   scene.source.voxel_m = 0.04;
   scene.source.capture = {.frames = 300, .width_px = 320, .height_px = 240, .hfov_deg = 90.0};
@@ -39,7 +39,7 @@ PanopticScene house(const fs::path& data) {
   scene.name = "house";
   scene.title = "Small house";
   scene.data = "Gazebo";
-  scene.source.type = SourceType::kGazebo;
+  scene.source.type = specs::SourceType::kGazebo;
   scene.source.world = data / "small_house" / "worlds" / "small_house.world";
   scene.source.seed = 1;
   scene.source.voxel_m = 0.025;
@@ -52,7 +52,7 @@ PanopticScene breakroom(const fs::path& data) {
   scene.name = "breakroom";
   scene.title = "Break room";
   scene.data = "HoloLens";
-  scene.source.type = SourceType::kRgbd;
+  scene.source.type = specs::SourceType::kRgbd;
   scene.source.folder = data / "hololens_breakroom";
   scene.source.boxes = scene.source.folder / "annotation" / "breakroom_boxes.json";
   scene.source.floor_height_m = -1.53;
@@ -81,7 +81,7 @@ PanopticScene recording(const fs::path& folder) {
   }
   scene.title = plain.filename().string();
   scene.data = data_set_of(folder);
-  scene.source.type = SourceType::kRgbd;
+  scene.source.type = specs::SourceType::kRgbd;
   scene.source.folder = folder;
   scene.source.voxel_m = 0.025;
   // PanopticRecon++ takes every third frame of ScanNet.
@@ -133,7 +133,7 @@ PanopticScenes scenes_of_file(const fs::path& file, const fs::path& data) {
   if (root.text("schema") != kSchema) {
     root.child("schema").fail(kSchema, "\"" + root.text("schema") + "\"");
   }
-  SpecFolders folders;
+  specs::SpecFolders folders;
   // A place that no file has: scenes that need data are then missing, not an error.
   folders.data = data.empty() ? fs::path("(no --data)") : data;
   PanopticScenes list;
@@ -142,11 +142,12 @@ PanopticScenes scenes_of_file(const fs::path& file, const fs::path& data) {
     scene.name = node.text("name");
     scene.title = node.text_or("title", scene.name);
     scene.data = node.text("data");
-    scene.source = read_source_spec(node.child("source"), folders, file);
+    scene.source = specs::read_source_spec(node.child("source"), folders, file);
     if (node.has("label_map")) {
-      scene.label_map = read_spec_path(node.child("label_map"), folders, file);
+      scene.label_map = specs::read_spec_path(node.child("label_map"), folders, file);
     }
-    if (node.has("masks")) scene.masks = read_spec_path(node.child("masks"), folders, file);
+    if (node.has("masks"))
+      scene.masks = specs::read_spec_path(node.child("masks"), folders, file);
     scene.shrink = static_cast<int>(node.integer_or("shrink", 1));
     if (scene.shrink < 1) node.child("shrink").fail("a number >= 1", node.text("shrink"));
     const bool plain = scene.name.find_first_of("/\\ ") == std::string::npos;
@@ -190,12 +191,12 @@ PanopticScenes default_scenes(const fs::path& data) {
 
 fs::path PanopticScene::needs() const {
   switch (source.type) {
-    case SourceType::kFlat:
+    case specs::SourceType::kFlat:
       return {};
-    case SourceType::kGazebo:
-    case SourceType::kMesh:
+    case specs::SourceType::kGazebo:
+    case specs::SourceType::kMesh:
       return source.world;
-    case SourceType::kRgbd:
+    case specs::SourceType::kRgbd:
       return source.folder;
   }
   return {};
@@ -222,4 +223,4 @@ PanopticScenes panoptic_scenes(const std::string& text, const fs::path& data) {
   return list;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::panoptic

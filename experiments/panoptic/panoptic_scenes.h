@@ -20,13 +20,13 @@
 
 #include "experiments/specs/spec.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::panoptic {
 
 struct PanopticScene {
   std::string name;   ///< Unique; names a folder.
   std::string title;  ///< For tables.
   std::string data;   ///< Data set; scenes of one are averaged.
-  SourceSpec source;
+  specs::SourceSpec source;
   std::filesystem::path label_map, masks;  ///< Empty: none.
   int shrink = 1;
 
@@ -56,4 +56,4 @@ struct PanopticScenes {
 [[nodiscard]] PanopticScenes panoptic_scenes(const std::string& text,
                                              const std::filesystem::path& data);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::panoptic

@@ -13,10 +13,10 @@
 #include "experiments/support/text_grid.h"
 #include "reconstruction/labels/panoptic_head.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::panoptic {
 namespace {
 
-using internal::print;
+using support::internal::print;
 using Json = nlohmann::ordered_json;
 
 constexpr const char* kSchema = "segsim.table1/1";
@@ -108,8 +108,8 @@ std::vector<Row> rows_of(const PanopticTable& table, const std::string& rules) {
 
 std::string percent(double value) { return std::isfinite(value) ? print("%.2f", value) : "-"; }
 
-internal::TextGrid quality_grid(const std::vector<Row>& rows) {
-  internal::TextGrid grid;
+support::internal::TextGrid quality_grid(const std::vector<Row>& rows) {
+  support::internal::TextGrid grid;
   grid.header = {"Method", "Data", "Scene"};
   grid.header.insert(grid.header.end(), std::begin(kColumnNames), std::end(kColumnNames));
   for (const Row& row : rows) {
@@ -125,8 +125,8 @@ std::string number(double value, double factor, const char* format) {
 }
 
 /// Colour and depth do not depend on the head: one row for each scene.
-internal::TextGrid geometry_grid(const PanopticTable& table) {
-  internal::TextGrid grid;
+support::internal::TextGrid geometry_grid(const PanopticTable& table) {
+  support::internal::TextGrid grid;
   grid.header = {"Scene",
                  "Views",
                  "PSNR [dB]",
@@ -154,8 +154,8 @@ internal::TextGrid geometry_grid(const PanopticTable& table) {
   return grid;
 }
 
-internal::TextGrid mask_grid(const PanopticTable& table) {
-  internal::TextGrid grid;
+support::internal::TextGrid mask_grid(const PanopticTable& table) {
+  support::internal::TextGrid grid;
   grid.header = {"Scene", "Masks", "View PQ", "View SQ", "View RQ", "Scene strict PQ"};
   std::vector<std::string> done;
   for (const SceneFigures& r : table.results) {
@@ -271,8 +271,8 @@ std::string csv_text(const PanopticTable& table) {
               (row.scenes == 0   ? "paper"
                : row.scenes == 1 ? "scene"
                                  : "mean") +
-              "," + csv_cell(row.method) + "," + csv_cell(row.data) + "," +
-              csv_cell(row.scene);
+              "," + support::csv_cell(row.method) + "," + support::csv_cell(row.data) + "," +
+              support::csv_cell(row.scene);
       for (const double value : row.values) text += "," + print("%.6g", value);
       text += "\n";
     }
@@ -311,14 +311,14 @@ std::vector<std::string> parse_rules(const std::string& text) {
 }
 
 std::vector<std::string> parse_heads(const std::string& text) {
-  return parse_list(text, "--heads", renderer::panoptic_head_names());
+  return parse_list(text, "--heads", reconstruction::panoptic_head_names());
 }
 
-std::string format_panoptic_table(const PanopticTable& table, TableFormat format) {
-  if (format == TableFormat::kJson) return json_text(table);
-  if (format == TableFormat::kCsv) return csv_text(table);
-  internal::GridDocument document;
-  const auto add = [&](const std::string& title, const internal::TextGrid& cells) {
+std::string format_panoptic_table(const PanopticTable& table, support::TableFormat format) {
+  if (format == support::TableFormat::kJson) return json_text(table);
+  if (format == support::TableFormat::kCsv) return csv_text(table);
+  support::internal::GridDocument document;
+  const auto add = [&](const std::string& title, const support::internal::TextGrid& cells) {
     document.grids.push_back({title, cells.header, cells.rows});
   };
   for (const std::string& rules : table.rules) {
@@ -330,7 +330,7 @@ std::string format_panoptic_table(const PanopticTable& table, TableFormat format
   }
   document.title = kTitle;
   document.notes = notes_of(table);
-  return internal::document_text(document, format);
+  return support::internal::document_text(document, format);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::panoptic

@@ -12,7 +12,7 @@
 #include "experiments/panoptic/scene_figures.h"
 #include "experiments/results/table.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::panoptic {
 
 /// A row of the paper for one data set, in percent: Fast-SegSim (arXiv 2604.10951), table
 /// "Panoptic Segmentation quality using different methods".
@@ -42,6 +42,6 @@ struct PanopticTable {
 /// Every figure in percent. For each head the scenes, the mean of each data set with more than
 /// one, and the paper's rows of that method; under zju all of the paper's rows.
 [[nodiscard]] std::string format_panoptic_table(const PanopticTable& table,
-                                                TableFormat format);
+                                                support::TableFormat format);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::panoptic

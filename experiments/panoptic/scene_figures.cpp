@@ -10,7 +10,7 @@
 #include "core/file_io.h"
 #include "reconstruction/evaluation/panoptic_report.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::panoptic {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -32,7 +32,8 @@ constexpr std::pair<const char*, double RuleFigures::*> kMembers[] = {
     {"coverage", &RuleFigures::coverage},
     {"weighted_coverage", &RuleFigures::weighted_coverage}};
 
-RuleFigures figures_of(const renderer::PanopticReport& report, const std::string& rules) {
+RuleFigures figures_of(const reconstruction::PanopticReport& report,
+                       const std::string& rules) {
   RuleFigures figures;
   figures.rules = rules;
   figures.views = static_cast<int>(report.views);
@@ -124,14 +125,14 @@ std::string describe_rules(const std::string& rules) {
   return "COCO's of single views, blind to ids that change, IoU > 0.5, held-out views";
 }
 
-std::vector<RuleFigures> all_rule_figures(const renderer::ContingencyTable& held_out,
-                                          const renderer::ContingencyTable& trajectory,
+std::vector<RuleFigures> all_rule_figures(const reconstruction::ContingencyTable& held_out,
+                                          const reconstruction::ContingencyTable& trajectory,
                                           const std::vector<core::SceneClass>& classes,
                                           double zju_min_iou) {
-  using renderer::PanopticRules;
-  const auto row = [&](const char* name, const renderer::ContingencyTable& table,
+  using reconstruction::PanopticRules;
+  const auto row = [&](const char* name, const reconstruction::ContingencyTable& table,
                        const PanopticRules& rules) {
-    return figures_of(renderer::panoptic_report(table, classes, rules), name);
+    return figures_of(reconstruction::panoptic_report(table, classes, rules), name);
   };
   return {row("strict", held_out, PanopticRules::strict()),
           row("trajectory", trajectory, PanopticRules::strict()),
@@ -186,4 +187,4 @@ SceneFigures read_scene_figures(const std::filesystem::path& file) {
   }
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::panoptic

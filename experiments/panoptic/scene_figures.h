@@ -11,7 +11,7 @@
 #include "core/scene_bundle.h"
 #include "reconstruction/evaluation/contingency.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::panoptic {
 
 /// Columns of the paper's Table 1 under one set of rules. All in [0, 1].
 struct RuleFigures {
@@ -35,7 +35,8 @@ struct RuleFigures {
 
 /// All rule sets. @param classes  Those evaluated.
 [[nodiscard]] std::vector<RuleFigures> all_rule_figures(
-    const renderer::ContingencyTable& held_out, const renderer::ContingencyTable& trajectory,
+    const reconstruction::ContingencyTable& held_out,
+    const reconstruction::ContingencyTable& trajectory,
     const std::vector<core::SceneClass>& classes, double zju_min_iou);
 
 /// One scene, one head.
@@ -60,4 +61,4 @@ void write_scene_figures(const std::filesystem::path& file, const SceneFigures& 
 /// @throws core::InputError for a damaged file or one of another schema.
 [[nodiscard]] SceneFigures read_scene_figures(const std::filesystem::path& file);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::panoptic

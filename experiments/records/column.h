@@ -10,7 +10,7 @@
 #include <cstdint>
 #include <type_traits>
 
-namespace segsim::experiments {
+namespace segsim::experiments::records {
 
 /// Which table of the database a column lies in, and which object of JSON Lines.
 enum class Part : std::uint8_t {
@@ -36,4 +36,4 @@ struct Column {
 template <class T, class Row>
 concept AnyConst = std::same_as<std::remove_const_t<T>, Row>;
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::records

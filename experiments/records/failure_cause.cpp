@@ -11,7 +11,7 @@
 #include "core/name_table.h"
 #include "nav/motion/stuck_detector.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::records {
 namespace {
 
 /// A trial of whose images more than this is holes says little about perception or policy.
@@ -207,4 +207,4 @@ double distance_to_goal_box_m(const core::SceneManifest& manifest, std::uint16_t
   return best_m;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::records

@@ -46,7 +46,7 @@
 #include "core/stop_reason.h"
 #include "sim/trial/trial.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::records {
 
 enum class Cause : std::uint8_t {
   kDidNotFail,
@@ -121,4 +121,4 @@ struct Verdict {
 [[nodiscard]] double distance_to_goal_box_m(const core::SceneManifest& manifest,
                                             std::uint16_t class_id, const glm::dvec2& p_m);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::records

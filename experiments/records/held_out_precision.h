@@ -5,7 +5,7 @@
 
 #include <optional>
 
-namespace segsim::experiments {
+namespace segsim::experiments::records {
 
 /// Detection on the held-out views of an experiment's scenes.
 struct HeldOutPrecision {
@@ -26,4 +26,4 @@ struct StartLeak {
   double radius_m = 0.0;
 };
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::records

@@ -25,7 +25,7 @@
 #include "core/stages.h"
 #include "sim/trial/trial.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::records {
 
 struct ReplayLog {
   static constexpr const char* kSchema = "segsim.replay/1";
@@ -127,4 +127,4 @@ class ReplayRenderer final : public core::Renderer {
   int calls_ = 0;
 };
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::records

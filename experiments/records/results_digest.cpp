@@ -9,11 +9,13 @@
 #include "core/file_io.h"
 #include "experiments/support/formatted.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::records {
 namespace {
 
 /// Hexadecimal floating point: every bit.
-std::string exact(const Column& /*column*/, double value) { return print("%a", value); }
+std::string exact(const Column& /*column*/, double value) {
+  return support::print("%a", value);
+}
 
 std::string exact(const Column& column, const std::optional<double>& value) {
   return value && std::isfinite(*value) ? exact(column, *value) : "none";
@@ -23,7 +25,8 @@ std::string exact(const Column& /*column*/, const std::string& text) { return te
 
 template <std::integral Integer>
 std::string exact(const Column& column, Integer value) {
-  return column.hexadecimal ? hex(static_cast<std::uint64_t>(value)) : std::to_string(value);
+  return column.hexadecimal ? support::hex(static_cast<std::uint64_t>(value))
+                            : std::to_string(value);
 }
 
 }  // namespace
@@ -50,4 +53,4 @@ std::string results_sha256(const std::vector<TrialRow>& trials) {
   return core::sha256_hex(text);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::records

@@ -8,7 +8,7 @@
 
 #include "experiments/records/store.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::records {
 
 /// Every column but ids, times of the wall clock, and names of files, as one line. Real
 /// numbers are written exactly.
@@ -19,4 +19,4 @@ namespace segsim::experiments {
 /// chain over all its ticks.
 [[nodiscard]] std::string results_sha256(const std::vector<TrialRow>& trials);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::records

@@ -4,7 +4,7 @@
 #include "experiments/records/failure_cause.h"
 #include "sim/trial/outcome.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::records {
 
 void check_names(const TrialRow& row, const std::string& file) {
   const std::string place = file + ": trial " + std::to_string(row.trial_id) + ": ";
@@ -13,4 +13,4 @@ void check_names(const TrialRow& row, const std::string& file) {
   if (row.why.known()) (void)cause_from(row.why.cause, place + "cause");
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::records

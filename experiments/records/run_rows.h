@@ -12,7 +12,7 @@
 #include "experiments/records/held_out_precision.h"
 #include "experiments/records/scene_exposure.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::records {
 
 /// Where the numbers come from. `libraries`, `host`: free text.
 struct RunRow {
@@ -96,4 +96,4 @@ void visit_columns(Row& scene, F&& f) {
   f({.name = "reconstruction"}, scene.reconstruction);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::records

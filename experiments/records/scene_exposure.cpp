@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace segsim::experiments {
+namespace segsim::experiments::records {
 namespace {
 
 constexpr const char* kNone = "none";
@@ -65,4 +65,4 @@ SceneExposure parse_exposure(const std::string& text) {
   return exposure;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::records

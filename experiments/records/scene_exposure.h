@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-namespace segsim::experiments {
+namespace segsim::experiments::records {
 
 /// How much of the data that a detector was trained on is known.
 enum class TrainingDataKnown : std::uint8_t { kAll, kPart, kNothing };
@@ -32,4 +32,4 @@ struct SceneExposure {
 /// The inverse; what it does not understand makes it unknown.
 [[nodiscard]] SceneExposure parse_exposure(const std::string& text);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::records

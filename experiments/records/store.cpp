@@ -11,7 +11,7 @@
 #include "experiments/records/internal/store_impl.h"
 #include "experiments/records/internal/store_schema.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::records {
 namespace {
 
 /// Of the provenance in which an arm's exposure is kept.
@@ -206,4 +206,4 @@ std::string utc_now() {
   return text;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::records

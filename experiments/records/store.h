@@ -17,7 +17,7 @@
 #include "experiments/records/run_rows.h"
 #include "experiments/records/trial_row.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::records {
 
 /// One writer at a time. Not thread-safe: the caller serialises.
 class Store {
@@ -75,4 +75,4 @@ void write_trials_csv(std::ostream& out, const std::vector<TrialRow>& trials);
 /// Now, as "2026-01-31T12:00:00Z".
 [[nodiscard]] std::string utc_now();
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::records

@@ -9,15 +9,15 @@
 #include "experiments/support/formatted.h"
 #include "experiments/support/text_grid.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::records {
 namespace {
 
 std::string csv_value(const Column& /*column*/, const std::string& text) {
-  return internal::csv_cell(text);
+  return support::csv_cell(text);
 }
 
 std::string csv_value(const Column& /*column*/, double value) {
-  return std::isfinite(value) ? print("%.6g", value) : "";
+  return std::isfinite(value) ? support::print("%.6g", value) : "";
 }
 
 std::string csv_value(const Column& column, const std::optional<double>& value) {
@@ -26,7 +26,7 @@ std::string csv_value(const Column& column, const std::optional<double>& value) 
 
 template <std::integral Integer>
 std::string csv_value(const Column& column, Integer value) {
-  if (column.hexadecimal) return hex(static_cast<std::uint64_t>(value));
+  if (column.hexadecimal) return support::hex(static_cast<std::uint64_t>(value));
   if (column.unknown_below_zero && static_cast<std::int64_t>(value) < 0) return "";
   return std::to_string(value);
 }
@@ -54,4 +54,4 @@ void write_trials_csv(std::ostream& out, const std::vector<TrialRow>& trials) {
   }
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::records

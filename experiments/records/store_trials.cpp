@@ -8,7 +8,7 @@
 #include "experiments/records/internal/store_impl.h"
 #include "experiments/records/row_names.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::records {
 namespace {
 
 constexpr const char* kRemoveFailed =
@@ -125,4 +125,4 @@ std::vector<std::string> Store::finish_times(std::int64_t run_id, int count) con
   return times;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::records

@@ -8,7 +8,7 @@
 #include "core/error.h"
 #include "experiments/support/gzip_file.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::records {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -163,11 +163,11 @@ TrialLog log_from(const Json& json, const std::string& file) {
 }  // namespace
 
 void write_trial_log(const std::filesystem::path& file, const TrialLog& log) {
-  write_gzip(file, json_of(log).dump());
+  support::write_gzip(file, json_of(log).dump());
 }
 
 TrialLog read_trial_log(const std::filesystem::path& file) {
-  const std::string text = read_gzip(file);
+  const std::string text = support::read_gzip(file);
   try {
     return log_from(Json::parse(text), file.string());
   } catch (const core::InputError&) {
@@ -179,4 +179,4 @@ TrialLog read_trial_log(const std::filesystem::path& file) {
   }
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::records

@@ -14,7 +14,7 @@
 #include "experiments/records/trial_witness.h"
 #include "sim/trial/trial.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::records {
 
 struct TrialLog {
   static constexpr const char* kSchema = "segsim.trial_log/1";
@@ -43,4 +43,4 @@ void write_trial_log(const std::filesystem::path& file, const TrialLog& log);
 /// unknown stop reason.
 [[nodiscard]] TrialLog read_trial_log(const std::filesystem::path& file);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::records

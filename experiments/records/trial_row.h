@@ -10,7 +10,7 @@
 #include "experiments/records/column.h"
 #include "experiments/records/trial_witness.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::records {
 
 /// One finished trial. Columns as in sim::TrialResult; -1 ticks and unset values are "never".
 struct TrialRow {
@@ -108,4 +108,4 @@ void visit_columns(Row& t, F&& f) {
   f({.name = "finished"}, t.finished);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::records

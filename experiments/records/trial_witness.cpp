@@ -9,7 +9,7 @@
 #include "core/check.h"
 #include "experiments/drawing/odom_placement.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::records {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -236,7 +236,7 @@ std::vector<core::Detection> WitnessedDetector::detect(const core::Observation& 
 }
 
 glm::dvec2 world_from_odom(const sim::TrialResult& result, const glm::dvec2& p_odom_m) {
-  return OdomPlacement(result.final_pose, result.final_estimate).to_world(p_odom_m);
+  return drawing::OdomPlacement(result.final_pose, result.final_estimate).to_world(p_odom_m);
 }
 
 Attribution attribute(const AttributionContext& context, const sim::TrialResult& result,
@@ -313,4 +313,4 @@ sim::TrialEnd trial_end(const Attribution& why, std::optional<double> distance_t
   return end;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::records

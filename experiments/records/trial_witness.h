@@ -20,7 +20,7 @@
 #include "sim/trial/success_profile.h"
 #include "sim/trial/trial.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::records {
 
 /// What is stored of a trial besides its result. -1: never; unset: not known.
 struct Attribution {
@@ -161,4 +161,4 @@ struct AttributionContext {
                                       std::optional<double> distance_to_goal_m, int contacts,
                                       double sim_s, double path_m, double shortest_path_m);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::records

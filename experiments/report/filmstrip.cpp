@@ -12,7 +12,7 @@
 #include "experiments/results/explanation.h"
 #include "experiments/support/formatted.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::report {
 namespace {
 
 constexpr int kPaneWidth = 240, kPaneHeight = 180, kCaption = 40, kGap = 4;
@@ -25,7 +25,7 @@ cv::Mat to_pane(const cv::Mat& image) {
                       std::max(1, static_cast<int>(scale * image.rows)));
   cv::Mat small;
   cv::resize(image, small, size, 0, 0, scale < 1.0 ? cv::INTER_AREA : cv::INTER_LINEAR);
-  cv::Mat pane(kPaneHeight, kPaneWidth, CV_8UC3, ink::kPaper);
+  cv::Mat pane(kPaneHeight, kPaneWidth, CV_8UC3, drawing::ink::kPaper);
   small.copyTo(pane(cv::Rect((kPaneWidth - size.width) / 2, (kPaneHeight - size.height) / 2,
                              size.width, size.height)));
   return pane;
@@ -36,7 +36,7 @@ struct Extent {
   glm::dvec2 low_m, size_m;
 };
 
-Extent extent_of(const TrialLog& log) {
+Extent extent_of(const records::TrialLog& log) {
   constexpr double kMargin_m = 1.0, kLeast_m = 5.0;
   glm::dvec2 low(log.episode.start.x_m, log.episode.start.y_m), high = low;
   const auto add = [&](const glm::dvec2& p_m) {
@@ -52,15 +52,15 @@ Extent extent_of(const TrialLog& log) {
   return {centre - 0.5 * size, size};
 }
 
-cv::Mat map_pane(const TrialLog& log, const core::SceneManifest& manifest,
-                 const FloorPlan& plan, int tick) {
+cv::Mat map_pane(const records::TrialLog& log, const core::SceneManifest& manifest,
+                 const drawing::FloorPlan& plan, int tick) {
   constexpr double kOversampling = 2.0;   // Smooths thin lines.
   constexpr double kMostPixels = 3000.0;  // Of the whole floor's longer side.
   const Extent extent = extent_of(log);
   const double scale =
       std::min(kOversampling * kPaneWidth / (extent.size_m.x * plan.px_per_m),
                kMostPixels / std::max(plan.rgb.width_px(), plan.rgb.height_px()));
-  MapCanvas map(plan, scale);
+  drawing::MapCanvas map(plan, scale);
   map.draw_goals(manifest, log.episode.class_name);
   map.draw_shortest_path(log.shortest_path_m);
   map.draw_track(std::span(log.track).first(static_cast<std::size_t>(tick) + 1));
@@ -73,16 +73,17 @@ cv::Mat map_pane(const TrialLog& log, const core::SceneManifest& manifest,
                         static_cast<int>(extent.size_m.y * plan.px_per_m * scale));
   const cv::Rect there = wanted & cv::Rect(0, 0, map.image().cols, map.image().rows);
   if (there.empty()) return to_pane(map.image());
-  cv::Mat part(wanted.size(), CV_8UC3, ink::kPaper);
+  cv::Mat part(wanted.size(), CV_8UC3, drawing::ink::kPaper);
   map.image()(there).copyTo(part(there - wanted.tl()));
   return to_pane(part);
 }
 
 /// The moments, with the start before them.
-std::vector<KeyMoment> moments_of(const TrialRow& trial, const TrialLog& log) {
-  std::vector<KeyMoment> moments = key_moments(trial, log);
+std::vector<results::KeyMoment> moments_of(const records::TrialRow& trial,
+                                           const records::TrialLog& log) {
+  std::vector<results::KeyMoment> moments = results::key_moments(trial, log);
   if (moments.empty() || moments.front().tick > 0) {
-    moments.insert(moments.begin(), KeyMoment{0, "start"});
+    moments.insert(moments.begin(), results::KeyMoment{0, "start"});
   }
   return moments;
 }
@@ -90,44 +91,48 @@ std::vector<KeyMoment> moments_of(const TrialRow& trial, const TrialLog& log) {
 /// What happened, in as many lines as fit.
 void draw_caption(cv::Mat& page, int x, const std::string& time, const std::string& what) {
   constexpr double kLetter = 9.0;
-  draw_text(page, time, {x + 4.0, 14.0}, kLetter, ink::kText, true);
-  const double left = x + 10.0 + text_width_px(time, kLetter, true);
+  drawing::draw_text(page, time, {x + 4.0, 14.0}, kLetter, drawing::ink::kText, true);
+  const double left = x + 10.0 + drawing::text_width_px(time, kLetter, true);
   const std::size_t comma = what.find(", ");
-  draw_text(page, what.substr(0, comma), {left, 14.0}, kLetter, ink::kText);
+  drawing::draw_text(page, what.substr(0, comma), {left, 14.0}, kLetter, drawing::ink::kText);
   if (comma != std::string::npos) {
-    draw_text(page, what.substr(comma + 2), {x + 4.0, 32.0}, kLetter, ink::kText);
+    drawing::draw_text(page, what.substr(comma + 2), {x + 4.0, 32.0}, kLetter,
+                       drawing::ink::kText);
   }
 }
 
 }  // namespace
 
-core::Image<core::Rgb8> draw_filmstrip(const TrialRow& trial, const TrialLog& log,
+core::Image<core::Rgb8> draw_filmstrip(const records::TrialRow& trial,
+                                       const records::TrialLog& log,
                                        const core::SceneManifest& manifest,
-                                       const FloorPlan& plan, core::Renderer& renderer) {
+                                       const drawing::FloorPlan& plan,
+                                       core::Renderer& renderer) {
   SEGSIM_CHECK(!log.track.empty(), trial.episode);
   const core::SceneClass* goal = manifest.find_class(log.episode.class_name);
   const auto T_robot_camera =
       core::mast_camera(log.camera_height_m, log.camera_pitch_down_rad);
-  const std::vector<KeyMoment> moments = moments_of(trial, log);
+  const std::vector<results::KeyMoment> moments = moments_of(trial, log);
   const auto columns = static_cast<int>(moments.size());
   cv::Mat page(kCaption + 3 * kPaneHeight + 2 * kGap, columns * (kPaneWidth + kGap) - kGap,
                CV_8UC3, cv::Scalar(255, 255, 255));
   core::Frame frame;
   int x = 0;
-  for (const KeyMoment& moment : moments) {
+  for (const results::KeyMoment& moment : moments) {
     const sim::TickRecord& tick = log.track[static_cast<std::size_t>(moment.tick)];
     renderer.render(core::transform_from_pose2<core::frame::World>(tick.pose) * T_robot_camera,
                     log.camera, core::Channels::kRgb | core::Channels::kLabels, frame);
     std::vector<core::Detection> detections;
-    for (const JudgedDetection& d : log.detections) {
+    for (const records::JudgedDetection& d : log.detections) {
       if (d.tick == moment.tick) detections.push_back({0, d.score, d.box});
     }
     const double scale = static_cast<double>(kPaneWidth) / log.camera.width_px;
-    const core::Image<core::Rgb8> seen =
-        draw_boxes(frame.rgb, goal_boxes(frame, goal != nullptr ? goal->id : std::uint16_t{0}),
-                   detections, {log.episode.class_name}, scale);
-    draw_caption(page, x, print("%.1f s", core::seconds(tick.time_ns)), moment.what);
-    const cv::Mat panes[] = {to_pane(to_bgr(seen)), to_pane(to_bgr(panoptic_picture(frame))),
+    const core::Image<core::Rgb8> seen = drawing::draw_boxes(
+        frame.rgb, drawing::goal_boxes(frame, goal != nullptr ? goal->id : std::uint16_t{0}),
+        detections, {log.episode.class_name}, scale);
+    draw_caption(page, x, support::print("%.1f s", core::seconds(tick.time_ns)), moment.what);
+    const cv::Mat panes[] = {to_pane(drawing::to_bgr(seen)),
+                             to_pane(drawing::to_bgr(drawing::panoptic_picture(frame))),
                              map_pane(log, manifest, plan, moment.tick)};
     int y = kCaption;
     for (const cv::Mat& pane : panes) {
@@ -136,7 +141,7 @@ core::Image<core::Rgb8> draw_filmstrip(const TrialRow& trial, const TrialLog& lo
     }
     x += kPaneWidth + kGap;
   }
-  return from_bgr(page);
+  return drawing::from_bgr(page);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::report

@@ -11,15 +11,15 @@
 #include "experiments/records/store.h"
 #include "experiments/records/trial_log.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::report {
 
 /// One column for the start and for each of key_moments(): camera image with the goal's boxes
 /// and detections, panoptic image, map with the path so far.
 /// @param log  With at least one tick. @param renderer  Of the scene.
-[[nodiscard]] core::Image<core::Rgb8> draw_filmstrip(const TrialRow& trial,
-                                                     const TrialLog& log,
+[[nodiscard]] core::Image<core::Rgb8> draw_filmstrip(const records::TrialRow& trial,
+                                                     const records::TrialLog& log,
                                                      const core::SceneManifest& manifest,
-                                                     const FloorPlan& plan,
+                                                     const drawing::FloorPlan& plan,
                                                      core::Renderer& renderer);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::report

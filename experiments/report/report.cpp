@@ -13,7 +13,7 @@
 #include "experiments/report/report_assets.h"
 #include "experiments/results/table_grids.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::report {
 namespace {
 
 namespace fs = std::filesystem;
@@ -61,7 +61,7 @@ void name_pages(ReportModel& model) {
 /// By the rule of summarise(): an arm succeeds in an episode if it does in more than half of
 /// its repetitions.
 void note_changes(ReportModel& model) {
-  if (!internal::compares(model.table)) return;
+  if (!results::internal::compares(model.table)) return;
   struct Count {
     int usable = 0, successes = 0;
   };
@@ -74,8 +74,8 @@ void note_changes(ReportModel& model) {
   }
   // Of several trainings a trial before them has as many changes, and is told none.
   const bool several = model.table.trainings.size() > 1;
-  std::map<std::string, const TrainingSummary*> pairs;
-  for (const TrainingSummary& training : model.table.trainings) {
+  std::map<std::string, const results::TrainingSummary*> pairs;
+  for (const results::TrainingSummary& training : model.table.trainings) {
     pairs[training.arm] = &training;
     if (!several) pairs[training.before] = &training;
   }
@@ -94,11 +94,12 @@ void note_changes(ReportModel& model) {
 /// What the table calls the arm and the scene of each trial.
 void name_families(ReportModel& model) {
   std::map<std::string, std::string> arms, scenes;
-  for (const ArmRow& row : model.table.arm_rows) {
+  for (const records::ArmRow& row : model.table.arm_rows) {
     const bool chosen = row.name == model.table.before || row.name == model.table.after;
-    arms[row.name] = chosen ? row.name : family_of(row);
+    arms[row.name] = chosen ? row.name : records::family_of(row);
   }
-  for (const SceneRow& row : model.table.scene_rows) scenes[row.name] = family_of(row);
+  for (const records::SceneRow& row : model.table.scene_rows)
+    scenes[row.name] = records::family_of(row);
   const auto named = [](const std::map<std::string, std::string>& names,
                         const std::string& name) {
     const auto found = names.find(name);
@@ -152,8 +153,8 @@ std::string arm_color(const ReportModel& model, const std::string& arm) {
   static constexpr const char* kOthers[] = {"#8453a8", "#5f6b76", "#0f8b8d",
                                             "#a23b72", "#6b8e23", "#b3261e"};
   std::string family = arm;
-  for (const ArmRow& row : model.table.arm_rows) {
-    if (row.name == arm) family = family_of(row);
+  for (const records::ArmRow& row : model.table.arm_rows) {
+    if (row.name == arm) family = records::family_of(row);
   }
   for (const std::string& name : {arm, family}) {
     if (name == model.table.before) return "#c26a1b";
@@ -161,8 +162,8 @@ std::string arm_color(const ReportModel& model, const std::string& arm) {
     if (name == model.table.oracle) return "#3a8f4d";
   }
   std::size_t place = 0;
-  for (const ArmRow& row : model.table.arm_rows) {
-    if (family_of(row) == family) break;
+  for (const records::ArmRow& row : model.table.arm_rows) {
+    if (records::family_of(row) == family) break;
     ++place;
   }
   return kOthers[place % std::size(kOthers)];
@@ -171,27 +172,29 @@ std::string arm_color(const ReportModel& model, const std::string& arm) {
 std::vector<std::string> arms_of(const ReportModel& model) {
   std::vector<std::string> arms;
   if (model.table.scenes.empty()) return arms;
-  for (const ArmSummary& arm : model.table.scenes.front().arms) arms.push_back(arm.arm);
+  for (const results::ArmSummary& arm : model.table.scenes.front().arms)
+    arms.push_back(arm.arm);
   return arms;
 }
 
-std::string fate_of(const TrialRow& trial) {
+std::string fate_of(const records::TrialRow& trial) {
   if (trial.success) return "success";
   return trial.why.known() ? trial.why.cause : trial.outcome;
 }
 
 std::string fate_in_words(const std::string& fate) {
-  const std::optional<Cause> cause = find_cause(fate);
-  return cause ? in_words(*cause) : fate;
+  const std::optional<records::Cause> cause = records::find_cause(fate);
+  return cause ? records::in_words(*cause) : fate;
 }
 
 }  // namespace internal
 
-ReportSummary write_report(const StoredRun& stored, const ReportOptions& options) {
+ReportSummary write_report(const results::StoredRun& stored, const ReportOptions& options) {
   ReportModel model;
   model.stored = &stored;
-  model.table = summarise(stored, options.before, options.after);
-  for (const TrialRow& trial : stored.trials) model.trials.emplace_back().row = &trial;
+  model.table = results::summarise(stored, options.before, options.after);
+  for (const records::TrialRow& trial : stored.trials)
+    model.trials.emplace_back().row = &trial;
   clear_output(options.output);
 
   ReportSummary summary;
@@ -204,9 +207,10 @@ ReportSummary write_report(const StoredRun& stored, const ReportOptions& options
 
   write_text(options.output / "report.css", internal::kReportCss);
   write_text(options.output / "report.js", internal::kReportJs);
-  write_text(options.output / "table.json", format_table(model.table, TableFormat::kJson));
+  write_text(options.output / "table.json",
+             results::format_table(model.table, support::TableFormat::kJson));
   core::write_file_atomically(options.output / "trials.csv", [&](std::ostream& out) {
-    write_trials_csv(out, stored.trials);
+    records::write_trials_csv(out, stored.trials);
   });
   summary.pages = 2 + write_episodes(model, options.output);
   const std::string title = stored.run.title.empty() ? stored.run.name : stored.run.title;
@@ -221,4 +225,4 @@ ReportSummary write_report(const StoredRun& stored, const ReportOptions& options
   return summary;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::report

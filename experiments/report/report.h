@@ -22,7 +22,7 @@
 
 #include "experiments/results/stored_run.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::report {
 
 struct ReportOptions {
   std::filesystem::path output;
@@ -40,6 +40,6 @@ struct ReportSummary {
 
 /// An earlier report in the folder is replaced.
 /// @throws core::InputError if the folder holds other files, or for an unknown arm.
-ReportSummary write_report(const StoredRun& stored, const ReportOptions& options);
+ReportSummary write_report(const results::StoredRun& stored, const ReportOptions& options);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::report

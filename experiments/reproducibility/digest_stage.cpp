@@ -2,7 +2,7 @@
 
 #include "core/name_table.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::reproducibility {
 namespace {
 
 constexpr core::NameTable<DigestStage, DigestStage::kTrials> kNames(
@@ -16,4 +16,4 @@ DigestStage digest_stage_from(std::string_view name, const std::string& place) {
   return kNames.read(name, place);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::reproducibility

@@ -7,7 +7,7 @@
 #include <string>
 #include <string_view>
 
-namespace segsim::experiments {
+namespace segsim::experiments::reproducibility {
 
 enum class DigestStage : std::uint8_t {
   kCapture,         ///< The frames of a mesh world.
@@ -24,4 +24,4 @@ enum class DigestStage : std::uint8_t {
 /// @throws core::InputError for a name that no stage has.
 [[nodiscard]] DigestStage digest_stage_from(std::string_view name, const std::string& place);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::reproducibility

@@ -14,7 +14,7 @@
 
 #include "core/check.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::reproducibility {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -176,4 +176,4 @@ MachinePeaks measure_machine_peaks(int threads, double round_s) {
   return peaks;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::reproducibility

@@ -5,7 +5,7 @@
 
 #include <string>
 
-namespace segsim::experiments {
+namespace segsim::experiments::reproducibility {
 
 struct MachinePeaks {
   int threads = 1;
@@ -19,4 +19,4 @@ struct MachinePeaks {
 /// the rounds; 0.02 s is enough to be steady.  Needs 256 MiB of memory.
 [[nodiscard]] MachinePeaks measure_machine_peaks(int threads, double round_s = 0.03);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::reproducibility

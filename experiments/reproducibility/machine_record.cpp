@@ -19,7 +19,7 @@
 #include "worlds/mesh/library_versions.h"
 #include "worlds/procedural/procedural_flat.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::reproducibility {
 namespace {
 
 template <class T>
@@ -110,4 +110,4 @@ MachineRecord describe_machine() {
   return record;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::reproducibility

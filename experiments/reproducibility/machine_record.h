@@ -9,7 +9,7 @@
 
 #include "core/process/kernel_choice.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::reproducibility {
 
 struct MachineRecord {
   core::KernelChoice kernels = core::KernelChoice::kFast;
@@ -26,4 +26,4 @@ struct MachineRecord {
 /// Of this machine and process. Takes about a second: it computes the fingerprints.
 [[nodiscard]] MachineRecord describe_machine();
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::reproducibility

@@ -14,7 +14,7 @@
 #include "perception/checkpoint/weights_file.h"
 #include "perception/data/dataset.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::reproducibility {
 namespace {
 
 namespace fs = std::filesystem;
@@ -293,4 +293,4 @@ DigestComparison compare_digests(const DigestRecord& recorded, const DigestRecor
   return result;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::reproducibility

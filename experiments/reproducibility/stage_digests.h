@@ -11,7 +11,7 @@
 #include "experiments/reproducibility/digest_stage.h"
 #include "experiments/reproducibility/machine_record.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::reproducibility {
 
 struct StageDigest {
   DigestStage stage = DigestStage::kCapture;
@@ -60,4 +60,4 @@ struct DigestComparison {
 [[nodiscard]] DigestComparison compare_digests(const DigestRecord& recorded,
                                                const DigestRecord& found);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::reproducibility

@@ -9,7 +9,7 @@
 #include "core/frames.h"
 #include "experiments/records/failure_cause.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::results {
 namespace {
 
 std::string print(const char* format, double value) {
@@ -18,18 +18,18 @@ std::string print(const char* format, double value) {
   return text;
 }
 
-std::string time_of(const TrialLog& log, int tick) {
+std::string time_of(const records::TrialLog& log, int tick) {
   return print("%7.1f s", core::seconds(log.track[static_cast<std::size_t>(tick)].time_ns));
 }
 
 /// "12.4 s  tick 62     text"
-std::string event_line(const TrialLog& log, int tick, const std::string& text) {
+std::string event_line(const records::TrialLog& log, int tick, const std::string& text) {
   char head[48];
   std::snprintf(head, sizeof head, "  %s  tick %-5d", time_of(log, tick).c_str(), tick);
   return head + text;
 }
 
-std::string metres_to_goal(const TrialLog& log, int tick) {
+std::string metres_to_goal(const records::TrialLog& log, int tick) {
   const double distance_m = log.distance_m[static_cast<std::size_t>(tick)];
   return std::isfinite(distance_m) ? print("%.1f m from a view point", distance_m)
                                    : std::string("off the floor that leads to the goal");
@@ -51,28 +51,28 @@ const char* mode_words(core::PolicyMode mode) {
   return "?";
 }
 
-int first_visible(const TrialLog& log) {
+int first_visible(const records::TrialLog& log) {
   for (std::size_t k = 0; k < log.evidence.size(); ++k) {
     if (log.evidence[k].largest_px >= log.visible_px) return static_cast<int>(k);
   }
   return -1;
 }
 
-int first_false_detection(const TrialLog& log) {
-  for (const JudgedDetection& d : log.detections) {
+int first_false_detection(const records::TrialLog& log) {
+  for (const records::JudgedDetection& d : log.detections) {
     if (!d.is_goal) return d.tick;
   }
   return -1;
 }
 
-bool valid_tick(const TrialLog& log, int tick) {
+bool valid_tick(const records::TrialLog& log, int tick) {
   return tick >= 0 && static_cast<std::size_t>(tick) < log.track.size();
 }
 
 /// What happened, by tick; several lines of one tick keep their order.
 class Timeline {
  public:
-  explicit Timeline(const TrialLog& log) : log_(log) {}
+  explicit Timeline(const records::TrialLog& log) : log_(log) {}
   void add(int tick, const std::string& text) {
     if (valid_tick(log_, tick)) lines_[tick].push_back(text);
   }
@@ -85,12 +85,12 @@ class Timeline {
   }
 
  private:
-  const TrialLog& log_;
+  const records::TrialLog& log_;
   std::map<int, std::vector<std::string>> lines_;
 };
 
 /// Changes of what the policy does; at most so many are told, the first and the last ones.
-void add_modes(const TrialLog& log, Timeline& timeline) {
+void add_modes(const records::TrialLog& log, Timeline& timeline) {
   constexpr std::size_t kMostTold = 12;
   std::vector<int> changes;
   for (std::size_t k = 0; k < log.track.size(); ++k) {
@@ -115,7 +115,7 @@ void add_modes(const TrialLog& log, Timeline& timeline) {
   }
 }
 
-void add_contacts(const TrialLog& log, Timeline& timeline) {
+void add_contacts(const records::TrialLog& log, Timeline& timeline) {
   bool before = false;
   for (std::size_t k = 0; k < log.track.size(); ++k) {
     if (log.track[k].in_contact && !before)
@@ -124,18 +124,19 @@ void add_contacts(const TrialLog& log, Timeline& timeline) {
   }
 }
 
-void add_sightings(const TrialRow& trial, const TrialLog& log, Timeline& timeline) {
+void add_sightings(const records::TrialRow& trial, const records::TrialLog& log,
+                   Timeline& timeline) {
   const int visible = first_visible(log);
   const std::string& goal = log.episode.class_name;
   if (visible >= 0) {
-    const TickEvidence& e = log.evidence[static_cast<std::size_t>(visible)];
+    const records::TickEvidence& e = log.evidence[static_cast<std::size_t>(visible)];
     timeline.add(visible, goal + " first in view (" + std::to_string(e.largest_px) +
                               " px of instance " + std::to_string(e.instance) + ")");
   }
   for (const bool is_goal : {true, false}) {
     const auto found =
         std::find_if(log.detections.begin(), log.detections.end(),
-                     [&](const JudgedDetection& d) { return d.is_goal == is_goal; });
+                     [&](const records::JudgedDetection& d) { return d.is_goal == is_goal; });
     if (found == log.detections.end()) continue;
     timeline.add(found->tick, (is_goal ? goal + " first detected (score "
                                        : "something else reported as " + goal + " (score ") +
@@ -147,7 +148,7 @@ void add_sightings(const TrialRow& trial, const TrialLog& log, Timeline& timelin
   }
 }
 
-std::string end_words(const TrialRow& trial, const TrialLog& log) {
+std::string end_words(const records::TrialRow& trial, const records::TrialLog& log) {
   const int last = static_cast<int>(log.track.size()) - 1;
   if (trial.why.stopped) {
     return "STOP (" + trial.stop_reason + "), " + metres_to_goal(log, last) + ", " +
@@ -156,8 +157,8 @@ std::string end_words(const TrialRow& trial, const TrialLog& log) {
   return trial.outcome + ", " + metres_to_goal(log, last);
 }
 
-std::string perception_words(const TrialRow& trial) {
-  const Attribution& why = trial.why;
+std::string perception_words(const records::TrialRow& trial) {
+  const records::Attribution& why = trial.why;
   std::string text = "in view in " + std::to_string(why.visible_frames) + " of " +
                      std::to_string(why.images >= 0 ? why.images : trial.ticks) +
                      " images, detected in " + std::to_string(why.detected_frames);
@@ -177,9 +178,10 @@ std::string perception_words(const TrialRow& trial) {
          " and " + std::to_string(why.true_clouds) + " true objects in its map at the end";
 }
 
-std::string profile_words(const TrialRow& trial) {
-  const sim::TrialEnd end = trial_end(trial.why, trial.distance_to_goal_m, trial.contacts,
-                                      trial.sim_s, trial.path_m, trial.shortest_path_m);
+std::string profile_words(const records::TrialRow& trial) {
+  const sim::TrialEnd end =
+      records::trial_end(trial.why, trial.distance_to_goal_m, trial.contacts, trial.sim_s,
+                         trial.path_m, trial.shortest_path_m);
   std::string text;
   for (const sim::SuccessProfile& profile : sim::success_profiles()) {
     text += (text.empty() ? "" : ", ") + profile.name +
@@ -190,7 +192,8 @@ std::string profile_words(const TrialRow& trial) {
 
 }  // namespace
 
-std::vector<KeyMoment> key_moments(const TrialRow& trial, const TrialLog& log) {
+std::vector<KeyMoment> key_moments(const records::TrialRow& trial,
+                                   const records::TrialLog& log) {
   std::map<int, std::string> moments;
   const auto add = [&](int tick, const char* what) {
     if (!valid_tick(log, tick)) return;
@@ -208,7 +211,8 @@ std::vector<KeyMoment> key_moments(const TrialRow& trial, const TrialLog& log) {
   return list;
 }
 
-std::vector<std::string> tell_story(const TrialRow& trial, const TrialLog& log) {
+std::vector<std::string> tell_story(const records::TrialRow& trial,
+                                    const records::TrialLog& log) {
   const core::Pose2& start = log.episode.start;
   std::vector<std::string> lines;
   lines.push_back("Trial " + std::to_string(trial.trial_id) + ": " + trial.episode + ", arm " +
@@ -220,9 +224,10 @@ std::vector<std::string> tell_story(const TrialRow& trial, const TrialLog& log) 
                   " deg; the shortest way to a view point is " +
                   print("%.1f", trial.shortest_path_m) + " m");
   if (!trial.success) {
-    const Cause cause =
-        cause_from(trial.why.cause, "trial " + std::to_string(trial.trial_id) + ": cause");
-    lines.push_back(std::string("  cause       ") + to_string(cause) + ": " + in_words(cause));
+    const records::Cause cause = records::cause_from(
+        trial.why.cause, "trial " + std::to_string(trial.trial_id) + ": cause");
+    lines.push_back(std::string("  cause       ") + records::to_string(cause) + ": " +
+                    records::in_words(cause));
   }
   Timeline timeline(log);
   add_modes(log, timeline);
@@ -244,4 +249,4 @@ std::vector<std::string> tell_story(const TrialRow& trial, const TrialLog& log) 
   return lines;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::results

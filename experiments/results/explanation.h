@@ -13,7 +13,7 @@
 #include "experiments/records/store.h"
 #include "experiments/records/trial_log.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::results {
 
 /// A moment worth looking at.
 struct KeyMoment {
@@ -23,22 +23,24 @@ struct KeyMoment {
 
 /// First view of the goal, first true and first false detection, the decisive tick, the tick
 /// from which on it could not succeed, the end; in order of time, equal ticks merged.
-[[nodiscard]] std::vector<KeyMoment> key_moments(const TrialRow& trial, const TrialLog& log);
+[[nodiscard]] std::vector<KeyMoment> key_moments(const records::TrialRow& trial,
+                                                 const records::TrialLog& log);
 
 /// Lines of text for a terminal, without pictures.
-[[nodiscard]] std::vector<std::string> tell_story(const TrialRow& trial, const TrialLog& log);
+[[nodiscard]] std::vector<std::string> tell_story(const records::TrialRow& trial,
+                                                  const records::TrialLog& log);
 
 /// The path from above, as draw_trial(), with the key moments as numbers.
-[[nodiscard]] core::Image<core::Rgb8> draw_story_map(const TrialRow& trial,
-                                                     const TrialLog& log,
+[[nodiscard]] core::Image<core::Rgb8> draw_story_map(const records::TrialRow& trial,
+                                                     const records::TrialLog& log,
                                                      const core::SceneManifest& manifest,
-                                                     const FloorPlan& plan);
+                                                     const drawing::FloorPlan& plan);
 
 /// What the camera saw at the key moments: goal objects outlined, detections of its class
 /// dashed. @param renderer  Of the scene.
-[[nodiscard]] core::Image<core::Rgb8> draw_story_frames(const TrialRow& trial,
-                                                        const TrialLog& log,
+[[nodiscard]] core::Image<core::Rgb8> draw_story_frames(const records::TrialRow& trial,
+                                                        const records::TrialLog& log,
                                                         const core::SceneManifest& manifest,
                                                         core::Renderer& renderer);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::results

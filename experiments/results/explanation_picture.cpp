@@ -9,10 +9,11 @@
 #include "experiments/drawing/trial_picture.h"
 #include "experiments/results/explanation.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::results {
 namespace {
 
-std::string moment_caption(const TrialLog& log, std::size_t number, const KeyMoment& moment) {
+std::string moment_caption(const records::TrialLog& log, std::size_t number,
+                           const KeyMoment& moment) {
   char text[160];
   std::snprintf(text, sizeof text, "%zu  %.1f s  %s", number,
                 core::seconds(log.track[static_cast<std::size_t>(moment.tick)].time_ns),
@@ -22,9 +23,10 @@ std::string moment_caption(const TrialLog& log, std::size_t number, const KeyMom
 
 }  // namespace
 
-core::Image<core::Rgb8> draw_story_map(const TrialRow& trial, const TrialLog& log,
+core::Image<core::Rgb8> draw_story_map(const records::TrialRow& trial,
+                                       const records::TrialLog& log,
                                        const core::SceneManifest& manifest,
-                                       const FloorPlan& plan) {
+                                       const drawing::FloorPlan& plan) {
   sim::TrialResult result;
   result.outcome = sim::outcome_from(trial.outcome, "trial " + std::to_string(trial.trial_id));
   result.success = trial.success;
@@ -39,7 +41,7 @@ core::Image<core::Rgb8> draw_story_map(const TrialRow& trial, const TrialLog& lo
   result.final_view.objects = log.objects;
   result.final_view.target_m = log.target_m;
 
-  TrialScene scene;
+  drawing::TrialScene scene;
   scene.plan = &plan;
   scene.manifest = &manifest;
   scene.episode = &log.episode;
@@ -53,10 +55,11 @@ core::Image<core::Rgb8> draw_story_map(const TrialRow& trial, const TrialLog& lo
     const core::Pose2& pose = log.track[static_cast<std::size_t>(moment.tick)].pose;
     scene.marks.push_back({{pose.x_m, pose.y_m}, std::to_string(++number)});
   }
-  return draw_trial(scene, result);
+  return drawing::draw_trial(scene, result);
 }
 
-core::Image<core::Rgb8> draw_story_frames(const TrialRow& trial, const TrialLog& log,
+core::Image<core::Rgb8> draw_story_frames(const records::TrialRow& trial,
+                                          const records::TrialLog& log,
                                           const core::SceneManifest& manifest,
                                           core::Renderer& renderer) {
   constexpr int kColumns = 3;
@@ -64,26 +67,27 @@ core::Image<core::Rgb8> draw_story_frames(const TrialRow& trial, const TrialLog&
   const auto T_robot_camera =
       core::mast_camera(log.camera_height_m, log.camera_pitch_down_rad);
   core::Frame frame;
-  std::vector<SheetPicture> pictures;
+  std::vector<drawing::SheetPicture> pictures;
   for (const KeyMoment& moment : key_moments(trial, log)) {
     const core::Pose2& pose = log.track[static_cast<std::size_t>(moment.tick)].pose;
     renderer.render(core::transform_from_pose2<core::frame::World>(pose) * T_robot_camera,
                     log.camera, core::Channels::kRgb | core::Channels::kLabels, frame);
     std::vector<core::Detection> detections;
-    for (const JudgedDetection& d : log.detections) {
+    for (const records::JudgedDetection& d : log.detections) {
       if (d.tick == moment.tick) detections.push_back({0, d.score, d.box});
     }
     const double scale = std::max(1.0, 480.0 / log.camera.width_px);
     pictures.push_back(
-        {draw_boxes(frame.rgb, goal_boxes(frame, goal != nullptr ? goal->id : 0), detections,
-                    {log.episode.class_name}, scale),
+        {drawing::draw_boxes(frame.rgb,
+                             drawing::goal_boxes(frame, goal != nullptr ? goal->id : 0),
+                             detections, {log.episode.class_name}, scale),
          moment_caption(log, pictures.size() + 1, moment)});
   }
   const int columns = std::clamp(static_cast<int>(pictures.size()), 1, kColumns);
-  return picture_sheet(pictures, columns,
-                       "Find a " + log.episode.class_name + "  /  " + trial.episode +
-                           "  /  arm " + trial.arm + "  /  " +
-                           (trial.success ? "success" : trial.why.cause));
+  return drawing::picture_sheet(pictures, columns,
+                                "Find a " + log.episode.class_name + "  /  " + trial.episode +
+                                    "  /  arm " + trial.arm + "  /  " +
+                                    (trial.success ? "success" : trial.why.cause));
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::results

@@ -4,17 +4,17 @@
 
 #include "experiments/support/text_grid.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::results::internal {
 
 std::string share_text(int part, int whole) {
-  return whole > 0 ? print("%.2f", static_cast<double>(part) / whole) : "-";
+  return whole > 0 ? support::internal::print("%.2f", static_cast<double>(part) / whole) : "-";
 }
 
-Grid causes_grid(const std::vector<GroupSummary>& groups) {
-  Grid grid{"Why trials failed", {"Scene", "Arm", "Failed"}, {}};
+support::internal::Grid causes_grid(const std::vector<GroupSummary>& groups) {
+  support::internal::Grid grid{"Why trials failed", {"Scene", "Arm", "Failed"}, {}};
   std::vector<std::string> causes;
-  for (int k = 0; k < kCauses; ++k) {
-    const std::string cause = to_string(static_cast<Cause>(k));
+  for (int k = 0; k < records::kCauses; ++k) {
+    const std::string cause = records::to_string(static_cast<records::Cause>(k));
     const bool occurs = std::any_of(groups.begin(), groups.end(), [&](const auto& group) {
       return std::any_of(group.arms.begin(), group.arms.end(), [&](const ArmSummary& arm) {
         const auto& counts = arm.insights.causes;
@@ -46,32 +46,38 @@ Grid causes_grid(const std::vector<GroupSummary>& groups) {
   return grid;
 }
 
-Grid perception_grid(const std::vector<GroupSummary>& groups) {
-  Grid grid{"What the detector made of the goal",
-            {"Scene", "Arm", "Recall in view", "Saw it", "Never detected", "Delay [ticks]",
-             "False per 100 images", "False objects", "Misplaced objects"},
-            {}};
+support::internal::Grid perception_grid(const std::vector<GroupSummary>& groups) {
+  support::internal::Grid grid{
+      "What the detector made of the goal",
+      {"Scene", "Arm", "Recall in view", "Saw it", "Never detected", "Delay [ticks]",
+       "False per 100 images", "False objects", "Misplaced objects"},
+      {}};
   for (const GroupSummary& group : groups) {
     for (const ArmSummary& arm : group.arms) {
       const TrialInsights& in = arm.insights;
       if (in.trials == 0) continue;
       grid.rows.push_back(
-          {group.title, arm.arm, in.recall() ? print("%.2f", *in.recall()) : "-",
+          {group.title, arm.arm,
+           in.recall() ? support::internal::print("%.2f", *in.recall()) : "-",
            std::to_string(in.saw_goal) + "/" + std::to_string(in.trials),
            std::to_string(in.never_detected),
-           in.delay_ticks ? print("%.1f", *in.delay_ticks) : "-",
-           in.frames > 0 ? print("%.1f", 100.0 * in.false_detections / in.frames) : "-",
-           print("%.2f", in.false_clouds),
-           in.misplaced_clouds ? print("%.2f", *in.misplaced_clouds) : "-"});
+           in.delay_ticks ? support::internal::print("%.1f", *in.delay_ticks) : "-",
+           in.frames > 0
+               ? support::internal::print("%.1f", 100.0 * in.false_detections / in.frames)
+               : "-",
+           support::internal::print("%.2f", in.false_clouds),
+           in.misplaced_clouds ? support::internal::print("%.2f", *in.misplaced_clouds)
+                               : "-"});
     }
   }
   return grid;
 }
 
-Grid profiles_grid(const std::vector<GroupSummary>& groups) {
-  Grid grid{"The same trials under named success rules (SR / SPL as that rule defines it)",
-            {"Scene", "Arm"},
-            {}};
+support::internal::Grid profiles_grid(const std::vector<GroupSummary>& groups) {
+  support::internal::Grid grid{
+      "The same trials under named success rules (SR / SPL as that rule defines it)",
+      {"Scene", "Arm"},
+      {}};
   for (const sim::SuccessProfile& profile : sim::success_profiles()) {
     grid.header.push_back(profile.name);
   }
@@ -81,7 +87,7 @@ Grid profiles_grid(const std::vector<GroupSummary>& groups) {
       std::vector<std::string> row{group.title, arm.arm};
       for (const ProfileRate& rate : arm.insights.profiles) {
         row.push_back(share_text(rate.successes, arm.insights.trials) + " / " +
-                      print("%.2f", rate.spl));
+                      support::internal::print("%.2f", rate.spl));
       }
       grid.rows.push_back(std::move(row));
     }
@@ -89,4 +95,4 @@ Grid profiles_grid(const std::vector<GroupSummary>& groups) {
   return grid;
 }
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::results::internal

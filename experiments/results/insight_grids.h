@@ -10,17 +10,17 @@
 #include "experiments/results/table.h"
 #include "experiments/support/grid_document.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::results::internal {
 
 /// "0.85", or "-" of nothing.
 [[nodiscard]] std::string share_text(int part, int whole);
 
 /// One column per cause that occurred; no rows if no trial failed.
-[[nodiscard]] Grid causes_grid(const std::vector<GroupSummary>& groups);
-[[nodiscard]] Grid perception_grid(const std::vector<GroupSummary>& groups);
+[[nodiscard]] support::internal::Grid causes_grid(const std::vector<GroupSummary>& groups);
+[[nodiscard]] support::internal::Grid perception_grid(const std::vector<GroupSummary>& groups);
 /// The same trials by the rules of others.
-[[nodiscard]] Grid profiles_grid(const std::vector<GroupSummary>& groups);
+[[nodiscard]] support::internal::Grid profiles_grid(const std::vector<GroupSummary>& groups);
 
 [[nodiscard]] std::string as_json(const ResultTable& table);
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::results::internal

@@ -8,38 +8,39 @@
 
 #include "experiments/results/table_grids.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::results::internal {
 namespace {
 
 /// In the order of how much they forbid to conclude.
 enum class Leakage : std::uint8_t { kNone, kUnknown, kScene };
 
-using ArmRows = std::vector<const ArmRow*>;
-using SceneRows = std::vector<const SceneRow*>;
+using ArmRows = std::vector<const records::ArmRow*>;
+using SceneRows = std::vector<const records::SceneRow*>;
 
 bool has(const std::vector<std::string>& names, const std::string& name) {
   return std::find(names.begin(), names.end(), name) != names.end();
 }
 
 /// Whether views of the scene are known to have been trained on.
-bool row_is_tuned_on(const ArmRow& arm, const std::string& scene) {
+bool row_is_tuned_on(const records::ArmRow& arm, const std::string& scene) {
   if (arm.exposure && arm.exposure->is_trained_on(scene)) return true;
   const std::string all = ", " + arm.tuned_on + ", ";
   return all.find(", " + scene + ", ") != std::string::npos;
 }
 
-Leakage leakage_of(const ArmRow& arm, const SceneRow& scene) {
+Leakage leakage_of(const records::ArmRow& arm, const records::SceneRow& scene) {
   if (arm.weights_sha256.empty()) return Leakage::kNone;
   if (row_is_tuned_on(arm, scene.name)) return Leakage::kScene;
-  if (!arm.exposure || arm.exposure->known != TrainingDataKnown::kAll)
+  if (!arm.exposure || arm.exposure->known != records::TrainingDataKnown::kAll)
     return Leakage::kUnknown;
   return has(arm.exposure->same_name, scene.name) ? Leakage::kUnknown : Leakage::kNone;
 }
 
 Leakage worst_of(const ArmRows& arms, const SceneRows& scenes) {
   Leakage worst = Leakage::kNone;
-  for (const ArmRow* arm : arms) {
-    for (const SceneRow* scene : scenes) worst = std::max(worst, leakage_of(*arm, *scene));
+  for (const records::ArmRow* arm : arms) {
+    for (const records::SceneRow* scene : scenes)
+      worst = std::max(worst, leakage_of(*arm, *scene));
   }
   return worst;
 }
@@ -52,11 +53,11 @@ std::string word_for(Leakage leakage) {
 /// All trainings of an arm, or the one row of that name.
 ArmRows rows_of(const ResultTable& table, const std::string& arm) {
   ArmRows rows;
-  for (const ArmRow& row : table.arm_rows) {
-    if (family_of(row) == arm) rows.push_back(&row);
+  for (const records::ArmRow& row : table.arm_rows) {
+    if (records::family_of(row) == arm) rows.push_back(&row);
   }
   if (!rows.empty()) return rows;
-  for (const ArmRow& row : table.arm_rows) {
+  for (const records::ArmRow& row : table.arm_rows) {
     if (row.name == arm) rows.push_back(&row);
   }
   return rows;
@@ -65,8 +66,8 @@ ArmRows rows_of(const ResultTable& table, const std::string& arm) {
 /// @param family  Empty: all.
 SceneRows scenes_of(const ResultTable& table, const std::string& family) {
   SceneRows scenes;
-  for (const SceneRow& scene : table.scene_rows) {
-    if (family.empty() || family_of(scene) == family) scenes.push_back(&scene);
+  for (const records::SceneRow& scene : table.scene_rows) {
+    if (family.empty() || records::family_of(scene) == family) scenes.push_back(&scene);
   }
   return scenes;
 }
@@ -79,20 +80,20 @@ ArmRows compared_rows(const ResultTable& table) {
 /// What notes say of a row, in terms of the spec's scenes.
 struct Finding {
   Leakage worst = Leakage::kNone;
-  std::optional<TrainingDataKnown> known;  ///< None: nobody looked.
-  std::vector<std::string> tuned;          ///< Titles.
-  std::vector<std::string> same_name;      ///< Families.
+  std::optional<records::TrainingDataKnown> known;  ///< None: nobody looked.
+  std::vector<std::string> tuned;                   ///< Titles.
+  std::vector<std::string> same_name;               ///< Families.
   bool threshold_chosen = false;
 
   bool operator==(const Finding&) const = default;
 };
 
-Finding finding_of(const ResultTable& table, const ArmRow& row) {
+Finding finding_of(const ResultTable& table, const records::ArmRow& row) {
   Finding finding;
   finding.worst = worst_of({&row}, scenes_of(table, ""));
   if (row.exposure) finding.known = row.exposure->known;
-  for (const SceneRow& scene : table.scene_rows) {
-    const std::string& family = family_of(scene);
+  for (const records::SceneRow& scene : table.scene_rows) {
+    const std::string& family = records::family_of(scene);
     const std::string& title = scenes_of(table, family).front()->title;
     if (row_is_tuned_on(row, scene.name) && !has(finding.tuned, title)) {
       finding.tuned.push_back(title);
@@ -123,17 +124,17 @@ struct ToldArm {
 /// Arms with weights, in the order of the run.
 std::vector<ToldArm> told_arms(const ResultTable& table) {
   std::vector<ToldArm> told;
-  for (const ArmRow& row : table.arm_rows) {
+  for (const records::ArmRow& row : table.arm_rows) {
     if (row.weights_sha256.empty()) continue;
     const Finding finding = finding_of(table, row);
-    const ArmRows family = rows_of(table, family_of(row));
-    const bool alike = std::all_of(family.begin(), family.end(), [&](const ArmRow* other) {
-      return finding_of(table, *other) == finding;
-    });
+    const ArmRows family = rows_of(table, records::family_of(row));
+    const bool alike = std::all_of(
+        family.begin(), family.end(),
+        [&](const records::ArmRow* other) { return finding_of(table, *other) == finding; });
     if (!alike) {
       told.push_back({row.name, {&row}, finding, false});
     } else if (family.front() == &row) {
-      told.push_back({family_of(row), family, finding});
+      told.push_back({records::family_of(row), family, finding});
     }
   }
   return told;
@@ -189,9 +190,9 @@ void note_unknown(ResultTable& table, const ToldArm& arm) {
     }
     return;
   }
-  if (*finding.known == TrainingDataKnown::kNothing) {
+  if (*finding.known == records::TrainingDataKnown::kNothing) {
     table.notes.push_back(begin + files_do + " not say what it was trained on.");
-  } else if (*finding.known == TrainingDataKnown::kPart) {
+  } else if (*finding.known == records::TrainingDataKnown::kPart) {
     table.notes.push_back(begin + files_do + " not say all that it was trained on.");
   }
   if (finding.same_name.empty()) return;
@@ -220,7 +221,7 @@ bool is_tuned_on(const ResultTable& table, const std::string& scene) {
   return worst_of(compared_rows(table), scenes_of(table, scene)) == Leakage::kScene;
 }
 
-std::string leakage_word(const ResultTable& table, const ArmRow& training) {
+std::string leakage_word(const ResultTable& table, const records::ArmRow& training) {
   return word_for(worst_of({&training}, scenes_of(table, "")));
 }
 
@@ -232,7 +233,7 @@ std::string leakage_word(const ResultTable& table, const std::string& arm,
 std::string compared_leakage_word(const ResultTable& table, const std::string& scene) {
   ArmRows rows = compared_rows(table);
   if (rows.empty()) {
-    for (const ArmRow& row : table.arm_rows) rows.push_back(&row);
+    for (const records::ArmRow& row : table.arm_rows) rows.push_back(&row);
   }
   return word_for(worst_of(rows, scenes_of(table, scene)));
 }
@@ -256,4 +257,4 @@ void note_leakage(ResultTable& table) {
   note_thresholds(table, told);
 }
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::results::internal

@@ -11,14 +11,15 @@
 
 #include "experiments/results/table.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::results::internal {
 
 /// Whether a training of the arm "after" is known to have learnt from a reconstruction of the
 /// scene. @param scene  Its family.
 [[nodiscard]] bool is_tuned_on(const ResultTable& table, const std::string& scene);
 
 /// Of one training, in all scenes.
-[[nodiscard]] std::string leakage_word(const ResultTable& table, const ArmRow& training);
+[[nodiscard]] std::string leakage_word(const ResultTable& table,
+                                       const records::ArmRow& training);
 /// @param arm  A family, or one row of one. @param scene  Its family; empty: all scenes.
 [[nodiscard]] std::string leakage_word(const ResultTable& table, const std::string& arm,
                                        const std::string& scene);
@@ -31,4 +32,4 @@ namespace segsim::experiments::internal {
 /// which different things are to say have notes of their own.
 void note_leakage(ResultTable& table);
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::results::internal

@@ -10,11 +10,11 @@
 #include "experiments/results/table_grids.h"
 #include "experiments/support/text_grid.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::results {
 namespace {
 
-using internal::Grid;
-using internal::print;
+using support::internal::Grid;
+using support::internal::print;
 using Json = nlohmann::ordered_json;
 
 constexpr const char* kTitle = "Impact of fine-tuning on object search (the paper's Table 3)";
@@ -172,11 +172,12 @@ std::span<const PaperNavigationRow> paper_table3() {
 }
 
 std::string format_navigation_table(std::span<const NavigationEntry> entries,
-                                    TableFormat format) {
-  if (format == TableFormat::kJson) return json_text(entries);
+                                    support::TableFormat format) {
+  if (format == support::TableFormat::kJson) return json_text(entries);
   const Grid grid = grid_of(rows_of(entries));
-  if (format == TableFormat::kCsv) return internal::csv_of({grid.header, grid.rows});
-  return internal::document_text({"", {grid}, notes_of(entries)}, format);
+  if (format == support::TableFormat::kCsv)
+    return support::internal::csv_of({grid.header, grid.rows});
+  return support::internal::document_text({"", {grid}, notes_of(entries)}, format);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::results

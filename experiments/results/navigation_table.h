@@ -11,7 +11,7 @@
 
 #include "experiments/results/table.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::results {
 
 /// A row of the paper: Fast-SegSim (arXiv 2604.10951), table "Impact of finetuning". It names
 /// neither the number of episodes nor the rule of success.
@@ -31,6 +31,6 @@ struct NavigationEntry {
 
 /// @throws core::ContractViolation for a scene that is not the paper's.
 [[nodiscard]] std::string format_navigation_table(std::span<const NavigationEntry> entries,
-                                                  TableFormat format);
+                                                  support::TableFormat format);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::results

@@ -9,7 +9,7 @@
 #include "core/check.h"
 #include "core/random.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::results {
 namespace {
 
 void check_proportion(const Proportion& p) {
@@ -353,4 +353,4 @@ std::string verdict(const PairedCounts& counts) {
                  newcombe_paired_difference(counts));
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::results

@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-namespace segsim::experiments {
+namespace segsim::experiments::results {
 
 struct Interval {
   double low = 0.0, high = 1.0;
@@ -137,4 +137,4 @@ inline constexpr std::size_t kScenesForClaim = 5;
 /// The same by McNemar's exact test and Newcombe's interval: of one training.
 [[nodiscard]] std::string verdict(const PairedCounts& counts);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::results

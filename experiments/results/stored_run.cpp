@@ -2,15 +2,16 @@
 
 #include "core/error.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::results {
 namespace {
 
 /// The run of that number, or the last one.
-RunRow chosen_run(const Store& store, const std::filesystem::path& file, std::int64_t run_id) {
-  const std::vector<RunRow> runs = store.runs();
+records::RunRow chosen_run(const records::Store& store, const std::filesystem::path& file,
+                           std::int64_t run_id) {
+  const std::vector<records::RunRow> runs = store.runs();
   if (runs.empty()) throw core::InputError::expected(file.string(), "a run", "none");
   if (run_id == 0) return runs.back();
-  for (const RunRow& run : runs) {
+  for (const records::RunRow& run : runs) {
     if (run.run_id == run_id) return run;
   }
   throw core::InputError::expected("--run", "1 to " + std::to_string(runs.back().run_id),
@@ -25,7 +26,7 @@ StoredRun load_run(const std::filesystem::path& work, std::int64_t run_id) {
   if (!std::filesystem::exists(file)) {
     throw core::InputError::expected(file.string(), "a results database", "none");
   }
-  const Store store(file);
+  const records::Store store(file);
   StoredRun stored;
   stored.folder = file.parent_path();
   stored.run = chosen_run(store, file, run_id);
@@ -40,4 +41,4 @@ ResultTable summarise(const StoredRun& stored, const std::string& before,
   return summarise(stored.run, stored.scenes, stored.arms, stored.trials, before, after);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::results

@@ -11,14 +11,14 @@
 #include "experiments/records/store.h"
 #include "experiments/results/table.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::results {
 
 struct StoredRun {
   std::filesystem::path folder;  ///< Of the database; files of trials are relative to it.
-  RunRow run;
-  std::vector<SceneRow> scenes;
-  std::vector<ArmRow> arms;
-  std::vector<TrialRow> trials;
+  records::RunRow run;
+  std::vector<records::SceneRow> scenes;
+  std::vector<records::ArmRow> arms;
+  std::vector<records::TrialRow> trials;
 };
 
 /// @param work  Work folder of `segsim run`, or a results database.
@@ -30,4 +30,4 @@ struct StoredRun {
 [[nodiscard]] ResultTable summarise(const StoredRun& stored, const std::string& before = {},
                                     const std::string& after = {});
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::results

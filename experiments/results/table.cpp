@@ -9,7 +9,7 @@
 #include "experiments/results/leakage.h"
 #include "experiments/results/table_notes.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::results {
 
 const ArmSummary* GroupSummary::find(const std::string& arm) const {
   for (const ArmSummary& summary : arms) {
@@ -18,9 +18,10 @@ const ArmSummary* GroupSummary::find(const std::string& arm) const {
   return nullptr;
 }
 
-ResultTable summarise(const RunRow& run, const std::vector<SceneRow>& scenes,
-                      const std::vector<ArmRow>& arms, const std::vector<TrialRow>& trials,
-                      const std::string& before, const std::string& after) {
+ResultTable summarise(const records::RunRow& run, const std::vector<records::SceneRow>& scenes,
+                      const std::vector<records::ArmRow>& arms,
+                      const std::vector<records::TrialRow>& trials, const std::string& before,
+                      const std::string& after) {
   ResultTable table;
   table.run = run;
   table.scene_rows = scenes;
@@ -37,15 +38,16 @@ ResultTable summarise(const RunRow& run, const std::vector<SceneRow>& scenes,
   }
   table.trainings = internal::summarise_trainings(inputs);
   table.compares_trainings = internal::compares_weights(arms, inputs.pairs);
-  for (const TrialRow& trial : trials) table.finished_trials += trial.failed() ? 0 : 1;
+  for (const records::TrialRow& trial : trials)
+    table.finished_trials += trial.failed() ? 0 : 1;
 
-  const std::vector<const SceneRow*> families = internal::scene_families(scenes);
+  const std::vector<const records::SceneRow*> families = internal::scene_families(scenes);
   for (std::size_t k = 0; k < families.size(); ++k) {
-    const SceneRow& scene = *families[k];
+    const records::SceneRow& scene = *families[k];
     GroupSummary group =
-        internal::summarise_group(inputs, family_of(scene), scene.title,
+        internal::summarise_group(inputs, records::family_of(scene), scene.title,
                                   [&](const internal::Episode& e) { return e.scene == k; });
-    group.leak = internal::is_tuned_on(table, family_of(scene));
+    group.leak = internal::is_tuned_on(table, records::family_of(scene));
     table.scenes.push_back(std::move(group));
   }
   if (families.size() > 1) {
@@ -63,7 +65,7 @@ ResultTable summarise(const RunRow& run, const std::vector<SceneRow>& scenes,
   }
 
   std::set<std::string> class_names;
-  for (const TrialRow& trial : trials) class_names.insert(trial.goal_class);
+  for (const records::TrialRow& trial : trials) class_names.insert(trial.goal_class);
   std::vector<double> p_values;
   for (const std::string& name : class_names) {
     table.classes.push_back(internal::summarise_group(
@@ -78,10 +80,10 @@ ResultTable summarise(const RunRow& run, const std::vector<SceneRow>& scenes,
   return table;
 }
 
-TableFormat table_format_from(const std::string& word) {
+support::TableFormat table_format_from(const std::string& word) {
   const std::vector<std::string> words{"text", "md", "csv", "json", "tex"};
   for (std::size_t i = 0; i < words.size(); ++i) {
-    if (word == words[i]) return static_cast<TableFormat>(i);
+    if (word == words[i]) return static_cast<support::TableFormat>(i);
   }
   const std::string near = core::nearest_word(word, words);
   throw core::InputError::expected(
@@ -89,4 +91,4 @@ TableFormat table_format_from(const std::string& word) {
       "\"" + word + "\"" + (near.empty() ? "" : " (near: " + near + ")"));
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::results

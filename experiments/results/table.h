@@ -14,7 +14,7 @@
 #include "experiments/results/trial_insights.h"
 #include "experiments/support/grid_document.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::results {
 
 /// One arm of the spec over a group of episodes, all its trainings and reconstructions
 /// together. With several repetitions an episode counts as a success if more than half of its
@@ -79,9 +79,9 @@ struct TrainingSummary {
 };
 
 struct ResultTable {
-  RunRow run;
-  std::vector<SceneRow> scene_rows;
-  std::vector<ArmRow> arm_rows;
+  records::RunRow run;
+  std::vector<records::SceneRow> scene_rows;
+  std::vector<records::ArmRow> arm_rows;
   std::string before, after;  ///< The compared arms (families); empty if there are not two.
   std::string oracle;         ///< The oracle arm; empty if none.
   /// Rows of the arms that are compared with one another: one pair for each training.
@@ -100,17 +100,18 @@ struct ResultTable {
 /// ("after.s3"); empty = the arms of these names, else the first two that are not the oracle.
 /// @throws core::InputError naming the arms if one does not exist, or if their trainings do
 /// not pair.
-[[nodiscard]] ResultTable summarise(const RunRow& run, const std::vector<SceneRow>& scenes,
-                                    const std::vector<ArmRow>& arms,
-                                    const std::vector<TrialRow>& trials,
+[[nodiscard]] ResultTable summarise(const records::RunRow& run,
+                                    const std::vector<records::SceneRow>& scenes,
+                                    const std::vector<records::ArmRow>& arms,
+                                    const std::vector<records::TrialRow>& trials,
                                     const std::string& before = {},
                                     const std::string& after = {});
 
 /// LaTeX: a tabular of the package booktabs for each part.
 /// @throws core::InputError for another word than text, md, csv, json, tex.
-[[nodiscard]] TableFormat table_format_from(const std::string& word);
+[[nodiscard]] support::TableFormat table_format_from(const std::string& word);
 /// Every form, with the ending of its file: ".txt", ".md", ".csv", ".json", ".tex".
-[[nodiscard]] const std::vector<std::pair<std::string, TableFormat>>& table_files();
-[[nodiscard]] std::string format_table(const ResultTable& table, TableFormat format);
+[[nodiscard]] const std::vector<std::pair<std::string, support::TableFormat>>& table_files();
+[[nodiscard]] std::string format_table(const ResultTable& table, support::TableFormat format);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::results

@@ -9,11 +9,11 @@
 #include "experiments/support/grid_document.h"
 #include "experiments/support/text_grid.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::results {
 namespace {
 
 using internal::compares;
-using internal::print;
+using support::internal::print;
 
 std::string quoted(const std::string& text) {
   std::string result = "\"";
@@ -96,20 +96,21 @@ std::string as_csv(const ResultTable& table) {
 
 }  // namespace
 
-const std::vector<std::pair<std::string, TableFormat>>& table_files() {
-  static const std::vector<std::pair<std::string, TableFormat>> files{
-      {".txt", TableFormat::kText},
-      {".md", TableFormat::kMarkdown},
-      {".csv", TableFormat::kCsv},
-      {".json", TableFormat::kJson},
-      {".tex", TableFormat::kLatex}};
+const std::vector<std::pair<std::string, support::TableFormat>>& table_files() {
+  static const std::vector<std::pair<std::string, support::TableFormat>> files{
+      {".txt", support::TableFormat::kText},
+      {".md", support::TableFormat::kMarkdown},
+      {".csv", support::TableFormat::kCsv},
+      {".json", support::TableFormat::kJson},
+      {".tex", support::TableFormat::kLatex}};
   return files;
 }
 
-std::string format_table(const ResultTable& table, TableFormat format) {
-  if (format == TableFormat::kCsv) return as_csv(table);
-  if (format == TableFormat::kJson) return internal::as_json(table);
-  return internal::document_text({"", internal::grids_of(table), table.notes}, format);
+std::string format_table(const ResultTable& table, support::TableFormat format) {
+  if (format == support::TableFormat::kCsv) return as_csv(table);
+  if (format == support::TableFormat::kJson) return internal::as_json(table);
+  return support::internal::document_text({"", internal::grids_of(table), table.notes},
+                                          format);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::results

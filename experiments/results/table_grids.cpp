@@ -5,13 +5,14 @@
 #include "experiments/results/training_grids.h"
 #include "experiments/support/text_grid.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::results::internal {
 namespace {
 
 /// "+0.345 [+0.241, +0.452]"
 std::string mean_text(const MeanInterval& mean, const char* format) {
-  return print(format, mean.mean) + " [" + print(format, mean.interval.low) + ", " +
-         print(format, mean.interval.high) + "]";
+  return support::internal::print(format, mean.mean) + " [" +
+         support::internal::print(format, mean.interval.low) + ", " +
+         support::internal::print(format, mean.interval.high) + "]";
 }
 
 }  // namespace
@@ -20,23 +21,26 @@ std::string profile_name(const ResultTable& table) {
   return table.run.success_profile.substr(0, table.run.success_profile.find(':'));
 }
 
-std::string p_text(double p) { return p < 0.001 ? print("%.1e", p) : print("%.3f", p); }
+std::string p_text(double p) {
+  return p < 0.001 ? support::internal::print("%.1e", p) : support::internal::print("%.3f", p);
+}
 
 /// "12/20  60 % [39, 78]"
 std::string rate_text(const ArmSummary* arm) {
   if (arm == nullptr || arm->success.trials == 0) return "-";
   const Interval interval = arm->interval();
   return std::to_string(arm->success.successes) + "/" + std::to_string(arm->success.trials) +
-         "  " + print("%.0f", 100.0 * arm->success.value()) + " % [" +
-         print("%.0f", 100.0 * interval.low) + ", " + print("%.0f", 100.0 * interval.high) +
-         "]";
+         "  " + support::internal::print("%.0f", 100.0 * arm->success.value()) + " % [" +
+         support::internal::print("%.0f", 100.0 * interval.low) + ", " +
+         support::internal::print("%.0f", 100.0 * interval.high) + "]";
 }
 
 std::string difference_text(const GroupSummary& group) {
   if (group.pairs.total() == 0) return "-";
   const PairedDifference& d = group.difference;
-  return print("%+.0f", 100.0 * d.difference) + " [" + print("%+.0f", 100.0 * d.interval.low) +
-         ", " + print("%+.0f", 100.0 * d.interval.high) + "]";
+  return support::internal::print("%+.0f", 100.0 * d.difference) + " [" +
+         support::internal::print("%+.0f", 100.0 * d.interval.low) + ", " +
+         support::internal::print("%+.0f", 100.0 * d.interval.high) + "]";
 }
 
 std::string pairs_text(const GroupSummary& group) {
@@ -45,9 +49,10 @@ std::string pairs_text(const GroupSummary& group) {
          std::to_string(group.pairs.total());
 }
 
-Grid comparison_grid(const ResultTable& table, const std::vector<GroupSummary>& groups,
-                     const std::string& first, bool corrected) {
-  Grid grid;
+support::internal::Grid comparison_grid(const ResultTable& table,
+                                        const std::vector<GroupSummary>& groups,
+                                        const std::string& first, bool corrected) {
+  support::internal::Grid grid;
   grid.title = corrected
                    ? "By goal class (exploratory; p corrected by Holm for the number of rows)"
                    : headline_title(table);
@@ -74,9 +79,10 @@ Grid comparison_grid(const ResultTable& table, const std::vector<GroupSummary>& 
 }
 
 /// For runs without two arms to compare.
-Grid rates_grid(const ResultTable& table, const std::vector<GroupSummary>& groups,
-                const std::string& first) {
-  Grid grid{table.run.title, {first}, {}};
+support::internal::Grid rates_grid(const ResultTable& table,
+                                   const std::vector<GroupSummary>& groups,
+                                   const std::string& first) {
+  support::internal::Grid grid{table.run.title, {first}, {}};
   if (!groups.empty()) {
     for (const ArmSummary& arm : groups.front().arms) grid.header.push_back("SR " + arm.arm);
   }
@@ -88,14 +94,16 @@ Grid rates_grid(const ResultTable& table, const std::vector<GroupSummary>& group
   return grid;
 }
 
-Grid paired_grid(const ResultTable& table, const std::vector<GroupSummary>& groups) {
+support::internal::Grid paired_grid(const ResultTable& table,
+                                    const std::vector<GroupSummary>& groups) {
   const bool several = table.trainings.size() > 1;
-  Grid grid{std::string("After - before on the same episodes (") +
-                (several ? "95 % interval and test over trainings and episodes)"
-                         : "bootstrap 95 % interval, sign-flip test)"),
-            {"Scene", "SPL", "p SPL", "Time [s]", "p time", "Path [m]", "p path",
-             "SR over scenes [points]"},
-            {}};
+  support::internal::Grid grid{
+      std::string("After - before on the same episodes (") +
+          (several ? "95 % interval and test over trainings and episodes)"
+                   : "bootstrap 95 % interval, sign-flip test)"),
+      {"Scene", "SPL", "p SPL", "Time [s]", "p time", "Path [m]", "p path",
+       "SR over scenes [points]"},
+      {}};
   for (const GroupSummary& group : groups) {
     if (group.pairs.total() == 0) continue;
     std::string over_scenes = "-";
@@ -116,11 +124,12 @@ Grid paired_grid(const ResultTable& table, const std::vector<GroupSummary>& grou
   return grid;
 }
 
-Grid arms_grid(const ResultTable& table, const std::vector<GroupSummary>& groups) {
-  Grid grid{"How the trials went (success: " + profile_name(table) + ")",
-            {"Scene", "Arm", "SR", "SPL", "SoftSPL", "Time [s]", "Path [m]", "Contacts",
-             "Holes [%]", "Outcomes"},
-            {}};
+support::internal::Grid arms_grid(const ResultTable& table,
+                                  const std::vector<GroupSummary>& groups) {
+  support::internal::Grid grid{"How the trials went (success: " + profile_name(table) + ")",
+                               {"Scene", "Arm", "SR", "SPL", "SoftSPL", "Time [s]", "Path [m]",
+                                "Contacts", "Holes [%]", "Outcomes"},
+                               {}};
   for (const GroupSummary& group : groups) {
     for (const ArmSummary& arm : group.arms) {
       std::string outcomes;
@@ -129,38 +138,44 @@ Grid arms_grid(const ResultTable& table, const std::vector<GroupSummary>& groups
       }
       grid.rows.push_back(
           {group.title, arm.arm, share_text(arm.success.successes, arm.success.trials),
-           print("%.3f", arm.spl), print("%.3f", arm.soft_spl), print("%.1f", arm.sim_s),
-           print("%.1f", arm.path_m), print("%.2f", arm.contacts),
-           print("%.1f", 100.0 * arm.invalid_pixels), outcomes});
+           support::internal::print("%.3f", arm.spl),
+           support::internal::print("%.3f", arm.soft_spl),
+           support::internal::print("%.1f", arm.sim_s),
+           support::internal::print("%.1f", arm.path_m),
+           support::internal::print("%.2f", arm.contacts),
+           support::internal::print("%.1f", 100.0 * arm.invalid_pixels), outcomes});
     }
   }
   return grid;
 }
 
 /// How good the arms' detectors are on held-out views; no rows if that was not measured.
-Grid detectors_grid(const ResultTable& table) {
-  Grid grid{"Detectors on held-out views of the scenes",
-            {"Arm", "AP50", "AP", "Precision", "Recall", "Score threshold", "Views",
-             "AP50 source rooms", "AP50 unseen homes"},
-            {}};
+support::internal::Grid detectors_grid(const ResultTable& table) {
+  support::internal::Grid grid{"Detectors on held-out views of the scenes",
+                               {"Arm", "AP50", "AP", "Precision", "Recall", "Score threshold",
+                                "Views", "AP50 source rooms", "AP50 unseen homes"},
+                               {}};
   const auto optional_text = [](const std::optional<double>& ap50) {
-    return ap50 ? print("%.1f", 100.0 * *ap50) : std::string("-");
+    return ap50 ? support::internal::print("%.1f", 100.0 * *ap50) : std::string("-");
   };
-  for (const ArmRow& arm : table.arm_rows) {
+  for (const records::ArmRow& arm : table.arm_rows) {
     if (!arm.held_out) continue;
-    const HeldOutPrecision& p = *arm.held_out;
-    grid.rows.push_back({arm.name, print("%.1f", 100.0 * p.ap50), print("%.1f", 100.0 * p.ap),
-                         print("%.2f", p.precision), print("%.2f", p.recall),
-                         print("%.3f", p.score_threshold), std::to_string(p.views),
-                         optional_text(p.source_ap50), optional_text(p.unseen_ap50)});
+    const records::HeldOutPrecision& p = *arm.held_out;
+    grid.rows.push_back({arm.name, support::internal::print("%.1f", 100.0 * p.ap50),
+                         support::internal::print("%.1f", 100.0 * p.ap),
+                         support::internal::print("%.2f", p.precision),
+                         support::internal::print("%.2f", p.recall),
+                         support::internal::print("%.3f", p.score_threshold),
+                         std::to_string(p.views), optional_text(p.source_ap50),
+                         optional_text(p.unseen_ap50)});
   }
   return grid;
 }
 
-std::vector<Grid> grids_of(const ResultTable& table) {
+std::vector<support::internal::Grid> grids_of(const ResultTable& table) {
   std::vector<GroupSummary> rows = table.scenes;
   if (table.all) rows.push_back(*table.all);
-  std::vector<Grid> grids;
+  std::vector<support::internal::Grid> grids;
   if (compares(table)) {
     grids.push_back(comparison_grid(table, rows, "Scene", false));
     if (table.trainings.size() > 1) grids.push_back(trainings_grid(table));
@@ -173,11 +188,12 @@ std::vector<Grid> grids_of(const ResultTable& table) {
   }
   grids.push_back(arms_grid(table, table.scenes));
   if (compares(table)) grids.push_back(paired_grid(table, rows));
-  for (Grid& grid : std::vector<Grid>{causes_grid(table.scenes), perception_grid(table.scenes),
-                                      profiles_grid(table.scenes), detectors_grid(table)}) {
+  for (support::internal::Grid& grid : std::vector<support::internal::Grid>{
+           causes_grid(table.scenes), perception_grid(table.scenes),
+           profiles_grid(table.scenes), detectors_grid(table)}) {
     if (!grid.rows.empty()) grids.push_back(std::move(grid));
   }
   return grids;
 }
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::results::internal

@@ -10,7 +10,7 @@
 #include "experiments/results/table.h"
 #include "experiments/support/grid_document.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::results::internal {
 
 /// Whether two arms are compared.
 [[nodiscard]] inline bool compares(const ResultTable& table) {
@@ -31,23 +31,24 @@ namespace segsim::experiments::internal {
 
 /// A row per group: rates before and after, difference, pairs, p, verdict, oracle. @param
 /// first Header of the first column. @param corrected  p after Holm's correction, no verdict.
-[[nodiscard]] Grid comparison_grid(const ResultTable& table,
-                                   const std::vector<GroupSummary>& groups,
-                                   const std::string& first, bool corrected);
+[[nodiscard]] support::internal::Grid comparison_grid(const ResultTable& table,
+                                                      const std::vector<GroupSummary>& groups,
+                                                      const std::string& first,
+                                                      bool corrected);
 /// For runs without two arms to compare: a column per arm.
-[[nodiscard]] Grid rates_grid(const ResultTable& table,
-                              const std::vector<GroupSummary>& groups,
-                              const std::string& first);
+[[nodiscard]] support::internal::Grid rates_grid(const ResultTable& table,
+                                                 const std::vector<GroupSummary>& groups,
+                                                 const std::string& first);
 /// A row per group and arm: SR, SPL, time, path, contacts, outcomes.
-[[nodiscard]] Grid arms_grid(const ResultTable& table,
-                             const std::vector<GroupSummary>& groups);
+[[nodiscard]] support::internal::Grid arms_grid(const ResultTable& table,
+                                                const std::vector<GroupSummary>& groups);
 /// SPL, time and path, after - before; no rows without pairs.
-[[nodiscard]] Grid paired_grid(const ResultTable& table,
-                               const std::vector<GroupSummary>& groups);
+[[nodiscard]] support::internal::Grid paired_grid(const ResultTable& table,
+                                                  const std::vector<GroupSummary>& groups);
 /// How good the arms' detectors are on held-out views; no rows if that was not measured.
-[[nodiscard]] Grid detectors_grid(const ResultTable& table);
+[[nodiscard]] support::internal::Grid detectors_grid(const ResultTable& table);
 
 /// All parts in their order.
-[[nodiscard]] std::vector<Grid> grids_of(const ResultTable& table);
+[[nodiscard]] std::vector<support::internal::Grid> grids_of(const ResultTable& table);
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::results::internal

@@ -8,7 +8,7 @@
 #include "experiments/results/table_notes.h"
 #include "experiments/results/training_grids.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::results::internal {
 namespace {
 
 nlohmann::ordered_json json_interval(const Interval& interval) {
@@ -114,7 +114,7 @@ nlohmann::ordered_json json_group(const ResultTable& table, const GroupSummary& 
 nlohmann::ordered_json json_trainings(const ResultTable& table) {
   auto list = nlohmann::ordered_json::array();
   for (const TrainingSummary& training : table.trainings) {
-    const ArmRow& arm = *find_arm(table.arm_rows, training.arm);
+    const records::ArmRow& arm = *find_arm(table.arm_rows, training.arm);
     nlohmann::ordered_json json{{"arm", training.arm},
                                 {"before", training.before},
                                 {"seed", nullptr},
@@ -167,29 +167,29 @@ std::string as_json(const ResultTable& table) {
   provenance["libraries"] = table.run.libraries;
   provenance["started"] = table.run.started;
   provenance["ended"] = table.run.ended;
-  for (const SceneRow& scene : table.scene_rows) {
+  for (const records::SceneRow& scene : table.scene_rows) {
     provenance["scenes"][scene.name] = {{"scene_sha256", scene.scene_sha256},
                                         {"episodes_sha256", scene.episodes_sha256},
                                         {"episodes", scene.episodes},
-                                        {"family", family_of(scene)},
+                                        {"family", records::family_of(scene)},
                                         {"reconstruction", scene.reconstruction}};
   }
-  for (const ArmRow& arm : table.arm_rows) {
+  for (const records::ArmRow& arm : table.arm_rows) {
     nlohmann::ordered_json& a = provenance["arms"][arm.name];
     a = {{"detector", arm.detector},
          {"weights_sha256", arm.weights_sha256},
          {"tuned_on", arm.tuned_on},
-         {"family", family_of(arm)},
+         {"family", records::family_of(arm)},
          {"reconstruction", arm.reconstruction}};
     if (arm.finetune_seed) a["finetune_seed"] = *arm.finetune_seed;
-    if (arm.exposure) a["leakage"] = exposure_text(*arm.exposure);
+    if (arm.exposure) a["leakage"] = records::exposure_text(*arm.exposure);
     if (arm.start_leak) {
       a["tuning_views"] = {{"views", arm.start_leak->views},
                            {"near_starts", arm.start_leak->near_starts},
                            {"radius_m", arm.start_leak->radius_m}};
     }
     if (!arm.held_out) continue;
-    const HeldOutPrecision& p = *arm.held_out;
+    const records::HeldOutPrecision& p = *arm.held_out;
     a["held_out"] = {{"views", p.views},
                      {"ap50", p.ap50},
                      {"ap", p.ap},
@@ -203,4 +203,4 @@ std::string as_json(const ResultTable& table) {
   return json.dump(2) + "\n";
 }
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::results::internal

@@ -6,7 +6,7 @@
 
 #include "experiments/results/leakage.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::results::internal {
 namespace {
 
 constexpr double kOracleExpected = 0.95;
@@ -40,11 +40,11 @@ void note_state_of_run(ResultTable& table) {
 }
 
 /// Episodes that cannot be done are in no rate, but not silently.
-void note_excluded(ResultTable& table, const std::vector<TrialRow>& trials) {
+void note_excluded(ResultTable& table, const std::vector<records::TrialRow>& trials) {
   constexpr std::size_t kListed = 8;
   for (const char* outcome : {"infeasible", "trivial"}) {
     std::vector<std::string> ids;
-    for (const TrialRow& trial : trials) {
+    for (const records::TrialRow& trial : trials) {
       if (trial.outcome != outcome) continue;
       if (std::find(ids.begin(), ids.end(), trial.episode) == ids.end()) {
         ids.push_back(trial.episode);
@@ -63,7 +63,7 @@ void note_excluded(ResultTable& table, const std::vector<TrialRow>& trials) {
 
 /// Whether the sets themselves can be solved (segsim episodes validate).
 void note_validation(ResultTable& table) {
-  for (const SceneRow& scene : table.scene_rows) {
+  for (const records::SceneRow& scene : table.scene_rows) {
     if (scene.oracle_episodes <= 0) continue;
     const double rate = static_cast<double>(scene.oracle_successes) / scene.oracle_episodes;
     const std::string count =
@@ -78,9 +78,9 @@ void note_validation(ResultTable& table) {
 
 /// Whether the detector under test was shown what the robot sees where episodes begin.
 void note_start_region(ResultTable& table) {
-  StartLeak leak;
+  records::StartLeak leak;
   for (const TrainingSummary& training : table.trainings) {
-    const ArmRow* after = find_arm(table.arm_rows, training.arm);
+    const records::ArmRow* after = find_arm(table.arm_rows, training.arm);
     if (after == nullptr || !after->start_leak) continue;
     leak.views += after->start_leak->views;
     leak.near_starts += after->start_leak->near_starts;
@@ -181,15 +181,15 @@ void note_oracle(ResultTable& table) {
 }
 
 void note_provenance(ResultTable& table) {
-  const RunRow& run = table.run;
+  const records::RunRow& run = table.run;
   table.notes.push_back("Success profile: " + run.success_profile + ".");
   std::string hashes;
-  for (const SceneRow& scene : table.scene_rows) {
+  for (const records::SceneRow& scene : table.scene_rows) {
     hashes += (hashes.empty() ? "" : "; ") + scene.name + " scene " +
               scene.scene_sha256.substr(0, 12) + " episodes " +
               scene.episodes_sha256.substr(0, 12);
   }
-  for (const ArmRow& arm : table.arm_rows) {
+  for (const records::ArmRow& arm : table.arm_rows) {
     if (arm.weights_sha256.empty()) continue;
     hashes += "; " + arm.name + " weights " + arm.weights_sha256.substr(0, 12);
   }
@@ -203,14 +203,15 @@ void note_provenance(ResultTable& table) {
 
 }  // namespace
 
-const ArmRow* find_arm(const std::vector<ArmRow>& arms, const std::string& name) {
-  for (const ArmRow& arm : arms) {
+const records::ArmRow* find_arm(const std::vector<records::ArmRow>& arms,
+                                const std::string& name) {
+  for (const records::ArmRow& arm : arms) {
     if (arm.name == name) return &arm;
   }
   return nullptr;
 }
 
-void add_notes(ResultTable& table, const std::vector<TrialRow>& trials) {
+void add_notes(ResultTable& table, const std::vector<records::TrialRow>& trials) {
   note_state_of_run(table);
   note_excluded(table, trials);
   note_validation(table);
@@ -219,4 +220,4 @@ void add_notes(ResultTable& table, const std::vector<TrialRow>& trials) {
   note_provenance(table);
 }
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::results::internal

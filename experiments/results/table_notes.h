@@ -8,12 +8,13 @@
 
 #include "experiments/results/table.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::results::internal {
 
 /// Null if there is none.
-[[nodiscard]] const ArmRow* find_arm(const std::vector<ArmRow>& arms, const std::string& name);
+[[nodiscard]] const records::ArmRow* find_arm(const std::vector<records::ArmRow>& arms,
+                                              const std::string& name);
 
 /// State of the run, what is in no rate, how to read the figures, leakage, provenance.
-void add_notes(ResultTable& table, const std::vector<TrialRow>& trials);
+void add_notes(ResultTable& table, const std::vector<records::TrialRow>& trials);
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::results::internal

@@ -9,7 +9,7 @@
 #include "experiments/results/statistics.h"
 #include "sim/time/timing.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::results {
 
 /// One deadline and how often it was missed.
 struct DeadlineCheck {
@@ -37,4 +37,4 @@ struct DeadlineCheck {
 /// {"stages": [...], "end_to_end": {...}, "age_ms": {...}, "utilisation": {...}}
 [[nodiscard]] std::string timing_json(const sim::TimingReport& timing);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::results

@@ -8,13 +8,15 @@
 #include "experiments/support/text_grid.h"
 #include "sim/trial/success_profile.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::results::internal {
 namespace {
 
 /// d < 0.1 m, a tenth of what most rules ask for.
 constexpr const char* kStrictestRule = "habitat-hm3d";
 
-std::string percent(double share) { return print("%.0f %%", 100.0 * share); }
+std::string percent(double share) {
+  return support::internal::print("%.0f %%", 100.0 * share);
+}
 
 /// Trials of an arm by a named rule, over all scenes; none if they are not attributed.
 Proportion rate_by_rule(const ResultTable& table, const std::string& arm,
@@ -57,9 +59,9 @@ std::string training_line(const ResultTable& table) {
          ". Interval and p count what differs between trainings as well as between episodes.";
 }
 
-std::string threshold_text(const ArmRow& arm) {
-  if (arm.score_threshold >= 0.0) return print("%.3f", arm.score_threshold);
-  return arm.held_out ? print("%.3f", arm.held_out->score_threshold) : "-";
+std::string threshold_text(const records::ArmRow& arm) {
+  if (arm.score_threshold >= 0.0) return support::internal::print("%.3f", arm.score_threshold);
+  return arm.held_out ? support::internal::print("%.3f", arm.held_out->score_threshold) : "-";
 }
 
 std::string spread_line(const ResultTable& table) {
@@ -69,12 +71,12 @@ std::string spread_line(const ResultTable& table) {
     rates += (rates.empty() ? "" : ", ") + percent(training.success.value());
     mean += training.success.value() / static_cast<double>(table.trainings.size());
   }
-  std::string line = "SR by training: " + rates + "; mean " + percent(mean) +
-                     ", standard deviation " +
-                     print("%.1f points", 100.0 * training_rate_sd(table.trainings));
+  std::string line =
+      "SR by training: " + rates + "; mean " + percent(mean) + ", standard deviation " +
+      support::internal::print("%.1f points", 100.0 * training_rate_sd(table.trainings));
   const GroupSummary& group = headline_group(table);
   if (!group.training) return line + ".";
-  return line + " (" + print("%.1f", 100.0 * group.training->training_sd) +
+  return line + " (" + support::internal::print("%.1f", 100.0 * group.training->training_sd) +
          " of the differences, without the chance of single trials).";
 }
 
@@ -122,14 +124,15 @@ double training_rate_sd(const std::vector<TrainingSummary>& trainings) {
   return std::sqrt(squares / (n - 1.0));
 }
 
-Grid trainings_grid(const ResultTable& table) {
-  Grid grid{"Trainings",
-            {"Training", "Seed", "Reconstruction", "Weights", "Score threshold",
-             "AP50 held out", "SR", "Difference [points]", "Pairs"},
-            {}};
+support::internal::Grid trainings_grid(const ResultTable& table) {
+  support::internal::Grid grid{
+      "Trainings",
+      {"Training", "Seed", "Reconstruction", "Weights", "Score threshold", "AP50 held out",
+       "SR", "Difference [points]", "Pairs"},
+      {}};
   if (table.trainings.size() < 2) return grid;
   for (const TrainingSummary& training : table.trainings) {
-    const ArmRow& arm = *find_arm(table.arm_rows, training.arm);
+    const records::ArmRow& arm = *find_arm(table.arm_rows, training.arm);
     GroupSummary pairs;
     pairs.pairs = training.pairs;
     pairs.difference = newcombe_paired_difference(training.pairs);
@@ -138,11 +141,12 @@ Grid trainings_grid(const ResultTable& table) {
     grid.rows.push_back(
         {training.arm, arm.finetune_seed ? std::to_string(*arm.finetune_seed) : "-",
          std::to_string(arm.reconstruction), arm.weights_sha256.substr(0, 12),
-         threshold_text(arm), arm.held_out ? print("%.1f", 100.0 * arm.held_out->ap50) : "-",
+         threshold_text(arm),
+         arm.held_out ? support::internal::print("%.1f", 100.0 * arm.held_out->ap50) : "-",
          rate_text(&rate), difference_text(pairs), pairs_text(pairs)});
   }
   grid.lines.push_back(spread_line(table));
   return grid;
 }
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::results::internal

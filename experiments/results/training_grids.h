@@ -10,7 +10,7 @@
 #include "experiments/results/table.h"
 #include "experiments/support/grid_document.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::results::internal {
 
 /// "one training", "3 trainings", "6 trainings in 2 reconstructions"; empty if training is not
 /// what is compared.
@@ -29,6 +29,6 @@ namespace segsim::experiments::internal {
 [[nodiscard]] double training_rate_sd(const std::vector<TrainingSummary>& trainings);
 
 /// A row per training, with how much they differ below; no rows of one training.
-[[nodiscard]] Grid trainings_grid(const ResultTable& table);
+[[nodiscard]] support::internal::Grid trainings_grid(const ResultTable& table);
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::results::internal

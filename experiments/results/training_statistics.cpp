@@ -8,7 +8,7 @@
 
 #include "core/check.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::results {
 namespace {
 
 /// Mean of `weight` values of one column (training, or reconstruction) and one row (episode,
@@ -318,4 +318,4 @@ TrainingTest training_test(std::span<const SeededValue> differences) {
   return test;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::results

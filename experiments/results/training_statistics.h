@@ -15,7 +15,7 @@
 
 #include "experiments/results/statistics.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::results {
 
 /// One value, a success (0 or 1) or a difference after - before, and where it belongs. Each
 /// place may occur once.
@@ -59,4 +59,4 @@ struct TrainingTest {
 /// trials, and the caller takes mcnemar_exact_p().
 [[nodiscard]] TrainingTest training_test(std::span<const SeededValue> differences);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::results

@@ -9,21 +9,21 @@
 
 #include "experiments/support/formatted.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::results {
 namespace {
 
 using Json = nlohmann::ordered_json;
 
 Json optional(const std::optional<double>& value) { return value ? Json(*value) : Json(); }
 
-Json json_value(const Column& /*column*/, const std::string& text) { return text; }
-Json json_value(const Column& /*column*/, double value) { return value; }
-Json json_value(const Column& /*column*/, const std::optional<double>& value) {
+Json json_value(const records::Column& /*column*/, const std::string& text) { return text; }
+Json json_value(const records::Column& /*column*/, double value) { return value; }
+Json json_value(const records::Column& /*column*/, const std::optional<double>& value) {
   return optional(value);
 }
 template <std::integral Integer>
-Json json_value(const Column& column, Integer value) {
-  if (column.hexadecimal) return hex(static_cast<std::uint64_t>(value));
+Json json_value(const records::Column& column, Integer value) {
+  if (column.hexadecimal) return support::hex(static_cast<std::uint64_t>(value));
   if (column.unknown_below_zero && static_cast<std::int64_t>(value) < 0) return nullptr;
   return value;
 }
@@ -32,27 +32,28 @@ Json json_value(const Column& column, Integer value) {
 template <class Row>
 Json json_columns(const Row& row, bool of_why = false) {
   Json json = Json::object();
-  visit_columns(row, [&](const Column& column, const auto& value) {
-    if ((column.part == Part::kWhy) == of_why) json[column.name] = json_value(column, value);
+  records::visit_columns(row, [&](const records::Column& column, const auto& value) {
+    if ((column.part == records::Part::kWhy) == of_why)
+      json[column.name] = json_value(column, value);
   });
   return json;
 }
 
-Json json_arm(const ArmRow& arm) {
+Json json_arm(const records::ArmRow& arm) {
   Json json{
       {"name", arm.name},
       {"detector", arm.detector},
       {"weights_sha256", arm.weights_sha256},
       {"tuned_on", arm.tuned_on},
-      {"leakage", arm.exposure ? Json(exposure_text(*arm.exposure)) : Json()},
+      {"leakage", arm.exposure ? Json(records::exposure_text(*arm.exposure)) : Json()},
       {"score_threshold", arm.score_threshold < 0.0 ? Json() : Json(arm.score_threshold)},
       {"held_out", nullptr},
       {"tuning_views", nullptr},
-      {"family", family_of(arm)},
+      {"family", records::family_of(arm)},
       {"reconstruction", arm.reconstruction},
       {"finetune_seed", arm.finetune_seed ? Json(*arm.finetune_seed) : Json()}};
   if (arm.held_out) {
-    const HeldOutPrecision& p = *arm.held_out;
+    const records::HeldOutPrecision& p = *arm.held_out;
     json["held_out"] = {{"views", p.views},
                         {"ap50", p.ap50},
                         {"ap", p.ap},
@@ -71,21 +72,21 @@ Json json_arm(const ArmRow& arm) {
 }
 
 Json json_run(const StoredRun& stored) {
-  const RunRow& run = stored.run;
+  const records::RunRow& run = stored.run;
   Json json{{"schema", "segsim.trials/1"}};
   json["run"] = json_columns(run);
   json["run"]["provenance"] = run.provenance;
   json["scenes"] = Json::array();
-  for (SceneRow scene : stored.scenes) {
-    scene.family = family_of(scene);
+  for (records::SceneRow scene : stored.scenes) {
+    scene.family = records::family_of(scene);
     json["scenes"].push_back(json_columns(scene));
   }
   json["arms"] = Json::array();
-  for (const ArmRow& arm : stored.arms) json["arms"].push_back(json_arm(arm));
+  for (const records::ArmRow& arm : stored.arms) json["arms"].push_back(json_arm(arm));
   return json;
 }
 
-Json json_trial(const TrialRow& trial) {
+Json json_trial(const records::TrialRow& trial) {
   Json json = json_columns(trial);
   json["why"] = trial.why.known() ? json_columns(trial, true) : Json();
   return json;
@@ -99,7 +100,7 @@ void write_trials_jsonl(std::ostream& out, const StoredRun& stored) {
     out << json.dump(-1, ' ', false, Json::error_handler_t::replace) << '\n';
   };
   line(json_run(stored));
-  for (const TrialRow& trial : stored.trials) line(json_trial(trial));
+  for (const records::TrialRow& trial : stored.trials) line(json_trial(trial));
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::results

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <map>
 
-namespace segsim::experiments {
+namespace segsim::experiments::results {
 namespace {
 
 std::optional<double> median(std::vector<int> values) {
@@ -15,7 +15,7 @@ std::optional<double> median(std::vector<int> values) {
 
 }  // namespace
 
-TrialInsights gain_insights(std::span<const TrialRow* const> trials) {
+TrialInsights gain_insights(std::span<const records::TrialRow* const> trials) {
   TrialInsights insights;
   std::map<std::string, int> causes;
   std::vector<int> delays;
@@ -24,8 +24,8 @@ TrialInsights gain_insights(std::span<const TrialRow* const> trials) {
   for (const sim::SuccessProfile& profile : sim::success_profiles()) {
     insights.profiles.push_back({profile.name, 0, 0.0});
   }
-  for (const TrialRow* trial : trials) {
-    const Attribution& why = trial->why;
+  for (const records::TrialRow* trial : trials) {
+    const records::Attribution& why = trial->why;
     if (!trial->counts() || !why.known()) continue;
     ++insights.trials;
     if (!trial->success) ++causes[why.cause];
@@ -44,8 +44,9 @@ TrialInsights gain_insights(std::span<const TrialRow* const> trials) {
     if (trial->first_visible_tick >= 0 && why.first_true_tick >= 0) {
       delays.push_back(why.first_true_tick - trial->first_visible_tick);
     }
-    const sim::TrialEnd end = trial_end(why, trial->distance_to_goal_m, trial->contacts,
-                                        trial->sim_s, trial->path_m, trial->shortest_path_m);
+    const sim::TrialEnd end =
+        records::trial_end(why, trial->distance_to_goal_m, trial->contacts, trial->sim_s,
+                           trial->path_m, trial->shortest_path_m);
     std::size_t k = 0;
     for (const sim::SuccessProfile& profile : sim::success_profiles()) {
       insights.profiles[k].successes += sim::succeeded(profile, end) ? 1 : 0;
@@ -66,4 +67,4 @@ TrialInsights gain_insights(std::span<const TrialRow* const> trials) {
   return insights;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::results

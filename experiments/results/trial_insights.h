@@ -13,7 +13,7 @@
 #include "experiments/records/store.h"
 #include "sim/trial/success_profile.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::results {
 
 /// Trials by a profile's rule; its own SPL (profile_spl()), mean over trials.
 struct ProfileRate {
@@ -44,6 +44,6 @@ struct TrialInsights {
   }
 };
 
-[[nodiscard]] TrialInsights gain_insights(std::span<const TrialRow* const> trials);
+[[nodiscard]] TrialInsights gain_insights(std::span<const records::TrialRow* const> trials);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::results

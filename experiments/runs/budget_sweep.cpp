@@ -12,23 +12,23 @@
 #include "experiments/records/store.h"
 #include "experiments/support/formatted.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::runs {
 namespace {
 
 /// Success by episode and repetition.
 using Outcomes = std::map<std::pair<std::string, int>, bool>;
 
-Outcomes outcomes_of(const std::vector<TrialRow>& trials, const std::string& arm) {
+Outcomes outcomes_of(const std::vector<records::TrialRow>& trials, const std::string& arm) {
   Outcomes outcomes;
-  for (const TrialRow& trial : trials) {
+  for (const records::TrialRow& trial : trials) {
     if (trial.arm != arm || !trial.counts()) continue;
     outcomes[{trial.scene + "\n" + trial.episode, trial.repetition}] = trial.success;
   }
   return outcomes;
 }
 
-PairedCounts paired(const Outcomes& before, const Outcomes& after) {
-  PairedCounts counts;
+results::PairedCounts paired(const Outcomes& before, const Outcomes& after) {
+  results::PairedCounts counts;
   for (const auto& [key, first] : before) {
     const auto found = after.find(key);
     if (found == after.end()) continue;
@@ -54,15 +54,17 @@ std::optional<double> margin(const std::vector<SweepPoint>& points, double delta
 }  // namespace
 
 std::string sweep_arm(const std::string& arm, double add_ms) {
-  return print("%s+%gms", arm.c_str(), add_ms);
+  return support::print("%s+%gms", arm.c_str(), add_ms);
 }
 
-ExperimentSpec sweep_spec(const ExperimentSpec& spec, const SweepOptions& options) {
+specs::ExperimentSpec sweep_spec(const specs::ExperimentSpec& spec,
+                                 const SweepOptions& options) {
   SEGSIM_CHECK(
       !options.add_ms.empty() && std::is_sorted(options.add_ms.begin(), options.add_ms.end()),
       "delays of a sweep");
   const std::string place = spec.file.string();
-  const ArmSpec* arm = options.arm.empty() ? &spec.arms.front() : spec.find_arm(options.arm);
+  const specs::ArmSpec* arm =
+      options.arm.empty() ? &spec.arms.front() : spec.find_arm(options.arm);
   if (arm == nullptr) {
     throw core::InputError::expected("--arm", "an arm of " + place, options.arm);
   }
@@ -70,29 +72,29 @@ ExperimentSpec sweep_spec(const ExperimentSpec& spec, const SweepOptions& option
     throw core::InputError::expected(place, "clock: {mode: virtual, budget: ...}",
                                      sim::to_string(spec.clock.mode));
   }
-  if (trial_clock(spec.clock, arm->clock).budget.find(options.stage) == nullptr) {
+  if (specs::trial_clock(spec.clock, arm->clock).budget.find(options.stage) == nullptr) {
     throw core::InputError::expected("--stage", "a stage of the budget of arm " + arm->name,
                                      options.stage);
   }
-  ExperimentSpec swept = spec;
+  specs::ExperimentSpec swept = spec;
   swept.arms.clear();
   std::string delays;
   for (const double add_ms : options.add_ms) {
-    ArmSpec delayed = *arm;
+    specs::ArmSpec delayed = *arm;
     delayed.name = sweep_arm(arm->name, add_ms);
     delayed.clock.add_ms[options.stage] += add_ms;
     swept.arms.push_back(std::move(delayed));
-    delays += print(" %g", add_ms);
+    delays += support::print(" %g", add_ms);
   }
   // Its replay logs would name arms that the spec's text lacks.
-  swept.replays.of = Recorded::kNone;
+  swept.replays.of = specs::Recorded::kNone;
   swept.sha256 =
       core::sha256_hex(spec.sha256 + "\nsweep " + options.stage + delays + " of " + arm->name);
   return swept;
 }
 
 SweepResult summarise_sweep(const SweepOptions& options, const std::string& arm,
-                            const std::vector<TrialRow>& trials) {
+                            const std::vector<records::TrialRow>& trials) {
   SweepResult result;
   const Outcomes base = outcomes_of(trials, sweep_arm(arm, options.add_ms.front()));
   for (const double add_ms : options.add_ms) {
@@ -102,8 +104,8 @@ SweepResult summarise_sweep(const SweepOptions& options, const std::string& arm,
     point.success.trials = static_cast<int>(outcomes.size());
     point.success.successes = static_cast<int>(std::count_if(
         outcomes.begin(), outcomes.end(), [](const auto& entry) { return entry.second; }));
-    point.interval = wilson_interval(point.success);
-    point.loss = newcombe_paired_difference(paired(base, outcomes));
+    point.interval = results::wilson_interval(point.success);
+    point.loss = results::newcombe_paired_difference(paired(base, outcomes));
     result.points.push_back(point);
   }
   result.margin_ms = margin(result.points, options.delta,
@@ -114,17 +116,18 @@ SweepResult summarise_sweep(const SweepOptions& options, const std::string& arm,
 }
 
 std::string format_sweep(const SweepResult& result, const SweepOptions& options) {
-  std::string text =
-      print("%-10s %9s %16s %22s\n", "added [ms]", "success", "(95 %)", "against none (95 %)");
+  std::string text = support::print("%-10s %9s %16s %22s\n", "added [ms]", "success", "(95 %)",
+                                    "against none (95 %)");
   for (const SweepPoint& p : result.points) {
-    text += print("%-10g %4d/%-4d  %.3f-%.3f   %+.3f (%+.3f .. %+.3f)\n", p.add_ms,
-                  p.success.successes, p.success.trials, p.interval.low, p.interval.high,
-                  p.loss.difference, p.loss.interval.low, p.loss.interval.high);
+    text +=
+        support::print("%-10g %4d/%-4d  %.3f-%.3f   %+.3f (%+.3f .. %+.3f)\n", p.add_ms,
+                       p.success.successes, p.success.trials, p.interval.low, p.interval.high,
+                       p.loss.difference, p.loss.interval.low, p.loss.interval.high);
   }
   const auto words = [](const std::optional<double>& ms) {
-    return ms ? print("%g ms", *ms) : std::string("none of these delays");
+    return ms ? support::print("%g ms", *ms) : std::string("none of these delays");
   };
-  text += print(
+  text += support::print(
       "Latency margin of %s: %s (success at most %.2f lower, as measured); %s with "
       "95 %% confidence\n",
       options.stage.c_str(), words(result.margin_ms).c_str(), options.delta,
@@ -136,9 +139,10 @@ void write_sweep_csv(const std::filesystem::path& file, const SweepResult& resul
   core::write_file_atomically(file, [&](std::ostream& out) {
     out << "add_ms,successes,trials,low,high,difference,difference_low,difference_high\n";
     for (const SweepPoint& p : result.points) {
-      out << print("%g,%d,%d,%.6f,%.6f,%.6f,%.6f,%.6f\n", p.add_ms, p.success.successes,
-                   p.success.trials, p.interval.low, p.interval.high, p.loss.difference,
-                   p.loss.interval.low, p.loss.interval.high);
+      out << support::print("%g,%d,%d,%.6f,%.6f,%.6f,%.6f,%.6f\n", p.add_ms,
+                            p.success.successes, p.success.trials, p.interval.low,
+                            p.interval.high, p.loss.difference, p.loss.interval.low,
+                            p.loss.interval.high);
     }
   });
 }
@@ -146,32 +150,34 @@ void write_sweep_csv(const std::filesystem::path& file, const SweepResult& resul
 core::Image<core::Rgb8> draw_sweep(const SweepResult& result, const SweepOptions& options,
                                    const std::string& footer) {
   const auto curve = [&](const char* title, const char* y_label) {
-    Curve made;
+    benchmarks::Curve made;
     made.title = title;
     made.x_label = "added to " + options.stage + " [ms]";
     made.y_label = y_label;
     return made;
   };
-  Curve rate = curve("Success against delay", "success rate [%]");
-  Curve low = curve("Lower end of the interval", "Wilson 95 %, lower [%]");
+  benchmarks::Curve rate = curve("Success against delay", "success rate [%]");
+  benchmarks::Curve low = curve("Lower end of the interval", "Wilson 95 %, lower [%]");
   for (const SweepPoint& p : result.points) {
-    for (Curve* c : {&rate, &low}) c->x.push_back(p.add_ms);
+    for (benchmarks::Curve* c : {&rate, &low}) c->x.push_back(p.add_ms);
     rate.y.push_back(100.0 * p.success.value());
     low.y.push_back(100.0 * p.interval.low);
   }
-  rate.note = result.margin_ms ? print("latency margin %g ms (at most %.0f points lower)",
-                                       *result.margin_ms, 100.0 * options.delta)
-                               : print("no delay within %.0f points", 100.0 * options.delta);
+  rate.note = result.margin_ms
+                  ? support::print("latency margin %g ms (at most %.0f points lower)",
+                                   *result.margin_ms, 100.0 * options.delta)
+                  : support::print("no delay within %.0f points", 100.0 * options.delta);
   const auto [fewest, most] =
       std::minmax_element(result.points.begin(), result.points.end(),
                           [](const SweepPoint& x, const SweepPoint& y) {
                             return x.success.trials < y.success.trials;
                           });
-  low.note = fewest->success.trials == most->success.trials
-                 ? print("%d trials per delay, of the same episodes", most->success.trials)
-                 : print("INTERIM: %d to %d trials per delay", fewest->success.trials,
-                         most->success.trials);
-  return draw_curves({rate, low}, footer);
+  low.note =
+      fewest->success.trials == most->success.trials
+          ? support::print("%d trials per delay, of the same episodes", most->success.trials)
+          : support::print("INTERIM: %d to %d trials per delay", fewest->success.trials,
+                           most->success.trials);
+  return benchmarks::draw_curves({rate, low}, footer);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::runs

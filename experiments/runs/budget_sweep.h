@@ -11,7 +11,7 @@
 #include "experiments/results/statistics.h"
 #include "experiments/runs/run.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::runs {
 
 struct SweepOptions {
   std::string stage = "detect";
@@ -22,9 +22,10 @@ struct SweepOptions {
 
 struct SweepPoint {
   double add_ms = 0.0;
-  Proportion success;
-  Interval interval;      ///< Wilson's.
-  PairedDifference loss;  ///< Success here - success without delay, on the same episodes.
+  results::Proportion success;
+  results::Interval interval;  ///< Wilson's.
+  results::PairedDifference
+      loss;  ///< Success here - success without delay, on the same episodes.
 };
 
 struct SweepResult {
@@ -36,12 +37,12 @@ struct SweepResult {
 
 /// The spec with one arm per delay, named <arm>+<ms>ms. @throws core::InputError if the arm's
 /// budget has no such stage or the clock is not virtual.
-[[nodiscard]] ExperimentSpec sweep_spec(const ExperimentSpec& spec,
-                                        const SweepOptions& options);
+[[nodiscard]] specs::ExperimentSpec sweep_spec(const specs::ExperimentSpec& spec,
+                                               const SweepOptions& options);
 
 /// From the trials of such a spec. Pairs with a failed harness are left out.
 [[nodiscard]] SweepResult summarise_sweep(const SweepOptions& options, const std::string& arm,
-                                          const std::vector<TrialRow>& trials);
+                                          const std::vector<records::TrialRow>& trials);
 /// Name of the arm with a delay.
 [[nodiscard]] std::string sweep_arm(const std::string& arm, double add_ms);
 
@@ -53,4 +54,4 @@ void write_sweep_csv(const std::filesystem::path& file, const SweepResult& resul
                                                  const SweepOptions& options,
                                                  const std::string& footer);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::runs

@@ -14,7 +14,7 @@
 #include "experiments/support/folder_lock.h"
 #include "experiments/support/formatted.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::runs {
 namespace {
 
 namespace fs = std::filesystem;
@@ -28,7 +28,7 @@ void expect_equal(const fs::path& place, const std::string& what, const std::str
 }
 
 /// Refuses what would not compare: parts of one run have the same inputs.
-void check_same_run(const StoredRun& a, const StoredRun& b) {
+void check_same_run(const results::StoredRun& a, const results::StoredRun& b) {
   expect_equal(b.folder, "the spec of " + a.folder.string() + ", SHA-256", a.run.spec_sha256,
                b.run.spec_sha256);
   expect_equal(b.folder, "segsim", a.run.code_version, b.run.code_version);
@@ -39,29 +39,29 @@ void check_same_run(const StoredRun& a, const StoredRun& b) {
   expect_equal(b.folder, "arms:", std::to_string(a.arms.size()),
                std::to_string(b.arms.size()));
   for (std::size_t i = 0; i < a.scenes.size(); ++i) {
-    const SceneRow &x = a.scenes[i], &y = b.scenes[i];
+    const records::SceneRow &x = a.scenes[i], &y = b.scenes[i];
     expect_equal(b.folder, "scene " + x.name + ", SHA-256", x.scene_sha256, y.scene_sha256);
     expect_equal(b.folder, "episodes of scene " + x.name + ", SHA-256", x.episodes_sha256,
                  y.episodes_sha256);
   }
   for (std::size_t i = 0; i < a.arms.size(); ++i) {
-    const ArmRow &x = a.arms[i], &y = b.arms[i];
+    const records::ArmRow &x = a.arms[i], &y = b.arms[i];
     expect_equal(b.folder, "weights of arm " + x.name + ", SHA-256", x.weights_sha256,
                  y.weights_sha256);
   }
 }
 
 using TrialKey = std::tuple<std::string, std::string, int>;
-TrialKey key_of(const TrialRow& t) { return {t.episode, t.arm, t.repetition}; }
+TrialKey key_of(const records::TrialRow& t) { return {t.episode, t.arm, t.repetition}; }
 
 /// Trials by name: those that were there, and those that come in.
 class Trials {
  public:
-  explicit Trials(const std::vector<TrialRow>& present) {
-    for (const TrialRow& trial : present) by_key_[key_of(trial)] = {trial, false};
+  explicit Trials(const std::vector<records::TrialRow>& present) {
+    for (const records::TrialRow& trial : present) by_key_[key_of(trial)] = {trial, false};
   }
 
-  void add(const TrialRow& trial, const fs::path& from, MergeReport& report) {
+  void add(const records::TrialRow& trial, const fs::path& from, MergeReport& report) {
     report.failed += trial.failed() ? 1 : 0;
     const auto [found, is_new] = by_key_.try_emplace(key_of(trial), Entry{trial, true});
     if (is_new) return;
@@ -71,20 +71,20 @@ class Trials {
       entry = {trial, true};
       return;
     }
-    if (essence_of(entry.trial) != essence_of(trial)) {
-      throw core::InputError::expected(from.string() + ": trial " + trial.episode +
-                                           " of arm " + trial.arm + ", repetition " +
-                                           std::to_string(trial.repetition),
-                                       "what another store has (" + entry.trial.outcome +
-                                           ", hash " + hex(entry.trial.state_hash) + ")",
-                                       trial.outcome + ", hash " + hex(trial.state_hash));
+    if (records::essence_of(entry.trial) != records::essence_of(trial)) {
+      throw core::InputError::expected(
+          from.string() + ": trial " + trial.episode + " of arm " + trial.arm +
+              ", repetition " + std::to_string(trial.repetition),
+          "what another store has (" + entry.trial.outcome + ", hash " +
+              support::hex(entry.trial.state_hash) + ")",
+          trial.outcome + ", hash " + support::hex(trial.state_hash));
     }
     ++report.known;
   }
 
   /// In the order of their names, whatever the order of the shards.
-  [[nodiscard]] std::vector<TrialRow> incoming() const {
-    std::vector<TrialRow> rows;
+  [[nodiscard]] std::vector<records::TrialRow> incoming() const {
+    std::vector<records::TrialRow> rows;
     for (const auto& [key, entry] : by_key_) {
       if (entry.incoming) rows.push_back(entry.trial);
     }
@@ -93,7 +93,7 @@ class Trials {
 
  private:
   struct Entry {
-    TrialRow trial;
+    records::TrialRow trial;
     bool incoming = false;
   };
   std::map<TrialKey, Entry> by_key_;
@@ -133,29 +133,30 @@ void link_files(const fs::path& from, const fs::path& to) {
 }
 
 /// "host-7, Xeon: 25 trials, 2026-01-01T00:00:00Z to 2026-01-01T01:00:00Z"
-std::string in_words(const StoredRun& shard) {
+std::string in_words(const results::StoredRun& shard) {
   std::string last = shard.run.started;
-  for (const TrialRow& trial : shard.trials) last = std::max(last, trial.finished);
+  for (const records::TrialRow& trial : shard.trials) last = std::max(last, trial.finished);
   return shard.run.host + ": " + std::to_string(shard.trials.size()) + " trials, " +
          shard.run.started + " to " + last;
 }
 
-std::string name_of(const StoredRun& shard) {
+std::string name_of(const results::StoredRun& shard) {
   const auto found = shard.run.provenance.find("shard");
   return found != shard.run.provenance.end() ? found->second
                                              : shard.folder.filename().string();
 }
 
 /// The last run of `out`; what begins there is like the first shard but for its trials.
-StoredRun target_run(Store& store, const fs::path& out, const StoredRun& first) {
+results::StoredRun target_run(records::Store& store, const fs::path& out,
+                              const results::StoredRun& first) {
   if (store.runs().empty()) {
-    RunRow run = first.run;
+    records::RunRow run = first.run;
     run.provenance.erase("shard");  // And what else is a part's own.
     std::erase_if(run.provenance,
                   [](const auto& row) { return row.first.rfind("time/", 0) == 0; });
     store.begin_run(run, first.scenes, first.arms);
   }
-  return load_run(out);
+  return results::load_run(out);
 }
 
 }  // namespace
@@ -171,53 +172,54 @@ std::vector<fs::path> shard_folders(const fs::path& work) {
 }
 
 MergeReport merge_runs(const fs::path& out, std::span<const fs::path> shards) {
-  std::vector<StoredRun> parts;
+  std::vector<results::StoredRun> parts;
   for (const fs::path& shard : shards) {
-    parts.push_back(load_run(shard));
+    parts.push_back(results::load_run(shard));
     check_same_run(parts.front(), parts.back());
   }
   if (parts.empty()) {
     throw core::InputError::expected(out.string(), "shards to merge", "none");
   }
   // Workers may still be at it, but not a run of the whole.
-  const FolderLock lock(out, FolderLock::Kind::kShared, FolderLock::IfTaken::kRefuse);
+  const support::FolderLock lock(out, support::FolderLock::Kind::kShared,
+                                 support::FolderLock::IfTaken::kRefuse);
   const fs::path file = out / kDatabase;
   MergeReport report;
   if (fs::exists(file)) {
-    const Store store(file);
-    if (!store.runs().empty()) check_same_run(load_run(out), parts.front());
+    const records::Store store(file);
+    if (!store.runs().empty()) check_same_run(results::load_run(out), parts.front());
   }
-  Store store(file);
-  const StoredRun target = target_run(store, out, parts.front());
+  records::Store store(file);
+  const results::StoredRun target = target_run(store, out, parts.front());
   report.run_id = target.run.run_id;
   Trials trials(target.trials);
-  for (const StoredRun& part : parts) {
-    for (const TrialRow& trial : part.trials) trials.add(trial, part.folder, report);
+  for (const results::StoredRun& part : parts) {
+    for (const records::TrialRow& trial : part.trials) trials.add(trial, part.folder, report);
   }
 
   // Files first: a trial that is in has its files.
-  for (const StoredRun& part : parts) {
+  for (const results::StoredRun& part : parts) {
     std::error_code code;
     if (!fs::equivalent(part.folder, out, code)) link_files(part.folder, out);
   }
-  const std::vector<TrialRow> incoming = trials.incoming();
+  const std::vector<records::TrialRow> incoming = trials.incoming();
   report.added = static_cast<int>(incoming.size());
   store.add_trials(report.run_id, incoming);
-  for (const StoredRun& part : parts) {
+  for (const results::StoredRun& part : parts) {
     store.set_provenance(report.run_id, "merged/" + name_of(part), in_words(part));
   }
 
-  StoredRun merged = load_run(out);
+  results::StoredRun merged = results::load_run(out);
   const auto finished = std::count_if(merged.trials.begin(), merged.trials.end(),
-                                      [](const TrialRow& t) { return !t.failed(); });
+                                      [](const records::TrialRow& t) { return !t.failed(); });
   if (finished == merged.run.planned_trials && merged.run.ended.empty()) {
     store.end_run(report.run_id);
-    merged = load_run(out);
+    merged = results::load_run(out);
   }
-  report.results_sha256 = results_sha256(merged.trials);
-  report.table = summarise(merged);
+  report.results_sha256 = records::results_sha256(merged.trials);
+  report.table = results::summarise(merged);
   write_tables(out, report.table, merged.trials);
   return report;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::runs

@@ -11,7 +11,7 @@
 
 #include "experiments/results/table.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::runs {
 
 struct MergeReport {
   std::int64_t run_id = 0;
@@ -19,7 +19,7 @@ struct MergeReport {
   int known = 0;               ///< Trials that were there already, and are equal.
   int failed = 0;              ///< In the harness; left out where a finished one is there.
   std::string results_sha256;  ///< results_digest.h
-  ResultTable table;
+  results::ResultTable table;
 };
 
 /// The folders of shards below a work folder, sorted; empty if there are none.
@@ -36,4 +36,4 @@ struct MergeReport {
 MergeReport merge_runs(const std::filesystem::path& out,
                        std::span<const std::filesystem::path> shards);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::runs

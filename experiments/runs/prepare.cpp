@@ -15,7 +15,7 @@
 #include "perception/training/training.h"
 #include "worlds/procedural/procedural_furniture.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::runs {
 namespace {
 
 namespace fs = std::filesystem;
@@ -38,38 +38,40 @@ bool shares_classes_of_procedural_homes(const std::vector<std::string>& class_na
 }
 
 /// What tuning costs elsewhere is measured on these.
-void render_foreign_sets(const ExperimentSpec& spec, const fs::path& work, HeldOutSets& sets) {
-  SourceDatasetOptions source;
+void render_foreign_sets(const specs::ExperimentSpec& spec, const fs::path& work,
+                         detection::HeldOutSets& sets) {
+  detection::SourceDatasetOptions source;
   source.seed = kSourceSeed;
   source.rooms = kSourceRooms;
   source.views_per_room = internal::kViewsPerRoom;
-  sets.source = render_source_dataset(source, work / "source_test");
-  UnseenHomesOptions unseen;
+  sets.source = detection::render_source_dataset(source, work / "source_test");
+  detection::UnseenHomesOptions unseen;
   unseen.seed = kUnseenSeed;
   unseen.camera = internal::view_camera(spec);
   unseen.camera_height_m = spec.scenes.front().camera_height_m;
   unseen.camera_pitch_down_rad = spec.camera.pitch_down_rad();
-  sets.unseen = render_unseen_homes(unseen, work / "unseen_homes");
+  sets.unseen = detection::render_unseen_homes(unseen, work / "unseen_homes");
 }
 
 /// The 'before' weights: those given, or pre-trained here.
-fs::path prepare_before(const ExperimentSpec& spec, const fs::path& work, StageTimes& times) {
-  const DetectorSpec& detectors = spec.detectors;
+fs::path prepare_before(const specs::ExperimentSpec& spec, const fs::path& work,
+                        support::StageTimes& times) {
+  const specs::DetectorSpec& detectors = spec.detectors;
   if (fs::exists(detectors.before)) return detectors.before;
   if (!detectors.pretrain) {
     throw core::InputError::expected(
         detectors.before.string(), "weights, or a detectors.pretrain section that makes them",
         "none");
   }
-  StageTimes::Timer timer(times, "pre-training");
+  support::StageTimes::Timer timer(times, "pre-training");
   timer.working();
-  const PretrainSpec& pretrain = *detectors.pretrain;
-  SourceDatasetOptions source;
+  const specs::PretrainSpec& pretrain = *detectors.pretrain;
+  detection::SourceDatasetOptions source;
   source.seed = pretrain.seed;
   source.rooms = pretrain.rooms;
   source.views_per_room = pretrain.views_per_room;
   perception::TrainOptions train;
-  train.train_json = render_source_dataset(source, work / "source_views");
+  train.train_json = detection::render_source_dataset(source, work / "source_views");
   train.output = detectors.before;
   train.steps = pretrain.steps;
   train.seed = pretrain.seed;
@@ -77,7 +79,7 @@ fs::path prepare_before(const ExperimentSpec& spec, const fs::path& work, StageT
   return detectors.before;
 }
 
-void print_precision(const std::string& name, const HeldOutPrecision& p) {
+void print_precision(const std::string& name, const records::HeldOutPrecision& p) {
   std::printf(
       "%-9s AP50 %5.1f  AP %5.1f  on %d held-out views; at score >= %.3f: precision %.2f, "
       "recall %.2f\n",
@@ -101,11 +103,12 @@ struct Views {
   std::vector<fs::path> training;      ///< By training.
 };
 
-Views prepare_views(const ExperimentSpec& spec, std::span<const fs::path> bundles,
-                    std::span<const Starts> starts, const std::vector<Training>& trainings,
+Views prepare_views(const specs::ExperimentSpec& spec, std::span<const fs::path> bundles,
+                    std::span<const trials::Starts> starts,
+                    const std::vector<Training>& trainings,
                     const std::vector<std::string>& class_names, const fs::path& work,
-                    int workers, StageTimes& times) {
-  const FinetuneSpec& finetune = *spec.detectors.finetune;
+                    int workers, support::StageTimes& times) {
+  const specs::FinetuneSpec& finetune = *spec.detectors.finetune;
   Views views;
   for (int r = 1; r <= spec.repetitions.reconstruct_seeds; ++r) {
     views.held_out.push_back({internal::label_scenes_of(spec, r, bundles, starts), {}, {}});
@@ -124,7 +127,7 @@ Views prepare_views(const ExperimentSpec& spec, std::span<const fs::path> bundle
   }
   for (int r = 1; r <= spec.repetitions.reconstruct_seeds; ++r) {
     HeldOutViews& held_out = views.held_out[static_cast<std::size_t>(r - 1)];
-    const std::string suffix = repetition_suffix(spec, r, std::nullopt);
+    const std::string suffix = specs::repetition_suffix(spec, r, std::nullopt);
     held_out.validation = add(r, "validation", finetune.seed, suffix);
     held_out.test = add(r, "test", finetune.seed, suffix);
   }
@@ -136,39 +139,40 @@ Views prepare_views(const ExperimentSpec& spec, std::span<const fs::path> bundle
 struct ArmWeights {
   std::string name;  ///< "before", "after.s3".
   fs::path weights;
-  HeldOutSets sets;
-  PreparedWeights prepared;
+  detection::HeldOutSets sets;
+  trials::PreparedWeights prepared;
 };
 
-void choose_thresholds(std::vector<ArmWeights>& arms, const ExperimentSpec& spec,
+void choose_thresholds(std::vector<ArmWeights>& arms, const specs::ExperimentSpec& spec,
                        const std::vector<std::string>& class_names, const fs::path& work,
-                       int workers, StageTimes& times) {
-  StageTimes::Timer timer(times, "thresholds");
+                       int workers, support::StageTimes& times) {
+  support::StageTimes::Timer timer(times, "thresholds");
   if (spec.detectors.finetune->measure_elsewhere &&
       shares_classes_of_procedural_homes(class_names)) {
-    HeldOutSets foreign;
+    detection::HeldOutSets foreign;
     render_foreign_sets(spec, work, foreign);
     for (ArmWeights& arm : arms) {
       arm.sets.source = foreign.source;
       arm.sets.unseen = foreign.unseen;
     }
   }
-  side_by_side(arms.size(), workers, [&](std::size_t k) {
+  support::side_by_side(arms.size(), workers, [&](std::size_t k) {
     const perception::ThreadCountScope one(1);  // Scores depend on the count.
     ArmWeights& arm = arms[k];
     arm.prepared.file = work / ("arm-" + arm.name + ".weights");
-    arm.prepared.held_out =
-        prepare_arm_weights(arm.weights, arm.sets, spec.detectors.finetune->precision_target,
-                            arm.prepared.file, [&] { timer.working(); });
+    arm.prepared.held_out = detection::prepare_arm_weights(
+        arm.weights, arm.sets, spec.detectors.finetune->precision_target, arm.prepared.file,
+        [&] { timer.working(); });
   });
   for (const ArmWeights& arm : arms) print_precision(arm.name, *arm.prepared.held_out);
 }
 
 /// Detectors of a spec that fine-tunes.
-PreparedDetectors tuned_detectors(const ExperimentSpec& spec,
-                                  std::span<const fs::path> bundles,
-                                  std::span<const Starts> starts, const fs::path& before,
-                                  const fs::path& work, int workers, StageTimes& times) {
+trials::PreparedDetectors tuned_detectors(const specs::ExperimentSpec& spec,
+                                          std::span<const fs::path> bundles,
+                                          std::span<const trials::Starts> starts,
+                                          const fs::path& before, const fs::path& work,
+                                          int workers, support::StageTimes& times) {
   const std::vector<std::string> class_names = perception::read_weights(before).class_names;
   const std::vector<Training> trainings = internal::trainings_of(spec);
   const Views views =
@@ -190,7 +194,7 @@ PreparedDetectors tuned_detectors(const ExperimentSpec& spec,
     arms.push_back({name, weights, {sets.validation, sets.test, {}, {}}, {}});
   };
   for (int r = 1; r <= spec.repetitions.reconstruct_seeds; ++r) {
-    add("before" + repetition_suffix(spec, r, std::nullopt), r, before);
+    add("before" + specs::repetition_suffix(spec, r, std::nullopt), r, before);
   }
   for (std::size_t k = 0; k < trainings.size(); ++k) {
     add("after" + trainings[k].suffix, trainings[k].reconstruction, steps[k].output());
@@ -200,11 +204,14 @@ PreparedDetectors tuned_detectors(const ExperimentSpec& spec,
   }
   choose_thresholds(arms, spec, class_names, work, workers, times);
 
-  PreparedDetectors prepared;
-  for (const ArmSpec& arm : spec.arms) {
-    if (arm.detector != ArmDetector::kBefore && arm.detector != ArmDetector::kAfter) continue;
-    const std::string name = (arm.detector == ArmDetector::kBefore ? "before" : "after") +
-                             repetition_suffix(spec, arm.reconstruction, arm.finetune_seed);
+  trials::PreparedDetectors prepared;
+  for (const specs::ArmSpec& arm : spec.arms) {
+    if (arm.detector != specs::ArmDetector::kBefore &&
+        arm.detector != specs::ArmDetector::kAfter)
+      continue;
+    const std::string name =
+        (arm.detector == specs::ArmDetector::kBefore ? "before" : "after") +
+        specs::repetition_suffix(spec, arm.reconstruction, arm.finetune_seed);
     const auto found = std::find_if(arms.begin(), arms.end(),
                                     [&](const ArmWeights& a) { return a.name == name; });
     prepared[arm.name] = found->prepared;
@@ -214,16 +221,17 @@ PreparedDetectors tuned_detectors(const ExperimentSpec& spec,
 
 }  // namespace
 
-PreparedDetectors prepare_detectors(const ExperimentSpec& spec,
-                                    std::span<const fs::path> bundles,
-                                    std::span<const Starts> starts, const fs::path& work,
-                                    int workers, StageTimes& times) {
-  const auto needs = [&](ArmDetector wanted) {
+trials::PreparedDetectors prepare_detectors(const specs::ExperimentSpec& spec,
+                                            std::span<const fs::path> bundles,
+                                            std::span<const trials::Starts> starts,
+                                            const fs::path& work, int workers,
+                                            support::StageTimes& times) {
+  const auto needs = [&](specs::ArmDetector wanted) {
     return std::any_of(spec.arms.begin(), spec.arms.end(),
-                       [&](const ArmSpec& arm) { return arm.detector == wanted; });
+                       [&](const specs::ArmSpec& arm) { return arm.detector == wanted; });
   };
-  if (!needs(ArmDetector::kBefore) && !needs(ArmDetector::kAfter)) return {};
-  if (needs(ArmDetector::kAfter) && !spec.detectors.finetune &&
+  if (!needs(specs::ArmDetector::kBefore) && !needs(specs::ArmDetector::kAfter)) return {};
+  if (needs(specs::ArmDetector::kAfter) && !spec.detectors.finetune &&
       !fs::exists(spec.detectors.after)) {
     throw core::InputError::expected(
         spec.detectors.after.string(),
@@ -233,12 +241,13 @@ PreparedDetectors prepare_detectors(const ExperimentSpec& spec,
   if (spec.detectors.finetune) {
     return tuned_detectors(spec, bundles, starts, before, work, workers, times);
   }
-  PreparedDetectors prepared;
-  for (const ArmSpec& arm : spec.arms) {
-    if (arm.detector == ArmDetector::kBefore) prepared[arm.name].file = before;
-    if (arm.detector == ArmDetector::kAfter) prepared[arm.name].file = spec.detectors.after;
+  trials::PreparedDetectors prepared;
+  for (const specs::ArmSpec& arm : spec.arms) {
+    if (arm.detector == specs::ArmDetector::kBefore) prepared[arm.name].file = before;
+    if (arm.detector == specs::ArmDetector::kAfter)
+      prepared[arm.name].file = spec.detectors.after;
   }
   return prepared;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::runs

@@ -15,14 +15,16 @@
 #include "experiments/support/step_record.h"
 #include "perception/detector/detector.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::runs {
 namespace {
 
 namespace fs = std::filesystem;
 
-TrainingOptions training_of(const ReconstructSpec& spec, const SourceSpec& source) {
-  TrainingOptions training;
-  if (!spec.config.empty()) training.config = renderer::read_training_config(spec.config);
+training::TrainingOptions training_of(const specs::ReconstructSpec& spec,
+                                      const specs::SourceSpec& source) {
+  training::TrainingOptions training;
+  if (!spec.config.empty())
+    training.config = reconstruction::read_training_config(spec.config);
   if (spec.iterations >= 0) training.config.geometry.iterations = spec.iterations;
   if (spec.label_iterations >= 0) training.config.panoptic.iterations = spec.label_iterations;
   training.head = spec.head;
@@ -35,41 +37,43 @@ TrainingOptions training_of(const ReconstructSpec& spec, const SourceSpec& sourc
 /// How the bundle of one scene with a source is made, and whether it is there.
 class SceneStep {
  public:
-  SceneStep(const ExperimentSpec& spec, const SceneSpec& scene, const fs::path& work)
+  SceneStep(const specs::ExperimentSpec& spec, const specs::SceneSpec& scene,
+            const fs::path& work)
       : spec_(spec),
         scene_(scene),
-        recording_(scene.source->type == SourceType::kRgbd ? scene.source->folder
-                                                           : work / "captures" / scene.family),
+        recording_(scene.source->type == specs::SourceType::kRgbd
+                       ? scene.source->folder
+                       : work / "captures" / scene.family),
         record_(scene.bundle.string() + ".step", recipe()) {}
 
   [[nodiscard]] bool is_current() const {
     return fs::exists(scene_.bundle / "scene.yaml") && record_.is_current();
   }
   [[nodiscard]] bool needs_capture() const {
-    return scene_.source->type != SourceType::kRgbd && !is_current();
+    return scene_.source->type != specs::SourceType::kRgbd && !is_current();
   }
 
   /// What all reconstructions of the scene are made from.
   void capture() const {
     std::printf("capturing scene %s: %s\n", scene_.family.c_str(),
-                describe_capture(*scene_.source).c_str());
+                scenes::describe_capture(*scene_.source).c_str());
     const core::ProgressPrefix prefix(scene_.family + ": ");
-    capture_mesh_source(*scene_.source, recording_);
+    scenes::capture_mesh_source(*scene_.source, recording_);
   }
 
   void reconstruct() const {
     std::printf("reconstructing scene %s\n", scene_.name.c_str());
     const core::ProgressPrefix prefix(scene_.name + ": ");
-    const SourceSpec& source = *scene_.source;
-    renderer::SequenceOptions sequence_options;
-    sequence_options.on_bad_frame = renderer::OnBadFrame::kSkip;
-    if (source.type == SourceType::kRgbd)
+    const specs::SourceSpec& source = *scene_.source;
+    reconstruction::SequenceOptions sequence_options;
+    sequence_options.on_bad_frame = reconstruction::OnBadFrame::kSkip;
+    if (source.type == specs::SourceType::kRgbd)
       sequence_options.floor_height_m = source.floor_height_m;
-    const auto sequence = open_recording(recording_, source.boxes, sequence_options);
+    const auto sequence = scenes::open_recording(recording_, source.boxes, sequence_options);
 
-    ReconstructOptions options;
+    scenes::ReconstructOptions options;
     options.name = scene_.name;
-    options.source = describe_capture(source);
+    options.source = scenes::describe_capture(source);
     options.source_sha256 = record_.recipe_sha256();
     options.lift.voxel_m = source.voxel_m;
     options.lift.frame_step = source.frame_step;
@@ -80,39 +84,39 @@ class SceneStep {
       options.training->work =
           scene_.bundle.string() + ".training-" + record_.recipe_sha256().substr(0, 8);
     }
-    reconstruct_bundle(*sequence, options, scene_.bundle);
+    scenes::reconstruct_bundle(*sequence, options, scene_.bundle);
     record_.mark_done();
   }
 
  private:
-  [[nodiscard]] std::optional<TrainingOptions> training() const {
-    const SourceSpec& source = *scene_.source;
+  [[nodiscard]] std::optional<training::TrainingOptions> training() const {
+    const specs::SourceSpec& source = *scene_.source;
     if (!source.reconstruct) return std::nullopt;
     return training_of(*source.reconstruct, source);
   }
 
   [[nodiscard]] std::string recipe() const {
-    const SourceSpec& source = *scene_.source;
+    const specs::SourceSpec& source = *scene_.source;
     std::ostringstream text;
-    text << "bundle v1: " << describe_capture(source) << "; voxel " << source.voxel_m
+    text << "bundle v1: " << scenes::describe_capture(source) << "; voxel " << source.voxel_m
          << " m, robot " << spec_.robot.name << ", camera " << scene_.camera_height_m << " m";
-    if (const std::optional<TrainingOptions> trained = training()) {
+    if (const std::optional<training::TrainingOptions> trained = training()) {
       text << "; trained, mesh of rendered depth, " << trained->head << ", seed "
            << trained->seed << ", "
-           << core::sha256_hex(renderer::training_config_text(trained->config));
+           << core::sha256_hex(reconstruction::training_config_text(trained->config));
     }
     return text.str();
   }
 
-  const ExperimentSpec& spec_;
-  const SceneSpec& scene_;
+  const specs::ExperimentSpec& spec_;
+  const specs::SceneSpec& scene_;
   fs::path recording_;
-  StepRecord record_;
+  support::StepRecord record_;
 };
 
 }  // namespace
 
-fs::path prepare_scene(const ExperimentSpec& spec, const SceneSpec& scene,
+fs::path prepare_scene(const specs::ExperimentSpec& spec, const specs::SceneSpec& scene,
                        const fs::path& work) {
   if (!scene.source) {
     (void)core::load_bundle(scene.bundle);  // Names what is missing.
@@ -124,14 +128,14 @@ fs::path prepare_scene(const ExperimentSpec& spec, const SceneSpec& scene,
   return scene.bundle;
 }
 
-std::vector<fs::path> prepare_scenes(const ExperimentSpec& spec, const fs::path& work,
-                                     int workers, StageTimes& times) {
+std::vector<fs::path> prepare_scenes(const specs::ExperimentSpec& spec, const fs::path& work,
+                                     int workers, support::StageTimes& times) {
   std::vector<fs::path> bundles;
   std::vector<SceneStep> steps;
   std::vector<std::string> names, families;
   std::vector<const SceneStep*> captures;
   steps.reserve(spec.scenes.size());
-  for (const SceneSpec& scene : spec.scenes) {
+  for (const specs::SceneSpec& scene : spec.scenes) {
     bundles.push_back(scene.bundle);
     if (!scene.source) {
       (void)prepare_scene(spec, scene, work);
@@ -145,24 +149,24 @@ std::vector<fs::path> prepare_scenes(const ExperimentSpec& spec, const fs::path&
     families.push_back(scene.family);
     captures.push_back(&steps.back());
   }
-  side_by_side(captures.size(), workers, [&](std::size_t k) {
-    StageTimes::Timer timer(times, "capture/" + families[k]);
+  support::side_by_side(captures.size(), workers, [&](std::size_t k) {
+    support::StageTimes::Timer timer(times, "capture/" + families[k]);
     timer.working();
     captures[k]->capture();
   });
   const int at_once = std::max(1, std::min(workers, static_cast<int>(steps.size())));
-  side_by_side(steps.size(), at_once, [&](std::size_t k) {
-    StageTimes::Timer timer(times, "reconstruction/" + names[k]);
+  support::side_by_side(steps.size(), at_once, [&](std::size_t k) {
+    support::StageTimes::Timer timer(times, "reconstruction/" + names[k]);
     if (steps[k].is_current()) return;
     timer.working();
     std::optional<perception::ThreadCountScope> part;
     // Sums are split among libtorch's threads: reproducible work leaves them at one.
     if (at_once > 1 && core::kernel_choice() == core::KernelChoice::kFast) {
-      part.emplace(std::max(1, processor_count() / at_once));
+      part.emplace(std::max(1, support::processor_count() / at_once));
     }
     steps[k].reconstruct();
   });
   return bundles;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::runs

@@ -26,7 +26,7 @@
 #include "experiments/support/stop_signal.h"
 #include "experiments/trials/trial_runner.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::runs {
 namespace {
 
 namespace fs = std::filesystem;
@@ -38,12 +38,12 @@ std::string number_text(double value) {
 }
 
 /// The run to go on with, or a new one.
-std::int64_t open_run(Store& store, const ExperimentSpec& spec, const RunOptions& options,
-                      const std::vector<SceneRow>& scenes, const std::vector<ArmRow>& arms,
-                      int planned_trials) {
-  const std::vector<RunRow> runs = store.runs();
+std::int64_t open_run(records::Store& store, const specs::ExperimentSpec& spec,
+                      const RunOptions& options, const std::vector<records::SceneRow>& scenes,
+                      const std::vector<records::ArmRow>& arms, int planned_trials) {
+  const std::vector<records::RunRow> runs = store.runs();
   if (!runs.empty() && !options.new_run) {
-    const RunRow& last = runs.back();
+    const records::RunRow& last = runs.back();
     if (last.spec_sha256 != spec.sha256) {
       throw core::InputError::expected(
           spec.file.string(),
@@ -71,7 +71,7 @@ std::int64_t open_run(Store& store, const ExperimentSpec& spec, const RunOptions
     }
     return last.run_id;
   }
-  RunRow run;
+  records::RunRow run;
   run.name = spec.name;
   run.title = spec.title;
   run.spec_sha256 = spec.sha256;
@@ -80,7 +80,7 @@ std::int64_t open_run(Store& store, const ExperimentSpec& spec, const RunOptions
   run.host = host_and_processor();
   run.libraries = library_versions();
   run.success_profile = success_in_words(spec);
-  const std::string clock = clock_in_words(spec.clock);
+  const std::string clock = specs::clock_in_words(spec.clock);
   if (!clock.empty()) run.success_profile += "; " + clock;
   run.seed = spec.seed;
   run.planned_n = spec.planned_n;
@@ -91,18 +91,18 @@ std::int64_t open_run(Store& store, const ExperimentSpec& spec, const RunOptions
 
 /// All cells of the experiment, scene by scene; the arms of an episode follow one another, so
 /// that an interrupted run has pairs.
-std::vector<TrialTask> all_tasks(const ExperimentSpec& spec,
-                                 const std::vector<LoadedScene>& scenes) {
-  std::vector<TrialTask> tasks;
-  for (const LoadedScene& scene : scenes) {
+std::vector<trials::TrialTask> all_tasks(const specs::ExperimentSpec& spec,
+                                         const std::vector<trials::LoadedScene>& scenes) {
+  std::vector<trials::TrialTask> tasks;
+  for (const trials::LoadedScene& scene : scenes) {
     bool first = true;
     for (const sim::Episode& episode : scene.episodes.episodes) {
       for (int repetition = 0; repetition < spec.repetitions.trials; ++repetition) {
-        const auto chosen = [&](Recorded which) {
-          return which == Recorded::kAll ||
-                 (which == Recorded::kFirst && first && repetition == 0);
+        const auto chosen = [&](specs::Recorded which) {
+          return which == specs::Recorded::kAll ||
+                 (which == specs::Recorded::kFirst && first && repetition == 0);
         };
-        for (const ArmSpec& arm : spec.arms) {
+        for (const specs::ArmSpec& arm : spec.arms) {
           if (arm.reconstruction != scene.spec->reconstruction) continue;
           tasks.push_back({&scene, &episode, &arm, repetition, chosen(spec.videos),
                            chosen(spec.frames.of)});
@@ -117,8 +117,9 @@ std::vector<TrialTask> all_tasks(const ExperimentSpec& spec,
 
 /// Those of one part: whole units, which are an episode in one repetition with all arms that
 /// run in its scene.
-std::vector<TrialTask> tasks_of(const Shard& shard, const std::vector<TrialTask>& all) {
-  std::vector<TrialTask> tasks;
+std::vector<trials::TrialTask> tasks_of(const Shard& shard,
+                                        const std::vector<trials::TrialTask>& all) {
+  std::vector<trials::TrialTask> tasks;
   std::size_t unit = 0;
   for (std::size_t k = 0; k < all.size(); ++k) {
     const bool next = k > 0 && (all[k].episode != all[k - 1].episode ||
@@ -133,13 +134,13 @@ std::string task_key(const std::string& arm, const std::string& episode, int rep
   return arm + "\n" + episode + "\n" + std::to_string(repetition);
 }
 
-std::vector<TrialTask> unfinished(std::vector<TrialTask> tasks,
-                                  const std::vector<TrialRow>& trials) {
+std::vector<trials::TrialTask> unfinished(std::vector<trials::TrialTask> tasks,
+                                          const std::vector<records::TrialRow>& trials) {
   std::set<std::string> done;
-  for (const TrialRow& trial : trials) {
+  for (const records::TrialRow& trial : trials) {
     if (!trial.failed()) done.insert(task_key(trial.arm, trial.episode, trial.repetition));
   }
-  std::erase_if(tasks, [&](const TrialTask& task) {
+  std::erase_if(tasks, [&](const trials::TrialTask& task) {
     return done.contains(task_key(task.arm->name, task.episode->id, task.repetition));
   });
   return tasks;
@@ -149,14 +150,14 @@ std::vector<TrialTask> unfinished(std::vector<TrialTask> tasks,
 /// 3/10, after 7/10".
 class Tally {
  public:
-  explicit Tally(const ExperimentSpec& spec) {
-    for (const ArmSpec& arm : spec.arms) {
+  explicit Tally(const specs::ExperimentSpec& spec) {
+    for (const specs::ArmSpec& arm : spec.arms) {
       family_[arm.name] = arm.family;
       const bool known = std::find(order_.begin(), order_.end(), arm.family) != order_.end();
       if (!known) order_.push_back(arm.family);
     }
   }
-  void count(const TrialRow& trial) {
+  void count(const records::TrialRow& trial) {
     if (trial.failed()) {
       ++failed_;
       return;
@@ -197,9 +198,10 @@ void check_disk(const fs::path& results) {
 }
 
 /// Runs the tasks on `workers` threads. Fills in trials_run and store_s.
-void run_tasks(const ExperimentSpec& spec, const std::vector<TrialTask>& tasks,
-               const PreparedDetectors& detectors, const RunOptions& options,
-               const fs::path& results, Store& store, Tally& tally, RunReport& report) {
+void run_tasks(const specs::ExperimentSpec& spec, const std::vector<trials::TrialTask>& tasks,
+               const trials::PreparedDetectors& detectors, const RunOptions& options,
+               const fs::path& results, records::Store& store, Tally& tally,
+               RunReport& report) {
   using Clock = std::chrono::steady_clock;
   std::atomic<std::size_t> next{0};
   std::mutex mutex;  // Guards what follows.
@@ -208,7 +210,7 @@ void run_tasks(const ExperimentSpec& spec, const std::vector<TrialTask>& tasks,
   core::Progress progress("trials", static_cast<std::int64_t>(tasks.size()));
   progress.update(0, tally.text());
 
-  const auto store_row = [&](const TrialRow& row) {
+  const auto store_row = [&](const records::TrialRow& row) {
     if (row.failed()) check_disk(results);
     const Clock::time_point start = Clock::now();
     store.add_trial(report.run_id, row);
@@ -218,17 +220,17 @@ void run_tasks(const ExperimentSpec& spec, const std::vector<TrialTask>& tasks,
     progress.update(++report.trials_run, tally.text());
   };
   const auto work = [&] {
-    TrialRunner runner(spec, detectors, results);
-    while (!StopOnSignal::requested()) {
+    trials::TrialRunner runner(spec, detectors, results);
+    while (!support::StopOnSignal::requested()) {
       const std::size_t index = next.fetch_add(1);
       if (index >= tasks.size()) return;
-      const TrialRow row = runner.run(tasks[index]);
+      const records::TrialRow row = runner.run(tasks[index]);
       const std::lock_guard<std::mutex> lock(mutex);
       try {
         store_row(row);
       } catch (...) {
         if (!failure) failure = std::current_exception();
-        StopOnSignal::request();
+        support::StopOnSignal::request();
         return;
       }
     }
@@ -250,58 +252,59 @@ void write_text(const fs::path& file, const std::string& text) {
 
 }  // namespace
 
-std::string success_in_words(const ExperimentSpec& spec) {
+std::string success_in_words(const specs::ExperimentSpec& spec) {
   const std::string text = spec.success.profile + ": " + sim::in_words(spec.success.rule());
   return text + ", within " + number_text(spec.time_limit_s) + " s";
 }
 
-void write_tables(const fs::path& work, const ResultTable& table,
-                  const std::vector<TrialRow>& trials) {
-  for (const auto& [ending, format] : table_files()) {
-    write_text(work / ("table" + ending), format_table(table, format));
+void write_tables(const fs::path& work, const results::ResultTable& table,
+                  const std::vector<records::TrialRow>& trials) {
+  for (const auto& [ending, format] : results::table_files()) {
+    write_text(work / ("table" + ending), results::format_table(table, format));
   }
-  core::write_file_atomically(work / "trials.csv",
-                              [&](std::ostream& out) { write_trials_csv(out, trials); });
+  core::write_file_atomically(
+      work / "trials.csv", [&](std::ostream& out) { records::write_trials_csv(out, trials); });
 }
 
 namespace {
 
 /// What the trials need.
 struct Inputs {
-  std::vector<LoadedScene> scenes;
-  PreparedDetectors detectors;
+  std::vector<trials::LoadedScene> scenes;
+  trials::PreparedDetectors detectors;
 };
 
 /// Loads scenes and makes their episodes: of first reconstructions first, as the others share
 /// theirs.
-std::vector<LoadedScene> load_scenes(const ExperimentSpec& spec,
-                                     const std::vector<fs::path>& bundles,
-                                     const fs::path& work, int workers, StageTimes& times) {
-  StageTimes::Timer timer(times, "episodes");
-  std::vector<std::optional<LoadedScene>> loaded(spec.scenes.size());
+std::vector<trials::LoadedScene> load_scenes(const specs::ExperimentSpec& spec,
+                                             const std::vector<fs::path>& bundles,
+                                             const fs::path& work, int workers,
+                                             support::StageTimes& times) {
+  support::StageTimes::Timer timer(times, "episodes");
+  std::vector<std::optional<trials::LoadedScene>> loaded(spec.scenes.size());
   for (int r = 1; r <= spec.repetitions.reconstruct_seeds; ++r) {
     std::vector<std::size_t> scenes;
     for (std::size_t i = 0; i < spec.scenes.size(); ++i) {
       if (spec.scenes[i].reconstruction == r) scenes.push_back(i);
     }
-    side_by_side(scenes.size(), workers, [&](std::size_t k) {
+    support::side_by_side(scenes.size(), workers, [&](std::size_t k) {
       const std::size_t i = scenes[k];
       std::fprintf(stderr, "segsim: loading %s\n", spec.scenes[i].title.c_str());
-      loaded[i].emplace(load_scene(spec, spec.scenes[i], bundles[i], work));
+      loaded[i].emplace(trials::load_scene(spec, spec.scenes[i], bundles[i], work));
       if (loaded[i]->episodes_made) timer.working();
     });
   }
-  std::vector<LoadedScene> scenes;
-  for (std::optional<LoadedScene>& scene : loaded) scenes.push_back(std::move(*scene));
+  std::vector<trials::LoadedScene> scenes;
+  for (std::optional<trials::LoadedScene>& scene : loaded) scenes.push_back(std::move(*scene));
   return scenes;
 }
 
 /// Names of episodes are names of trials; reconstructions share them on purpose.
-void check_episodes(const std::vector<LoadedScene>& scenes, const fs::path& work) {
+void check_episodes(const std::vector<trials::LoadedScene>& scenes, const fs::path& work) {
   std::set<std::string> episode_ids;
-  for (const LoadedScene& scene : scenes) {
+  for (const trials::LoadedScene& scene : scenes) {
     if (scene.spec->reconstruction > 1) continue;
-    const EpisodeSet& set = scene.episodes;
+    const episodes::EpisodeSet& set = scene.episodes;
     for (const sim::Episode& episode : set.episodes) {
       if (episode_ids.insert(episode.id).second) continue;
       throw core::InputError::expected("episodes of scene " + scene.spec->name,
@@ -318,27 +321,29 @@ void check_episodes(const std::vector<LoadedScene>& scenes, const fs::path& work
 }
 
 /// Makes what is missing, and loads it.
-Inputs load_inputs(const ExperimentSpec& spec, const fs::path& work, int workers,
-                   StageTimes& times) {
+Inputs load_inputs(const specs::ExperimentSpec& spec, const fs::path& work, int workers,
+                   support::StageTimes& times) {
   const std::vector<fs::path> bundles = prepare_scenes(spec, work, workers, times);
   Inputs inputs;
   inputs.scenes = load_scenes(spec, bundles, work, workers, times);
   check_episodes(inputs.scenes, work);
-  std::vector<Starts> starts;
-  for (const LoadedScene& scene : inputs.scenes) starts.push_back(starts_of(scene));
+  std::vector<trials::Starts> starts;
+  for (const trials::LoadedScene& scene : inputs.scenes)
+    starts.push_back(trials::starts_of(scene));
   inputs.detectors = prepare_detectors(spec, bundles, starts, work, workers, times);
   return inputs;
 }
 
-StepRecord preparation_of(const ExperimentSpec& spec, const fs::path& work) {
+support::StepRecord preparation_of(const specs::ExperimentSpec& spec, const fs::path& work) {
   return {work / "prepared.step", "spec " + spec.sha256 + ", segsim " + core::version()};
 }
 
 /// The inputs of one worker among others: whoever is first makes them while the others wait,
 /// then all work side by side. `lock` holds until the worker has ended.
-Inputs load_shared_inputs(const ExperimentSpec& spec, const fs::path& work, int workers,
-                          StageTimes& times, std::optional<FolderLock>& lock) {
-  const StepRecord preparation = preparation_of(spec, work);
+Inputs load_shared_inputs(const specs::ExperimentSpec& spec, const fs::path& work, int workers,
+                          support::StageTimes& times,
+                          std::optional<support::FolderLock>& lock) {
+  const support::StepRecord preparation = preparation_of(spec, work);
   const auto check_current = [&] {
     if (preparation.is_current()) return;
     throw core::InputError::expected(
@@ -347,7 +352,8 @@ Inputs load_shared_inputs(const ExperimentSpec& spec, const fs::path& work, int 
         "those for others");
   };
   if (!fs::exists(work / "prepared.step")) {
-    lock.emplace(work, FolderLock::Kind::kExclusive, FolderLock::IfTaken::kWait);
+    lock.emplace(work, support::FolderLock::Kind::kExclusive,
+                 support::FolderLock::IfTaken::kWait);
     if (!fs::exists(work / "prepared.step")) {
       Inputs inputs = load_inputs(spec, work, workers, times);
       preparation.mark_done();
@@ -357,7 +363,7 @@ Inputs load_shared_inputs(const ExperimentSpec& spec, const fs::path& work, int 
     lock.reset();
   }
   check_current();
-  lock.emplace(work, FolderLock::Kind::kShared, FolderLock::IfTaken::kWait);
+  lock.emplace(work, support::FolderLock::Kind::kShared, support::FolderLock::IfTaken::kWait);
   check_current();
   return load_inputs(spec, work, workers, times);
 }
@@ -368,25 +374,27 @@ namespace {
 
 std::vector<fs::path> bundles_of(const Inputs& inputs) {
   std::vector<fs::path> folders;
-  for (const LoadedScene& scene : inputs.scenes) folders.push_back(scene.bundle.folder);
+  for (const trials::LoadedScene& scene : inputs.scenes)
+    folders.push_back(scene.bundle.folder);
   return folders;
 }
 
-DigestRecord digest_record(const ExperimentSpec& spec,
-                           const std::vector<StageDigest>& stages) {
-  const MachineRecord machine = describe_machine();
+reproducibility::DigestRecord digest_record(
+    const specs::ExperimentSpec& spec,
+    const std::vector<reproducibility::StageDigest>& stages) {
+  const reproducibility::MachineRecord machine = reproducibility::describe_machine();
   return {spec.name, spec.sha256, core::version(), machine, {machine.processor}, stages};
 }
 
 }  // namespace
 
-RunReport run_experiment(const ExperimentSpec& spec, const RunOptions& options) {
-  using IfTaken = FolderLock::IfTaken;
-  using Kind = FolderLock::Kind;
+RunReport run_experiment(const specs::ExperimentSpec& spec, const RunOptions& options) {
+  using IfTaken = support::FolderLock::IfTaken;
+  using Kind = support::FolderLock::Kind;
   const fs::path& work = options.folders.work;
-  const StageTimes::Clock::time_point start = StageTimes::Clock::now();
-  StageTimes times;
-  std::optional<FolderLock> lock, shard_lock;
+  const support::StageTimes::Clock::time_point start = support::StageTimes::Clock::now();
+  support::StageTimes times;
+  std::optional<support::FolderLock> lock, shard_lock;
   fs::path results = options.results.empty() ? work : options.results;
   Inputs inputs;
   if (options.shard) {
@@ -402,14 +410,14 @@ RunReport run_experiment(const ExperimentSpec& spec, const RunOptions& options) 
   }
 
   // The run, and which of its trials are missing.
-  Store store(results / "results.sqlite");
-  const std::vector<TrialTask> all = all_tasks(spec, inputs.scenes);
+  records::Store store(results / "results.sqlite");
+  const std::vector<trials::TrialTask> all = all_tasks(spec, inputs.scenes);
   RunReport report;
   report.run_id =
       open_run(store, spec, options, scene_rows(inputs.scenes),
                arm_rows(spec, inputs.detectors, inputs.scenes), static_cast<int>(all.size()));
-  std::vector<TrialRow> trials = store.trials(report.run_id);
-  std::vector<TrialTask> tasks =
+  std::vector<records::TrialRow> trials = store.trials(report.run_id);
+  std::vector<trials::TrialTask> tasks =
       unfinished(options.shard ? tasks_of(*options.shard, all) : all, trials);
   const std::size_t missing = tasks.size();
   if (options.max_trials > 0 && tasks.size() > static_cast<std::size_t>(options.max_trials)) {
@@ -417,42 +425,44 @@ RunReport run_experiment(const ExperimentSpec& spec, const RunOptions& options) 
   }
 
   if (!options.prepare_only && !tasks.empty()) {
-    StageTimes::Timer timer(times, "trials");
+    support::StageTimes::Timer timer(times, "trials");
     timer.working();
-    const StopOnSignal signals;
+    const support::StopOnSignal signals;
     Tally tally(spec);
-    for (const TrialRow& trial : trials) {
+    for (const records::TrialRow& trial : trials) {
       if (!trial.failed()) tally.count(trial);
     }
     run_tasks(spec, tasks, inputs.detectors, options, results, store, tally, report);
-    report.interrupted = StopOnSignal::requested();
+    report.interrupted = support::StopOnSignal::requested();
     trials = store.trials(report.run_id);
   }
   report.trials_left = static_cast<int>(missing) - report.trials_run;
-  for (const TrialRow& trial : trials) report.trials_failed += trial.failed() ? 1 : 0;
+  for (const records::TrialRow& trial : trials) report.trials_failed += trial.failed() ? 1 : 0;
 
   // The answer.
-  const RunRow run = store.runs().back();
+  const records::RunRow run = store.runs().back();
   if (report.trials_left == 0 && run.ended.empty()) store.end_run(report.run_id);
   report.results = results;
-  report.results_sha256 = results_sha256(trials);
+  report.results_sha256 = records::results_sha256(trials);
   if (!options.shard) {  // A part has no table of its own.
-    StageTimes::Timer timer(times, "tables");
+    support::StageTimes::Timer timer(times, "tables");
     timer.working();
-    report.table = summarise(store.runs().back(), store.scenes(report.run_id),
-                             store.arms(report.run_id), trials);
+    report.table = results::summarise(store.runs().back(), store.scenes(report.run_id),
+                                      store.arms(report.run_id), trials);
     write_tables(results, report.table, trials);
     const bool complete = report.trials_left == 0 && report.trials_failed == 0;
-    report.digests =
-        digest_stages(work, bundles_of(inputs), complete ? report.results_sha256 : "");
-    write_digests(results / "digests.json", digest_record(spec, report.digests));
+    report.digests = reproducibility::digest_stages(work, bundles_of(inputs),
+                                                    complete ? report.results_sha256 : "");
+    reproducibility::write_digests(results / "digests.json",
+                                   digest_record(spec, report.digests));
   }
   report.times = times.all();
-  report.wall_s = std::chrono::duration<double>(StageTimes::Clock::now() - start).count();
-  for (const auto& [name, value] : stage_time_rows(report.times, run.provenance)) {
+  report.wall_s =
+      std::chrono::duration<double>(support::StageTimes::Clock::now() - start).count();
+  for (const auto& [name, value] : support::stage_time_rows(report.times, run.provenance)) {
     store.set_provenance(report.run_id, name, value);
   }
   return report;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::runs

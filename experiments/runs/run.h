@@ -16,10 +16,10 @@
 #include "experiments/specs/spec.h"
 #include "experiments/support/stage_times.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::runs {
 
 struct RunOptions {
-  SpecFolders folders;
+  specs::SpecFolders folders;
   int workers = 2;
   bool new_run = false;  ///< Begin again although a run with this spec, or another, is there.
   bool prepare_only = false;      ///< Stop before the first trial.
@@ -32,16 +32,17 @@ struct RunOptions {
 
 struct RunReport {
   std::int64_t run_id = 0;
-  int trials_run = 0, trials_left = 0;  ///< Of the shard, if there is one.
-  int trials_failed = 0;                ///< In the harness; they run again on resume.
-  bool interrupted = false;             ///< By SIGINT or SIGTERM.
-  double store_s = 0;                   ///< Spent on adding trials to the database.
-  std::vector<StageTime> times;         ///< Of this call.
-  double wall_s = 0;                    ///< Of all of it.
+  int trials_run = 0, trials_left = 0;    ///< Of the shard, if there is one.
+  int trials_failed = 0;                  ///< In the harness; they run again on resume.
+  bool interrupted = false;               ///< By SIGINT or SIGTERM.
+  double store_s = 0;                     ///< Spent on adding trials to the database.
+  std::vector<support::StageTime> times;  ///< Of this call.
+  double wall_s = 0;                      ///< Of all of it.
   std::filesystem::path results;
-  std::string results_sha256;        ///< results_digest.h
-  ResultTable table;                 ///< Empty of a shard.
-  std::vector<StageDigest> digests;  ///< Empty of a shard; in digests.json, too.
+  std::string results_sha256;  ///< results_digest.h
+  results::ResultTable table;  ///< Empty of a shard.
+  std::vector<reproducibility::StageDigest>
+      digests;  ///< Empty of a shard; in digests.json, too.
 };
 
 /// Results lie in the work folder: results.sqlite, table.{txt,md,csv,json}, trials.csv,
@@ -52,13 +53,13 @@ struct RunReport {
 /// @throws core::InputError if the spec or a prepared input changed since the run began
 ///         (unless `new_run`), if another process works in the folder, or if results can no
 ///         longer be written (those that are in are kept).
-RunReport run_experiment(const ExperimentSpec& spec, const RunOptions& options);
+RunReport run_experiment(const specs::ExperimentSpec& spec, const RunOptions& options);
 
 /// "segsim-object: STOP within 1 m (geodesic) of a view point ..., within 180 s".
-[[nodiscard]] std::string success_in_words(const ExperimentSpec& spec);
+[[nodiscard]] std::string success_in_words(const specs::ExperimentSpec& spec);
 
 /// Writes table.* and trials.csv to the work folder.
-void write_tables(const std::filesystem::path& work, const ResultTable& table,
-                  const std::vector<TrialRow>& trials);
+void write_tables(const std::filesystem::path& work, const results::ResultTable& table,
+                  const std::vector<records::TrialRow>& trials);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::runs

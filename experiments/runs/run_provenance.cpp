@@ -18,24 +18,24 @@
 #include "renderer/scene/simd_target.h"
 #include "worlds/mesh/library_versions.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::runs {
 namespace {
 
 /// What the weights of an arm were made from, as far as this run knows.
-std::string training_scenes(const ExperimentSpec& spec, const ArmSpec& arm) {
-  const DetectorSpec& detectors = spec.detectors;
+std::string training_scenes(const specs::ExperimentSpec& spec, const specs::ArmSpec& arm) {
+  const specs::DetectorSpec& detectors = spec.detectors;
   const std::string before = detectors.pretrain ? std::to_string(detectors.pretrain->rooms) +
                                                       " procedural rooms, seed " +
                                                       std::to_string(detectors.pretrain->seed)
                                                 : std::string("those of the given weights");
   switch (arm.detector) {
-    case ArmDetector::kOracle:
+    case specs::ArmDetector::kOracle:
       return "none (oracle)";
-    case ArmDetector::kFile:
+    case specs::ArmDetector::kFile:
       return "those of the given weights";
-    case ArmDetector::kBefore:
+    case specs::ArmDetector::kBefore:
       return before;
-    case ArmDetector::kAfter:
+    case specs::ArmDetector::kAfter:
       break;
   }
   if (!detectors.finetune) return "those of the given weights";
@@ -44,22 +44,25 @@ std::string training_scenes(const ExperimentSpec& spec, const ArmSpec& arm) {
   return before + scenes;
 }
 
-std::vector<EvaluationScene> evaluation_scenes(const std::vector<LoadedScene>& scenes) {
-  std::vector<EvaluationScene> evaluated;
-  for (const LoadedScene& scene : scenes) {
+std::vector<detection::EvaluationScene> evaluation_scenes(
+    const std::vector<trials::LoadedScene>& scenes) {
+  std::vector<detection::EvaluationScene> evaluated;
+  for (const trials::LoadedScene& scene : scenes) {
     evaluated.push_back({scene.spec->name, &scene.bundle.manifest});
-    const std::optional<SourceSpec>& source = scene.spec->source;
-    if (source && source->type == SourceType::kFlat) evaluated.back().flat_seed = source->seed;
+    const std::optional<specs::SourceSpec>& source = scene.spec->source;
+    if (source && source->type == specs::SourceType::kFlat)
+      evaluated.back().flat_seed = source->seed;
   }
   return evaluated;
 }
 
 /// Scenes of the arm's reconstruction which, in any reconstruction, are among those `seen`:
 /// views of one show the place.
-std::vector<std::string> own_scenes(const ExperimentSpec& spec, const ArmSpec& arm,
+std::vector<std::string> own_scenes(const specs::ExperimentSpec& spec,
+                                    const specs::ArmSpec& arm,
                                     const std::vector<std::string>& seen) {
   std::vector<std::string> own;
-  for (const SceneSpec& scene : spec.scenes) {
+  for (const specs::SceneSpec& scene : spec.scenes) {
     if (scene.reconstruction != arm.reconstruction) continue;
     if (std::any_of(seen.begin(), seen.end(), [&](const std::string& name) {
           return spec.find_scene(name)->family == scene.family;
@@ -71,10 +74,11 @@ std::vector<std::string> own_scenes(const ExperimentSpec& spec, const ArmSpec& a
 }
 
 /// What an arm's weights have seen of the scenes that it runs in.
-SceneExposure exposure_of_arm(const ExperimentSpec& spec, const ArmSpec& arm,
-                              const std::filesystem::path& weights,
-                              std::span<const EvaluationScene> scenes) {
-  SceneExposure exposure = exposure_of(weights, scenes);
+records::SceneExposure exposure_of_arm(const specs::ExperimentSpec& spec,
+                                       const specs::ArmSpec& arm,
+                                       const std::filesystem::path& weights,
+                                       std::span<const detection::EvaluationScene> scenes) {
+  records::SceneExposure exposure = detection::exposure_of(weights, scenes);
   exposure.trained_on = own_scenes(spec, arm, exposure.trained_on);
   exposure.threshold_on = own_scenes(spec, arm, exposure.threshold_on);
   exposure.same_name = own_scenes(spec, arm, exposure.same_name);
@@ -97,10 +101,10 @@ std::string library_versions() {
          renderer::simd_target();
 }
 
-std::map<std::string, std::string> run_provenance(const ExperimentSpec& spec,
+std::map<std::string, std::string> run_provenance(const specs::ExperimentSpec& spec,
                                                   const std::optional<Shard>& shard) {
   std::map<std::string, std::string> rows;
-  const std::string clock = clock_in_words(spec.clock);
+  const std::string clock = specs::clock_in_words(spec.clock);
   rows["kernels"] = core::to_string(core::kernel_choice());
   rows["clock"] = clock.empty() ? "lockstep" : clock;
   const auto add_libraries = [&](const std::map<std::string, std::string>& versions) {
@@ -112,16 +116,16 @@ std::map<std::string, std::string> run_provenance(const ExperimentSpec& spec,
                  {"zlib", zlibVersion()},
                  {"compiler", __VERSION__},
                  {"SIMD", renderer::simd_target()}});
-  for (const ArmSpec& arm : spec.arms) {
+  for (const specs::ArmSpec& arm : spec.arms) {
     rows["training_scenes/" + arm.name] = training_scenes(spec, arm);
   }
   if (shard) rows["shard"] = shard->text();
   return rows;
 }
 
-std::vector<SceneRow> scene_rows(const std::vector<LoadedScene>& scenes) {
-  std::vector<SceneRow> rows;
-  for (const LoadedScene& scene : scenes) {
+std::vector<records::SceneRow> scene_rows(const std::vector<trials::LoadedScene>& scenes) {
+  std::vector<records::SceneRow> rows;
+  for (const trials::LoadedScene& scene : scenes) {
     rows.push_back({scene.spec->name, scene.spec->title, scene.bundle.scene_sha256,
                     scene.episodes_sha256,
                     static_cast<std::int64_t>(scene.episodes.episodes.size())});
@@ -135,17 +139,18 @@ std::vector<SceneRow> scene_rows(const std::vector<LoadedScene>& scenes) {
   return rows;
 }
 
-std::vector<ArmRow> arm_rows(const ExperimentSpec& spec, const PreparedDetectors& detectors,
-                             const std::vector<LoadedScene>& scenes) {
-  const std::vector<EvaluationScene> evaluated = evaluation_scenes(scenes);
-  std::vector<ArmRow> rows;
-  for (const ArmSpec& arm : spec.arms) {
-    ArmRow row;
+std::vector<records::ArmRow> arm_rows(const specs::ExperimentSpec& spec,
+                                      const trials::PreparedDetectors& detectors,
+                                      const std::vector<trials::LoadedScene>& scenes) {
+  const std::vector<detection::EvaluationScene> evaluated = evaluation_scenes(scenes);
+  std::vector<records::ArmRow> rows;
+  for (const specs::ArmSpec& arm : spec.arms) {
+    records::ArmRow row;
     row.name = arm.name;
     row.family = arm.family;
     row.reconstruction = arm.reconstruction;
     row.finetune_seed = arm.finetune_seed;
-    const PreparedWeights weights = weights_of(arm, detectors);
+    const trials::PreparedWeights weights = trials::weights_of(arm, detectors);
     row.detector = weights.file.empty() ? "oracle" : weights.file.filename().string();
     if (!weights.file.empty()) {
       row.weights_sha256 = core::sha256_of_file(weights.file);
@@ -153,7 +158,7 @@ std::vector<ArmRow> arm_rows(const ExperimentSpec& spec, const PreparedDetectors
     }
     row.held_out = weights.held_out;
     row.start_leak = weights.start_leak;
-    for (const SceneSpec& scene : spec.scenes) {
+    for (const specs::SceneSpec& scene : spec.scenes) {
       if (spec.leaks(arm, scene) || (row.exposure && row.exposure->is_trained_on(scene.name)))
         row.tuned_on += (row.tuned_on.empty() ? "" : ", ") + scene.name;
     }
@@ -164,14 +169,15 @@ std::vector<ArmRow> arm_rows(const ExperimentSpec& spec, const PreparedDetectors
 }
 
 /// Refuses to go on with a run whose inputs are not what they were.
-void check_same_inputs(const Store& store, std::int64_t run_id,
-                       const std::vector<SceneRow>& scenes, const std::vector<ArmRow>& arms) {
+void check_same_inputs(const records::Store& store, std::int64_t run_id,
+                       const std::vector<records::SceneRow>& scenes,
+                       const std::vector<records::ArmRow>& arms) {
   const auto refuse = [](const std::string& what) {
     throw core::InputError(what +
                            " changed since the run began: finished trials and new ones "
                            "would not compare. Give --new to begin another run.");
   };
-  const std::vector<SceneRow> old_scenes = store.scenes(run_id);
+  const std::vector<records::SceneRow> old_scenes = store.scenes(run_id);
   for (std::size_t i = 0; i < scenes.size() && i < old_scenes.size(); ++i) {
     if (scenes[i].scene_sha256 != old_scenes[i].scene_sha256)
       refuse("scene " + scenes[i].name);
@@ -179,7 +185,7 @@ void check_same_inputs(const Store& store, std::int64_t run_id,
       refuse("episodes of scene " + scenes[i].name);
     }
   }
-  const std::vector<ArmRow> old_arms = store.arms(run_id);
+  const std::vector<records::ArmRow> old_arms = store.arms(run_id);
   for (std::size_t i = 0; i < arms.size() && i < old_arms.size(); ++i) {
     if (arms[i].weights_sha256 != old_arms[i].weights_sha256) {
       refuse("weights of arm " + arms[i].name);
@@ -187,4 +193,4 @@ void check_same_inputs(const Store& store, std::int64_t run_id,
   }
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::runs

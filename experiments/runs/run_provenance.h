@@ -16,24 +16,26 @@
 #include "experiments/specs/spec.h"
 #include "experiments/trials/trial_runner.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::runs {
 
 [[nodiscard]] std::string host_and_processor();
 /// What results may depend on and a version of segsim does not fix, in one line.
 [[nodiscard]] std::string library_versions();
 /// RunRow::provenance of a run that begins here and now.
 [[nodiscard]] std::map<std::string, std::string> run_provenance(
-    const ExperimentSpec& spec, const std::optional<Shard>& shard);
+    const specs::ExperimentSpec& spec, const std::optional<Shard>& shard);
 
-[[nodiscard]] std::vector<SceneRow> scene_rows(const std::vector<LoadedScene>& scenes);
+[[nodiscard]] std::vector<records::SceneRow> scene_rows(
+    const std::vector<trials::LoadedScene>& scenes);
 /// @param scenes  That the arms are evaluated in: what an arm has seen of them is looked up.
-[[nodiscard]] std::vector<ArmRow> arm_rows(const ExperimentSpec& spec,
-                                           const PreparedDetectors& detectors,
-                                           const std::vector<LoadedScene>& scenes);
+[[nodiscard]] std::vector<records::ArmRow> arm_rows(
+    const specs::ExperimentSpec& spec, const trials::PreparedDetectors& detectors,
+    const std::vector<trials::LoadedScene>& scenes);
 
 /// Refuses to go on with a run whose inputs are not what they were.
 /// @throws core::InputError naming the scene or arm.
-void check_same_inputs(const Store& store, std::int64_t run_id,
-                       const std::vector<SceneRow>& scenes, const std::vector<ArmRow>& arms);
+void check_same_inputs(const records::Store& store, std::int64_t run_id,
+                       const std::vector<records::SceneRow>& scenes,
+                       const std::vector<records::ArmRow>& arms);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::runs

@@ -6,7 +6,7 @@
 
 #include "core/error.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::runs {
 namespace {
 
 struct Engine {
@@ -133,4 +133,4 @@ Shard shard_from(const std::string& word, const Environment& environment) {
   return checked("--shard " + word, *index, *count);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::runs

@@ -9,7 +9,7 @@
 #include <functional>
 #include <string>
 
-namespace segsim::experiments {
+namespace segsim::experiments::runs {
 
 /// Part `index` of `count`, 0 <= index < count. Units of a run (an episode in one repetition,
 /// with all arms, so that parts have whole pairs) are dealt out like cards: unit u belongs to
@@ -48,4 +48,4 @@ using Environment = std::function<const char*(const char* name)>;
 [[nodiscard]] Shard shard_from(const std::string& word,
                                const Environment& environment = process_environment());
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::runs

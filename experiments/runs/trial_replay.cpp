@@ -11,7 +11,7 @@
 #include "experiments/runs/prepare.h"
 #include "experiments/trials/trial_runner.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::runs {
 namespace {
 
 namespace fs = std::filesystem;
@@ -50,46 +50,48 @@ fs::path work_of_replay(const fs::path& log_file) {
 }
 
 struct TrialReplay::Impl {
-  Impl(const ReplayLog& log, SpecFolders of, bool use_log)
+  Impl(const records::ReplayLog& log, specs::SpecFolders of, bool use_log)
       : text(log.spec_text),
         folders(std::move(of)),
         from_log(use_log),
-        spec(parse_spec(log.spec_text, log.spec_file, folders)) {
+        spec(specs::parse_spec(log.spec_text, log.spec_file, folders)) {
     // Only the log of a replay is wanted.
     spec.pictures = false;
-    spec.videos = Recorded::kNone;
-    spec.frames.of = Recorded::kNone;
+    spec.videos = specs::Recorded::kNone;
+    spec.frames.of = specs::Recorded::kNone;
     spec.replays.images = false;
     const bool needs_weights =
-        !from_log && std::any_of(spec.arms.begin(), spec.arms.end(), [](const ArmSpec& arm) {
-          return arm.detector != ArmDetector::kOracle;
+        !from_log &&
+        std::any_of(spec.arms.begin(), spec.arms.end(), [](const specs::ArmSpec& arm) {
+          return arm.detector != specs::ArmDetector::kOracle;
         });
-    PreparedDetectors detectors;
+    trials::PreparedDetectors detectors;
     if (needs_weights) {
-      StageTimes times;
+      support::StageTimes times;
       const std::vector<fs::path> bundles = prepare_scenes(spec, folders.work, 1, times);
-      std::vector<Starts> starts;
-      for (const SceneSpec& scene : spec.scenes) starts.push_back(starts_of(load(scene)));
+      std::vector<trials::Starts> starts;
+      for (const specs::SceneSpec& scene : spec.scenes)
+        starts.push_back(trials::starts_of(load(scene)));
       detectors = prepare_detectors(spec, bundles, starts, folders.work, 1, times);
     }
-    runner = std::make_unique<TrialRunner>(spec, detectors, scratch.path());
+    runner = std::make_unique<trials::TrialRunner>(spec, detectors, scratch.path());
   }
 
-  const LoadedScene& load(const SceneSpec& wanted) {
+  const trials::LoadedScene& load(const specs::SceneSpec& wanted) {
     auto& scene = scenes[wanted.name];
     if (scene == nullptr) {
-      scene = std::make_unique<LoadedScene>(
-          load_scene(spec, wanted, prepare_scene(spec, wanted, folders.work), folders.work));
+      scene = std::make_unique<trials::LoadedScene>(trials::load_scene(
+          spec, wanted, prepare_scene(spec, wanted, folders.work), folders.work));
     }
     return *scene;
   }
 
-  const LoadedScene& scene_of(const ReplayLog& log, const fs::path& file) {
-    const SceneSpec* wanted = spec.find_scene(log.scene);
+  const trials::LoadedScene& scene_of(const records::ReplayLog& log, const fs::path& file) {
+    const specs::SceneSpec* wanted = spec.find_scene(log.scene);
     if (wanted == nullptr) {
       throw core::InputError::expected(file.string(), "a scene of its spec", log.scene);
     }
-    const LoadedScene& scene = load(*wanted);
+    const trials::LoadedScene& scene = load(*wanted);
     if (scene.bundle.scene_sha256 != log.scene_sha256) {
       throw core::InputError::expected(file.string(), "the scene as it was when the trial ran",
                                        "another bundle in " + scene.bundle.folder.string());
@@ -107,36 +109,38 @@ struct TrialReplay::Impl {
   }
 
   std::string text;
-  SpecFolders folders;
+  specs::SpecFolders folders;
   bool from_log;
-  ExperimentSpec spec;
+  specs::ExperimentSpec spec;
   Scratch scratch;
-  std::map<std::string, std::unique_ptr<LoadedScene>> scenes;
-  std::unique_ptr<TrialRunner> runner;
+  std::map<std::string, std::unique_ptr<trials::LoadedScene>> scenes;
+  std::unique_ptr<trials::TrialRunner> runner;
 };
 
-TrialReplay::TrialReplay(const ReplayLog& log, SpecFolders folders, bool from_log)
+TrialReplay::TrialReplay(const records::ReplayLog& log, specs::SpecFolders folders,
+                         bool from_log)
     : impl_(std::make_unique<Impl>(log, std::move(folders), from_log)) {}
 
 TrialReplay::~TrialReplay() = default;
 
-bool TrialReplay::fits(const ReplayLog& log, const fs::path& work) const {
+bool TrialReplay::fits(const records::ReplayLog& log, const fs::path& work) const {
   return log.spec_text == impl_->text && work == impl_->folders.work;
 }
 
-ReplayLog TrialReplay::play(const ReplayLog& log, const fs::path& file, TrialViewer* viewer) {
-  const ArmSpec* arm = impl_->spec.find_arm(log.arm);
+records::ReplayLog TrialReplay::play(const records::ReplayLog& log, const fs::path& file,
+                                     trials::TrialViewer* viewer) {
+  const specs::ArmSpec* arm = impl_->spec.find_arm(log.arm);
   if (arm == nullptr) {
     throw core::InputError::expected(file.string(), "an arm of its spec", log.arm);
   }
-  const LoadedScene& scene = impl_->scene_of(log, file);
+  const trials::LoadedScene& scene = impl_->scene_of(log, file);
   const auto episode =
       std::find_if(scene.episodes.episodes.begin(), scene.episodes.episodes.end(),
                    [&](const sim::Episode& e) { return e.id == log.episode; });
   if (episode == scene.episodes.episodes.end()) {
     throw core::InputError::expected(file.string(), "an episode of its scene", log.episode);
   }
-  TrialTask task;
+  trials::TrialTask task;
   task.scene = &scene;
   task.episode = &*episode;
   task.arm = arm;
@@ -147,11 +151,11 @@ ReplayLog TrialReplay::play(const ReplayLog& log, const fs::path& file, TrialVie
   task.record = false;
   task.viewer = viewer;
   if (impl_->from_log && log.images && viewer == nullptr) {
-    task.replay_images = replay_images(file);
+    task.replay_images = records::replay_images(file);
   }
-  const TrialRow row = impl_->runner->run(task);
+  const records::TrialRow row = impl_->runner->run(task);
   if (row.failed()) throw core::InputError(file.string() + ": " + row.error);
-  return read_replay_log(impl_->only_log());
+  return records::read_replay_log(impl_->only_log());
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::runs

@@ -11,7 +11,7 @@
 #include "experiments/specs/spec.h"
 #include "experiments/trials/trial_viewer.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::runs {
 
 /// The work folder that a log lies in: what stands before replays/.
 /// @throws core::InputError if it lies elsewhere.
@@ -23,25 +23,26 @@ class TrialReplay {
   /// @param log  Any log of the experiment.
   /// @param from_log  Detections come from logs: no weights are needed.
   /// @throws core::InputError if the spec or what it needs cannot be read.
-  TrialReplay(const ReplayLog& log, SpecFolders folders, bool from_log);
+  TrialReplay(const records::ReplayLog& log, specs::SpecFolders folders, bool from_log);
   ~TrialReplay();
   TrialReplay(const TrialReplay&) = delete;
   TrialReplay& operator=(const TrialReplay&) = delete;
 
   /// Whether the log is of the same spec and work folder.
-  [[nodiscard]] bool fits(const ReplayLog& log, const std::filesystem::path& work) const;
+  [[nodiscard]] bool fits(const records::ReplayLog& log,
+                          const std::filesystem::path& work) const;
 
   /// The trial again. Nothing is written to the work folder.
   /// @param file  Of the log: images that were kept beside it are used, but not for a viewer,
   /// who wants colours.
   /// @param viewer  May be null.
   /// @throws core::InputError if what it needs is not what it was.
-  ReplayLog play(const ReplayLog& log, const std::filesystem::path& file,
-                 TrialViewer* viewer = nullptr);
+  records::ReplayLog play(const records::ReplayLog& log, const std::filesystem::path& file,
+                          trials::TrialViewer* viewer = nullptr);
 
  private:
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::runs

@@ -7,7 +7,7 @@
 #include "worlds/surface/bundle_files.h"
 #include "worlds/surface/mesh_cleaning.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::scenes {
 
 MeshSource parse_mesh_source(const std::string& word, const std::string& place) {
   if (word == "auto") return MeshSource::kAuto;
@@ -111,4 +111,4 @@ worlds::CollisionMeshResult write_shape(const std::filesystem::path& folder,
                                        options, manifest);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::scenes

@@ -24,7 +24,7 @@
 #include "worlds/surface/depth_fusion.h"
 #include "worlds/surface/levelling.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::scenes {
 
 /// What a collision mesh is made from.
 enum class MeshSource : unsigned char {
@@ -79,4 +79,4 @@ worlds::CollisionMeshResult write_shape(const std::filesystem::path& folder,
                                         const worlds::CollisionMeshOptions& options,
                                         core::SceneManifest& manifest);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::scenes

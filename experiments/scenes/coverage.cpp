@@ -9,7 +9,7 @@
 #include "core/error.h"
 #include "core/random.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::scenes {
 namespace {
 
 constexpr const char* kMeanName = "robot_view_mean_alpha";
@@ -75,4 +75,4 @@ std::string coverage_warning(const core::SceneManifest& manifest) {
   return text;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::scenes

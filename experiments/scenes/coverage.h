@@ -14,7 +14,7 @@
 #include "core/scene_bundle.h"
 #include "sim/ground/world.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::scenes {
 
 struct RobotCoverage {
   int views = 0;
@@ -40,4 +40,4 @@ inline constexpr double kMaxThinShare = 0.1;
 /// A warning if the statistics of a scene say that it covers too little; else empty.
 [[nodiscard]] std::string coverage_warning(const core::SceneManifest& manifest);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::scenes

@@ -10,7 +10,7 @@
 #include "experiments/scenes/view_sampler.h"
 #include "reconstruction/datasets/labels_file.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::scenes {
 namespace {
 
 using core::ConfigNode;
@@ -69,7 +69,7 @@ void append_turn(const glm::dvec2& p_m, double from_rad, double to_rad, double e
 
 Drive read_drive(const std::filesystem::path& file) {
   const ConfigNode root = ConfigNode::load(file);
-  renderer::expect_schema(root, "segsim.drive", 1);
+  reconstruction::expect_schema(root, "segsim.drive", 1);
   Drive drive;
   drive.origin = file.string();
   drive.scene = root.text_or("scene", "");
@@ -111,4 +111,4 @@ std::vector<core::Pose2> drive_poses(const sim::World& world, const Drive& drive
   return poses;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::scenes

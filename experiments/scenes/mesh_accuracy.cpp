@@ -11,7 +11,7 @@
 #include "worlds/surface/mesh_cleaning.h"
 #include "worlds/surface/mesh_distance.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::scenes {
 namespace {
 
 double share(std::size_t part, std::size_t whole) {
@@ -87,4 +87,4 @@ MeshAccuracy mesh_accuracy(const sim::TriangleMesh& found, const sim::TriangleMe
   return result;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::scenes

@@ -10,7 +10,7 @@
 #include "sim/ground/robot.h"
 #include "sim/ground/triangle_mesh.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::scenes {
 
 struct MeshAccuracyOptions {
   double spacing_m = 0.02;  ///< Of the points on the found mesh.
@@ -40,4 +40,4 @@ struct MeshAccuracy {
                                          const sim::RobotModel& robot,
                                          const MeshAccuracyOptions& options = {});
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::scenes

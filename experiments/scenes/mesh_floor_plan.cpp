@@ -7,7 +7,7 @@
 #include <glm/geometric.hpp>
 #include <glm/vec3.hpp>
 
-namespace segsim::experiments {
+namespace segsim::experiments::scenes {
 namespace {
 
 constexpr int kLargestSide_px = 2400;
@@ -36,7 +36,7 @@ core::Rgb8 brightened(const glm::vec3& srgb, float level) {
 /// Heights and colours as seen from above.
 class PlanRaster {
  public:
-  explicit PlanRaster(FloorPlan& plan)
+  explicit PlanRaster(drawing::FloorPlan& plan)
       : plan_(plan), height_m_(plan.rgb.width_px(), plan.rgb.height_px(), -1e9F) {}
 
   void add(const glm::vec3& a, const glm::vec3& b, const glm::vec3& c, const glm::vec3& srgb) {
@@ -71,12 +71,12 @@ class PlanRaster {
     return a.x * b.y - a.y * b.x;
   }
 
-  FloorPlan& plan_;
+  drawing::FloorPlan& plan_;
   core::Image<float> height_m_;
 };
 
 void draw_tall(const sim::CollisionWorld& collision, const PlanRaster& raster,
-               FloorPlan& plan) {
+               drawing::FloorPlan& plan) {
   for (int y = 0; y < plan.rgb.height_px(); ++y) {
     for (int x = 0; x < plan.rgb.width_px(); ++x) {
       const float z = raster.height_m(x, y);
@@ -94,11 +94,11 @@ void draw_tall(const sim::CollisionWorld& collision, const PlanRaster& raster,
 
 }  // namespace
 
-FloorPlan make_mesh_floor_plan(const sim::MeshScene& scene, const sim::World& world,
-                               double max_height_m, double px_per_m) {
+drawing::FloorPlan make_mesh_floor_plan(const sim::MeshScene& scene, const sim::World& world,
+                                        double max_height_m, double px_per_m) {
   const sim::GridFrame& frame = world.collision().frame();
   const glm::dvec2 size_m = frame.cell_m * glm::dvec2(frame.width, frame.height);
-  FloorPlan plan;
+  drawing::FloorPlan plan;
   plan.px_per_m = std::min(px_per_m, kLargestSide_px / std::max(size_m.x, size_m.y));
   plan.origin_m = frame.origin_m;
   plan.rgb = core::Image<core::Rgb8>(
@@ -119,4 +119,4 @@ FloorPlan make_mesh_floor_plan(const sim::MeshScene& scene, const sim::World& wo
   return plan;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::scenes

@@ -5,29 +5,29 @@
 #include "worlds/mesh/mesh_import.h"
 #include "worlds/procedural/procedural_flat.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::scenes {
 
-sim::MeshScene load_mesh_source(const SourceSpec& source,
+sim::MeshScene load_mesh_source(const specs::SourceSpec& source,
                                 const worlds::TextureReader& textures) {
   switch (source.type) {
-    case SourceType::kFlat: {
+    case specs::SourceType::kFlat: {
       worlds::FlatOptions options;
       options.seed = source.seed;
       options.painted = !textures.is_blank();
       return worlds::make_flat(options);
     }
-    case SourceType::kGazebo: {
+    case specs::SourceType::kGazebo: {
       worlds::GazeboImportOptions options;
       options.add_ceiling = true;
       return worlds::load_gazebo_world(source.world, options, textures);
     }
-    case SourceType::kMesh:
+    case specs::SourceType::kMesh:
       return worlds::load_mesh_file(source.world, {}, textures);
-    case SourceType::kRgbd:
+    case specs::SourceType::kRgbd:
       break;
   }
   SEGSIM_CHECK(false, "a recording has no mesh");
   return {};
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::scenes

@@ -26,7 +26,7 @@
 #include "renderer/scene/surfel_transform.h"
 #include "sim/ground/world.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::scenes {
 namespace {
 
 namespace fs = std::filesystem;
@@ -41,8 +41,8 @@ std::vector<glm::vec3> surfel_normals(const renderer::SurfelCloud& surfels) {
 }
 
 /// Those of the options, without the frames that training holds out.
-renderer::LiftOptions lift_options_of(const ReconstructOptions& options) {
-  renderer::LiftOptions lift_options = options.lift;
+reconstruction::LiftOptions lift_options_of(const ReconstructOptions& options) {
+  reconstruction::LiftOptions lift_options = options.lift;
   if (!options.training) return lift_options;
   lift_options.held_out_every = options.training->set.held_out_every;
   lift_options.frame_step = options.training->set.frame_step;
@@ -66,16 +66,17 @@ fs::path training_folder(const ReconstructOptions& options, const fs::path& fold
                                         : options.training->work;
 }
 
-Scene trained(const renderer::RgbdSequence& sequence, const renderer::LiftResult& lifted,
-              const ReconstructOptions& options, const fs::path& folder) {
-  TrainingOptions training = *options.training;
+Scene trained(const reconstruction::RgbdSequence& sequence,
+              const reconstruction::LiftResult& lifted, const ReconstructOptions& options,
+              const fs::path& folder) {
+  training::TrainingOptions training = *options.training;
   training.work = training_folder(options, folder);
-  const renderer::TrainingSet set = load_set(sequence, training);
+  const reconstruction::TrainingSet set = training::load_set(sequence, training);
   const renderer::SurfelCloud start =
       options.surfels.empty() ? lifted.surfels : renderer::read_surfels_ply(options.surfels);
   int& sh_degree = training.config.geometry.sh_degree;
   sh_degree = std::max(sh_degree, start.sh_degree);
-  TrainedScene result = train_scene(set, start, training);
+  training::TrainedScene result = training::train_scene(set, start, training);
   std::printf("%s\n", result.quality.text().c_str());
   if (result.aligned_quality) {
     std::printf("at aligned poses: %s\n", result.aligned_quality->text().c_str());
@@ -101,13 +102,14 @@ Scene trained(const renderer::RgbdSequence& sequence, const renderer::LiftResult
 }
 
 /// The cameras of the frames that the scene was made from, where training left them.
-core::CameraPath camera_path(const renderer::RgbdSequence& sequence,
-                             const renderer::LiftOptions& options,
+core::CameraPath camera_path(const reconstruction::RgbdSequence& sequence,
+                             const reconstruction::LiftOptions& options,
                              const std::map<std::size_t, core::CameraPose>& refined) {
   core::CameraPath path{sequence.intrinsics(), {}};
-  for (const std::size_t i : renderer::split_frames(sequence.frame_count(), options.frame_step,
-                                                    options.held_out_every)
-                                 .used) {
+  for (const std::size_t i :
+       reconstruction::split_frames(sequence.frame_count(), options.frame_step,
+                                    options.held_out_every)
+           .used) {
     const auto moved = refined.find(i);
     path.views.push_back(
         {moved == refined.end() ? sequence.pose(i) : moved->second, sequence.frame_name(i)});
@@ -135,7 +137,7 @@ void follow(const core::SceneLevelling& levelling, Scene& scene) {
   if (R == glm::dquat(1.0, 0.0, 0.0, 0.0) && t_m == glm::dvec3(0.0)) return;
   renderer::transform_surfels(R, t_m, scene.surfels);
   if (scene.model) renderer::transform_panoptic_model(R, t_m, *scene.model);
-  scene.instances = renderer::instance_boxes(scene.surfels, scene.instances);
+  scene.instances = reconstruction::instance_boxes(scene.surfels, scene.instances);
 }
 
 /// Draws the finished bundle from where a robot can stand; the figures join the manifest.
@@ -158,9 +160,9 @@ void add_coverage(const fs::path& folder, const Scene& scene,
 
 }  // namespace
 
-renderer::LiftResult lift_recording(const renderer::RgbdSequence& sequence,
-                                    const renderer::LiftOptions& options,
-                                    const std::optional<renderer::PointCloud>& cloud) {
+reconstruction::LiftResult lift_recording(
+    const reconstruction::RgbdSequence& sequence, const reconstruction::LiftOptions& options,
+    const std::optional<reconstruction::PointCloud>& cloud) {
   std::unique_ptr<core::Progress> progress;
   std::string current;
   const auto report = [&](const std::string& stage, std::int64_t done, std::int64_t total) {
@@ -170,23 +172,23 @@ renderer::LiftResult lift_recording(const renderer::RgbdSequence& sequence,
     }
     progress->update(done);
   };
-  if (cloud) return renderer::start_from_cloud(*cloud, sequence, options, report);
+  if (cloud) return reconstruction::start_from_cloud(*cloud, sequence, options, report);
   if (!sequence.has_depth()) {
     throw core::InputError::expected(sequence.name(),
                                      "frames with depth, or a cloud to start from (--start)",
                                      "colour alone");
   }
-  return renderer::lift(sequence, options, report);
+  return reconstruction::lift(sequence, options, report);
 }
 
-core::SceneBundle reconstruct_bundle(const renderer::RgbdSequence& sequence,
+core::SceneBundle reconstruct_bundle(const reconstruction::RgbdSequence& sequence,
                                      const ReconstructOptions& options,
                                      const fs::path& folder) {
   for (const std::string& warning : sequence.warnings()) {
     std::fprintf(stderr, "warning: %s\n", warning.c_str());
   }
-  const renderer::LiftOptions lift_options = lift_options_of(options);
-  renderer::LiftResult lifted = lift_recording(sequence, lift_options, options.start);
+  const reconstruction::LiftOptions lift_options = lift_options_of(options);
+  reconstruction::LiftResult lifted = lift_recording(sequence, lift_options, options.start);
   SceneShape lifted_shape;
   lifted_shape.points_m = lifted.surfels.position_m;
   lifted_shape.normals = surfel_normals(lifted.surfels);
@@ -254,7 +256,7 @@ core::SceneBundle reconstruct_bundle(const renderer::RgbdSequence& sequence,
     }
     fs::remove_all(folder);
     fs::rename(temporary, folder);
-    if (options.training) remove_training_state(training_folder(options, folder));
+    if (options.training) training::remove_training_state(training_folder(options, folder));
   } catch (...) {
     fs::remove_all(temporary);
     throw;
@@ -262,16 +264,17 @@ core::SceneBundle reconstruct_bundle(const renderer::RgbdSequence& sequence,
   return core::load_bundle(folder);
 }
 
-void export_training_pack(const renderer::RgbdSequence& sequence,
+void export_training_pack(const reconstruction::RgbdSequence& sequence,
                           const ReconstructOptions& options, const fs::path& file) {
   SEGSIM_CHECK(options.training.has_value(), "a pack is for training");
   if (!sequence.has_masks()) {
     throw core::InputError::expected(
         sequence.name(), "labels (a capture, a labelled data set, or --boxes)", "none");
   }
-  const renderer::LiftResult lifted =
+  const reconstruction::LiftResult lifted =
       lift_recording(sequence, lift_options_of(options), options.start);
-  renderer::write_training_pack(file, load_set(sequence, *options.training), lifted.surfels);
+  reconstruction::write_training_pack(file, training::load_set(sequence, *options.training),
+                                      lifted.surfels);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::scenes

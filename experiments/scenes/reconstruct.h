@@ -17,19 +17,19 @@
 #include "sim/ground/robot.h"
 #include "worlds/surface/collision_mesh.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::scenes {
 
 struct ReconstructOptions {
   std::string name;           ///< Of the scene.
   std::string source;         ///< Where the recording comes from, in words.
   std::string source_sha256;  ///< Of the recipe that made the recording; may be empty.
-  renderer::LiftOptions lift;
+  reconstruction::LiftOptions lift;
   /// Surfels begin with this cloud (reconstruction/lifting/cloud_start.h) instead of the
   /// frames' depth.
-  std::optional<renderer::PointCloud> start;
+  std::optional<reconstruction::PointCloud> start;
   /// None: lifting alone. Its `set` decides about held-out frames; `lift` follows it. Its
   /// `work` is filled in (<folder>.training) if empty.
-  std::optional<TrainingOptions> training;
+  std::optional<training::TrainingOptions> training;
   /// Surfels that training starts from instead of the lifted ones, for example those that were
   /// trained elsewhere on an exported pack (PLY); empty: the lifted ones.
   std::filesystem::path surfels;
@@ -46,16 +46,16 @@ struct ReconstructOptions {
 
 /// Surfels to start from, with progress lines: the cloud's, or lifted from the frames' depth.
 /// @throws core::InputError for frames without depth and no cloud.
-[[nodiscard]] renderer::LiftResult lift_recording(
-    const renderer::RgbdSequence& sequence, const renderer::LiftOptions& options,
-    const std::optional<renderer::PointCloud>& cloud = {});
+[[nodiscard]] reconstruction::LiftResult lift_recording(
+    const reconstruction::RgbdSequence& sequence, const reconstruction::LiftOptions& options,
+    const std::optional<reconstruction::PointCloud>& cloud = {});
 
 /// Makes the bundle in a temporary folder beside `folder` and renames it: a bundle is there
 /// wholly or not at all. An existing bundle is replaced. Without training, frames held out by
 /// `lift` are not looked at; with it, the manifest tells the quality on them.
 /// @throws core::InputError if frames cannot be read or have no depth to start from, or no
 /// floor or room for the robot is left.
-core::SceneBundle reconstruct_bundle(const renderer::RgbdSequence& sequence,
+core::SceneBundle reconstruct_bundle(const reconstruction::RgbdSequence& sequence,
                                      const ReconstructOptions& options,
                                      const std::filesystem::path& folder);
 
@@ -63,8 +63,8 @@ core::SceneBundle reconstruct_bundle(const renderer::RgbdSequence& sequence,
 /// (reconstruction/training/training_pack.h), to be trained on another machine. Makes no
 /// bundle.
 /// @throws core::InputError if frames have no depth or no labels.
-void export_training_pack(const renderer::RgbdSequence& sequence,
+void export_training_pack(const reconstruction::RgbdSequence& sequence,
                           const ReconstructOptions& options,
                           const std::filesystem::path& file);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::scenes

@@ -17,7 +17,7 @@
 #include "experiments/scenes/coverage.h"
 #include "experiments/support/text_grid.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::scenes {
 namespace {
 
 constexpr int kMargin_px = 12, kCaption_px = 22;
@@ -51,11 +51,12 @@ std::string caption(const core::Frame& frame, const core::Pose2& pose, double he
   const double covered =
       std::accumulate(alpha.begin(), alpha.end(), 0.0) / static_cast<double>(alpha.size());
   const double distance_m = nearest_camera_m({pose.x_m, pose.y_m, height_m}, cameras_m);
-  return internal::print("camera %.2f m high at (", height_m) +
-         internal::print("%.1f, ", pose.x_m) + internal::print("%.1f), ", pose.y_m) +
-         internal::print("%.0f deg: ", pose.yaw_rad * 180.0 / std::numbers::pi) +
-         internal::print("%.0f %% covered, ", 100.0 * covered) +
-         internal::print("nearest training camera %.1f m away", distance_m);
+  return support::internal::print("camera %.2f m high at (", height_m) +
+         support::internal::print("%.1f, ", pose.x_m) +
+         support::internal::print("%.1f), ", pose.y_m) +
+         support::internal::print("%.0f deg: ", pose.yaw_rad * 180.0 / std::numbers::pi) +
+         support::internal::print("%.0f %% covered, ", 100.0 * covered) +
+         support::internal::print("nearest training camera %.1f m away", distance_m);
 }
 
 }  // namespace
@@ -78,22 +79,23 @@ core::Image<core::Rgb8> robot_pictures(core::Renderer& renderer, const sim::Worl
     for (const double height_m : {options.mast_height_m, options.deck_height_m}) {
       renderer.render(T_world_robot * core::mast_camera(height_m, 0.0), camera,
                       core::Channels::kAll, frame);
-      const cv::Mat view = to_bgr(frame_picture(frame));
+      const cv::Mat view = drawing::to_bgr(drawing::frame_picture(frame));
       const int cell_width = view.cols + kMargin_px;
       const int cell_height = view.rows + kCaption_px + kMargin_px;
       if (sheet.empty()) {
         sheet = cv::Mat(kMargin_px + options.places * cell_height, kMargin_px + 2 * cell_width,
-                        CV_8UC3, ink::kPaper);
+                        CV_8UC3, drawing::ink::kPaper);
       }
       const int left = kMargin_px + column * cell_width;
       const int top = kMargin_px + static_cast<int>(row) * cell_height;
       view.copyTo(sheet(cv::Rect(left, top + kCaption_px, view.cols, view.rows)));
-      draw_text(sheet, caption(frame, pose, height_m, camera_positions_m),
-                {static_cast<double>(left), top + kCaption_px - 7.0}, kLetter_px, ink::kText);
+      drawing::draw_text(sheet, caption(frame, pose, height_m, camera_positions_m),
+                         {static_cast<double>(left), top + kCaption_px - 7.0}, kLetter_px,
+                         drawing::ink::kText);
       ++column;
     }
   }
-  return from_bgr(sheet);
+  return drawing::from_bgr(sheet);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::scenes

@@ -13,7 +13,7 @@
 #include "core/render.h"
 #include "sim/ground/world.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::scenes {
 
 struct RobotPictureOptions {
   double mast_height_m = 1.2;  ///< Of the camera in the left column.
@@ -33,4 +33,4 @@ struct RobotPictureOptions {
     core::Renderer& renderer, const sim::World& world,
     std::span<const glm::dvec3> camera_positions_m, const RobotPictureOptions& options = {});
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::scenes

@@ -11,13 +11,13 @@
 #include "worlds/capture/capture_plan.h"
 #include "worlds/capture/mesh_renderer.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::scenes {
 namespace {
 
 namespace fs = std::filesystem;
 
 std::vector<core::CameraPose> plan_path(const sim::MeshScene& scene,
-                                        const SourceSpec& source) {
+                                        const specs::SourceSpec& source) {
   worlds::CapturePlan plan;
   plan.heights_m = {source.capture.camera_height_m, source.capture.camera_height_m - 0.4,
                     source.capture.camera_height_m + 0.2};
@@ -32,32 +32,32 @@ std::vector<core::CameraPose> plan_path(const sim::MeshScene& scene,
 
 }  // namespace
 
-std::string describe_capture(const SourceSpec& source) {
+std::string describe_capture(const specs::SourceSpec& source) {
   std::ostringstream text;
   switch (source.type) {
-    case SourceType::kFlat:
+    case specs::SourceType::kFlat:
       text << "procedural flat, seed " << source.seed;
       break;
-    case SourceType::kGazebo:
+    case specs::SourceType::kGazebo:
       text << "Gazebo world " << source.world.filename().string();
       break;
-    case SourceType::kMesh:
+    case specs::SourceType::kMesh:
       text << "mesh " << source.world.filename().string();
       break;
-    case SourceType::kRgbd:
+    case specs::SourceType::kRgbd:
       text << "recording " << source.folder.filename().string() << ", every "
            << source.frame_step << ". frame";
       if (!source.boxes.empty()) text << ", boxes " << source.boxes.filename().string();
       return text.str();
   }
-  const CaptureSpec& capture = source.capture;
+  const specs::CaptureSpec& capture = source.capture;
   text << ", path seed " << source.seed << ", up to " << capture.frames << " frames "
        << capture.width_px << "x" << capture.height_px << ", hfov " << capture.hfov_deg
        << " deg, camera " << capture.camera_height_m << " m high";
   return text.str();
 }
 
-void capture_mesh_source(const SourceSpec& source, const fs::path& folder,
+void capture_mesh_source(const specs::SourceSpec& source, const fs::path& folder,
                          const fs::path& trajectory, bool depth_exr, bool overwrite) {
   const sim::MeshScene scene = load_mesh_source(source);
   for (const std::string& warning : scene.warnings) {
@@ -83,11 +83,12 @@ void capture_mesh_source(const SourceSpec& source, const fs::path& folder,
                            options);
 }
 
-std::unique_ptr<renderer::RgbdSequence> open_recording(
-    const fs::path& folder, const fs::path& boxes, const renderer::SequenceOptions& options) {
-  auto sequence = renderer::open_sequence(folder, options);
+std::unique_ptr<reconstruction::RgbdSequence> open_recording(
+    const fs::path& folder, const fs::path& boxes,
+    const reconstruction::SequenceOptions& options) {
+  auto sequence = reconstruction::open_sequence(folder, options);
   if (boxes.empty()) return sequence;
-  return renderer::with_box_labels(std::move(sequence), boxes);
+  return reconstruction::with_box_labels(std::move(sequence), boxes);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::scenes

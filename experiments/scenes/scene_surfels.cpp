@@ -4,7 +4,7 @@
 #include "renderer/files/panoptic_field_file.h"
 #include "renderer/files/ply_io.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::scenes {
 
 std::shared_ptr<const renderer::PanopticField> load_scene_labels(
     const core::SceneBundle& bundle, const renderer::SurfelCloud& surfels) {
@@ -22,4 +22,4 @@ SceneSurfels load_scene_surfels(const core::SceneBundle& bundle) {
   return scene;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::scenes

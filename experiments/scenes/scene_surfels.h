@@ -9,7 +9,7 @@
 #include "renderer/scene/panoptic_field.h"
 #include "renderer/scene/surfels.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::scenes {
 
 struct SceneSurfels {
   std::shared_ptr<const renderer::SurfelCloud> surfels;
@@ -24,4 +24,4 @@ struct SceneSurfels {
 [[nodiscard]] std::shared_ptr<const renderer::PanopticField> load_scene_labels(
     const core::SceneBundle& bundle, const renderer::SurfelCloud& surfels);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::scenes

@@ -8,7 +8,7 @@
 #include "core/error.h"
 #include "sim/trial/episode_sampling.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::scenes {
 
 bool ViewDistance::alike(const core::Pose2& a, const core::Pose2& b) const {
   return std::hypot(a.x_m - b.x_m, a.y_m - b.y_m) < distance_m &&
@@ -81,4 +81,4 @@ bool ViewSampler::is_avoided(const core::Pose2& pose) const {
       });
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::scenes

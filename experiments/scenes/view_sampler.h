@@ -18,7 +18,7 @@
 #include "core/scene_bundle.h"
 #include "sim/ground/world.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::scenes {
 
 /// Two views are alike if they are nearer than both.
 struct ViewDistance {
@@ -85,4 +85,4 @@ struct Drive {
 [[nodiscard]] std::vector<core::Pose2> drive_poses(const sim::World& world,
                                                    const Drive& drive);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::scenes

@@ -8,7 +8,7 @@
 #include "core/error.h"
 #include "core/file_io.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::scripted_trials {
 namespace {
 
 namespace fs = std::filesystem;
@@ -75,4 +75,4 @@ std::vector<sim::GeodeticPoint> read_geojson_path(const fs::path& file) {
   return path;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::scripted_trials

@@ -8,7 +8,7 @@
 
 #include "sim/ground/geodesy.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::scripted_trials {
 
 /// Corners of the one path in the file, in order: a LineString, or several Points, alone or in
 /// Features or a FeatureCollection. Positions are [longitude, latitude, height?] in degrees.
@@ -17,4 +17,4 @@ namespace segsim::experiments {
 [[nodiscard]] std::vector<sim::GeodeticPoint> read_geojson_path(
     const std::filesystem::path& file);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::scripted_trials

@@ -10,7 +10,7 @@
 #include "core/random.h"
 #include "nav/behaviours/fitted_options.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::scripted_trials {
 namespace {
 
 constexpr double kAtRest_m = 0.005, kAtRest_rad = 0.01;
@@ -329,4 +329,4 @@ core::PolicyView ScriptDriver::view() const {
   return motion_ != nullptr ? motion_->view() : core::PolicyView{};
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::scripted_trials

@@ -19,7 +19,7 @@
 #include "nav/policies/baseline_policies.h"
 #include "sim/ground/robot.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::scripted_trials {
 
 enum class StepEnd : std::uint8_t { kDone, kTimedOut, kNoWay, kNotFound };
 [[nodiscard]] const char* to_string(StepEnd end);
@@ -81,4 +81,4 @@ class ScriptDriver final : public core::Policy {
   bool failed_ = false;
 };
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::scripted_trials

@@ -8,7 +8,7 @@
 #include "experiments/scripted_trials/internal/script_metrics.h"
 #include "experiments/support/formatted.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::scripted_trials {
 namespace {
 
 double distance_to_line_m(const glm::dvec2& p_m, const std::vector<glm::dvec2>& corners_m) {
@@ -67,7 +67,8 @@ const FindResult* find_of(const ScriptedResult& result, int step) {
 /// Why the step is not done; empty if it is.
 std::string failure_of(const ScriptedTrial& script, const ScriptedResult& result,
                        std::size_t k) {
-  const std::string name = print("step %zu (%s) ", k + 1, to_string(script.steps[k].kind));
+  const std::string name =
+      support::print("step %zu (%s) ", k + 1, to_string(script.steps[k].kind));
   const std::string outcome = sim::to_string(result.trial.outcome);
   if (k >= result.steps.size()) return name + "was not begun: " + outcome;
   const StepOutcome& step = result.steps[k];
@@ -78,8 +79,9 @@ std::string failure_of(const ScriptedTrial& script, const ScriptedResult& result
   }
   const FindResult* find = find_of(result, step.step);
   if (find != nullptr && !find->success) {
-    return name + print("stopped %.2f m from a view point with %d px of the goal in view",
-                        find->view_point_m, find->visible_px);
+    return name +
+           support::print("stopped %.2f m from a view point with %d px of the goal in view",
+                          find->view_point_m, find->visible_px);
   }
   return {};
 }
@@ -185,4 +187,4 @@ bool ScriptedResult::passed() const {
                      [](const ExpectationResult& verdict) { return verdict.holds; });
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::scripted_trials

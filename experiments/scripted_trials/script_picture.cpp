@@ -10,7 +10,7 @@
 #include "experiments/scripted_trials/scripted_run.h"
 #include "experiments/support/formatted.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::scripted_trials {
 namespace {
 
 constexpr int kOversampling = 2;
@@ -43,31 +43,31 @@ std::vector<Entry> entries_of(const ScriptedTrial& script, const ScriptedResult&
     } else {
       const StepOutcome& step = result.steps[k];
       entry.good = step.end == StepEnd::kDone;
-      entry.words += print(", from %.1f s", core::seconds(step.begin_ns));
-      entry.words +=
-          step.end ? print(" to %.1f s: %s", core::seconds(step.end_ns), to_string(*step.end))
-                   : std::string(": not finished");
+      entry.words += support::print(", from %.1f s", core::seconds(step.begin_ns));
+      entry.words += step.end ? support::print(" to %.1f s: %s", core::seconds(step.end_ns),
+                                               to_string(*step.end))
+                              : std::string(": not finished");
     }
     entries.push_back(std::move(entry));
   }
   for (std::size_t k = 0; k < script.fault_words.size(); ++k) {
-    entries.push_back(
-        {std::string(1, static_cast<char>('A' + k % 26)),
-         print("fault at %.1f s: ", script.fault_times_s[k]) + script.fault_words[k]});
+    entries.push_back({std::string(1, static_cast<char>('A' + k % 26)),
+                       support::print("fault at %.1f s: ", script.fault_times_s[k]) +
+                           script.fault_words[k]});
   }
   for (const sim::ContactRecord& contact : result.trial.contact_log) {
-    entries.push_back(
-        {"!",
-         print("contact at %.1f s, %.2f m/s, for %.1f s", core::seconds(contact.time_ns),
-               contact.approach_mps, contact.duration_s),
-         false});
+    entries.push_back({"!",
+                       support::print("contact at %.1f s, %.2f m/s, for %.1f s",
+                                      core::seconds(contact.time_ns), contact.approach_mps,
+                                      contact.duration_s),
+                       false});
   }
   for (const ExpectationResult& verdict : result.verdicts) {
     const Expectation& wanted = *verdict.expectation;
     std::string words = wanted.metric + (wanted.stage.empty() ? "" : " of " + wanted.stage);
-    if (wanted.min) words += print(" >= %g", *wanted.min);
-    if (wanted.max) words += print(" <= %g", *wanted.max);
-    words += verdict.value ? print(": %g", *verdict.value) : ": not measured";
+    if (wanted.min) words += support::print(" >= %g", *wanted.min);
+    if (wanted.max) words += support::print(" <= %g", *wanted.max);
+    words += verdict.value ? support::print(": %g", *verdict.value) : ": not measured";
     entries.push_back({verdict.holds ? "+" : "x", std::move(words), verdict.holds});
   }
   return entries;
@@ -80,20 +80,21 @@ void draw_entries(cv::Mat& page, const std::vector<Entry>& entries, int top, int
   for (std::size_t k = 0; k < entries.size(); ++k) {
     const int x = kMargin + static_cast<int>(k / rows) * width;
     const int y = top + static_cast<int>(k % rows) * kLine + kLine / 2;
-    const cv::Scalar color = entries[k].good ? ink::kGoal : ink::kRecover;
+    const cv::Scalar color = entries[k].good ? drawing::ink::kGoal : drawing::ink::kRecover;
     cv::circle(page, {x + 9 * kOversampling, y}, 9 * kOversampling, color, cv::FILLED,
                cv::LINE_AA);
-    draw_text(page, entries[k].sign,
-              {x + 9.0 * kOversampling - 0.5 * text_width_px(entries[k].sign, kLetter, true),
-               y + 0.5 * kLetter},
-              kLetter, cv::Scalar(255, 255, 255), true);
-    draw_text(page, entries[k].words, {x + 26.0 * kOversampling, y + 0.5 * kLetter}, kLetter,
-              ink::kText);
+    drawing::draw_text(page, entries[k].sign,
+                       {x + 9.0 * kOversampling -
+                            0.5 * drawing::text_width_px(entries[k].sign, kLetter, true),
+                        y + 0.5 * kLetter},
+                       kLetter, cv::Scalar(255, 255, 255), true);
+    drawing::draw_text(page, entries[k].words, {x + 26.0 * kOversampling, y + 0.5 * kLetter},
+                       kLetter, drawing::ink::kText);
   }
 }
 
 /// The track, in one colour per step.
-void draw_drive(MapCanvas& map, const ScriptedResult& result) {
+void draw_drive(drawing::MapCanvas& map, const ScriptedResult& result) {
   constexpr std::array kColours{core::PolicyMode::kExplore, core::PolicyMode::kNavigate,
                                 core::PolicyMode::kInitialize};
   std::vector<sim::TickRecord> track = result.trial.track;
@@ -104,7 +105,8 @@ void draw_drive(MapCanvas& map, const ScriptedResult& result) {
   map.draw_track(track);
 }
 
-void draw_map(MapCanvas& map, const BoundScript& bound, const ScriptedResult& result) {
+void draw_map(drawing::MapCanvas& map, const BoundScript& bound,
+              const ScriptedResult& result) {
   const ScriptedTrial& script = *bound.script;
   const std::vector<sim::TickRecord>& track = result.trial.track;
   for (std::size_t k = 0; k < script.steps.size(); ++k) {
@@ -140,9 +142,9 @@ void draw_map(MapCanvas& map, const BoundScript& bound, const ScriptedResult& re
 
 core::Image<core::Rgb8> draw_script(const BoundScript& bound, const ScriptedResult& result,
                                     int long_side_px) {
-  const FloorPlan& plan = bound.plan;
+  const drawing::FloorPlan& plan = bound.plan;
   const int plan_side = std::max(plan.rgb.width_px(), plan.rgb.height_px());
-  MapCanvas map(plan, static_cast<double>(kOversampling) * long_side_px / plan_side);
+  drawing::MapCanvas map(plan, static_cast<double>(kOversampling) * long_side_px / plan_side);
   draw_map(map, bound, result);
 
   const std::vector<Entry> entries = entries_of(*bound.script, result);
@@ -153,25 +155,26 @@ core::Image<core::Rgb8> draw_script(const BoundScript& bound, const ScriptedResu
   const int height =
       header + kMargin / 2 + map.image().rows + kMargin + rows * kLine + kMargin;
   cv::Mat page(height, width, CV_8UC3, cv::Scalar(255, 255, 255));
-  draw_text(page, bound.script->title, {1.0 * kMargin, kMargin + kTitle}, kTitle, ink::kText,
-            true);
+  drawing::draw_text(page, bound.script->title, {1.0 * kMargin, kMargin + kTitle}, kTitle,
+                     drawing::ink::kText, true);
   const bool passed = result.passed();
-  const std::string line = std::string(passed ? "PASSED" : "FAILED") +
-                           print("   path %.1f m   %.1f s   contacts %d", result.trial.path_m,
-                                 result.trial.sim_s, result.trial.contacts) +
-                           (result.failure.empty() ? "" : "   " + result.failure);
-  draw_text(page, line, {1.0 * kMargin, static_cast<double>(header)}, 1.1 * kLetter,
-            passed ? ink::kGoal : ink::kRecover, true);
+  const std::string line =
+      std::string(passed ? "PASSED" : "FAILED") +
+      support::print("   path %.1f m   %.1f s   contacts %d", result.trial.path_m,
+                     result.trial.sim_s, result.trial.contacts) +
+      (result.failure.empty() ? "" : "   " + result.failure);
+  drawing::draw_text(page, line, {1.0 * kMargin, static_cast<double>(header)}, 1.1 * kLetter,
+                     passed ? drawing::ink::kGoal : drawing::ink::kRecover, true);
   const cv::Rect place((width - map.image().cols) / 2, header + kMargin / 2, map.image().cols,
                        map.image().rows);
   map.image().copyTo(page(place));
-  cv::rectangle(page, place, ink::kFaint, kOversampling);
+  cv::rectangle(page, place, drawing::ink::kFaint, kOversampling);
   draw_entries(page, entries, place.y + place.height + kMargin / 2, columns);
 
   cv::Mat reduced;
   cv::resize(page, reduced, cv::Size(width / kOversampling, height / kOversampling), 0, 0,
              cv::INTER_AREA);
-  return from_bgr(reduced);
+  return drawing::from_bgr(reduced);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::scripted_trials

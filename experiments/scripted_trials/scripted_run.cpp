@@ -25,7 +25,7 @@
 #include "sim/trial/oracle_detector.h"
 #include "sim/trial/oracle_way.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::scripted_trials {
 namespace {
 
 namespace fs = std::filesystem;
@@ -35,10 +35,11 @@ constexpr double kVideoSpeed = 2.0;  // As the videos of runs.
 sim::TrialOptions trial_options(const BoundScript& bound) {
   const ScriptedTrial& script = *bound.script;
   std::shared_ptr<const sim::SensorSettings> sensors;
-  if (script.sensors) sensors = bind_sensors(*script.sensors, bound.bundle, bound.world);
+  if (script.sensors)
+    sensors = specs::bind_sensors(*script.sensors, bound.bundle, bound.world);
   sim::TrialOptions options =
-      base_trial_options(script, bound.camera_height_m, std::move(sensors));
-  options.clock = trial_clock(script.clock, {});
+      trials::base_trial_options(script, bound.camera_height_m, std::move(sensors));
+  options.clock = specs::trial_clock(script.clock, {});
   options.faults = script.faults;
   return options;
 }
@@ -83,7 +84,7 @@ Eyes make_eyes(const BoundScript& bound) {
 /// Places from which objects of a category are seen, as generated episodes have them.
 sim::Episode places_of(const BoundScript& bound, const std::string& category) {
   const ScriptedTrial& script = *bound.script;
-  EpisodeRules rules;
+  episodes::EpisodeRules rules;
   rules.goals = {category};
   rules.count = 1;
   rules.seed = script.seed;
@@ -93,8 +94,8 @@ sim::Episode places_of(const BoundScript& bound, const std::string& category) {
   rules.min_start_m = 0.0;
   rules.max_start_m = 1e6;
   rules.allow_visible_start = true;
-  EpisodeSet set =
-      generate_episodes(script.name, bound.bundle, bound.world, *bound.renderer, rules);
+  episodes::EpisodeSet set = episodes::generate_episodes(script.name, bound.bundle,
+                                                         bound.world, *bound.renderer, rules);
   if (set.episodes.empty()) {
     throw core::InputError::expected(script.file.string(),
                                      "a place from which a " + category + " is seen", "none");
@@ -141,10 +142,10 @@ class Watcher {
     }
     progress_.update(
         static_cast<std::int64_t>(ended_),
-        print("%.0f s", core::seconds(tick.time_ns)) +
+        support::print("%.0f s", core::seconds(tick.time_ns)) +
             (steps.empty() ? std::string()
-                           : print(", step %zu, %s", steps.size(),
-                                   to_string(script_step(steps.size() - 1).kind))));
+                           : support::print(", step %zu, %s", steps.size(),
+                                            to_string(script_step(steps.size() - 1).kind))));
     if (video_) video_->add(tick, frame, detections, policy.view());
     if (frames_) frames_->add(tick, frame);
   }
@@ -169,7 +170,7 @@ class Watcher {
                    const core::Frame& frame) {
     const ScriptStep& wanted = script_step(static_cast<std::size_t>(step.step));
     const sim::Episode& goal = goals_.at(wanted.category);
-    TrialWitness witness(bound_.bundle.manifest, goal, -1);
+    records::TrialWitness witness(bound_.bundle.manifest, goal, -1);
     witness.add(0, frame, std::nullopt);
     const sim::DistanceField to_goal = bound_.world.distance_to(goal.view_points_m);
     FindResult result;
@@ -194,9 +195,9 @@ class Watcher {
   const ScriptDriver& driver_;
   const std::map<std::string, sim::Episode>& goals_;
   core::Progress progress_;
-  TrialScene scene_;
-  std::optional<TrialVideo> video_;
-  std::optional<FrameRecorder> frames_;
+  drawing::TrialScene scene_;
+  std::optional<video::TrialVideo> video_;
+  std::optional<trials::FrameRecorder> frames_;
   std::optional<glm::dvec2> last_m_;
   double path_m_ = 0.0;
   std::size_t begun_ = 0, ended_ = 0;
@@ -238,12 +239,12 @@ void write_ticks(const fs::path& file, const ScriptedResult& result) {
   core::write_file_atomically(file, [&](std::ostream& out) {
     out << "time_s,x_m,y_m,yaw_rad,v_mps,w_radps,step,contact,image,age_ms,hash\n";
     for (const sim::TickRecord& tick : result.trial.track) {
-      out << print("%.3f,%.6f,%.6f,%.6f,%.4f,%.4f,", core::seconds(tick.time_ns),
-                   tick.pose.x_m, tick.pose.y_m, tick.pose.yaw_rad, tick.command.forward_mps,
-                   tick.command.turn_radps)
+      out << support::print("%.3f,%.6f,%.6f,%.6f,%.4f,%.4f,", core::seconds(tick.time_ns),
+                            tick.pose.x_m, tick.pose.y_m, tick.pose.yaw_rad,
+                            tick.command.forward_mps, tick.command.turn_radps)
           << step_at(result.steps, tick.time_ns) + 1 << (tick.in_contact ? ",1," : ",0,")
-          << tick.capture_index << print(",%.1f,", sim::ms_from_ns(tick.age_ns))
-          << hex(tick.state_hash) << '\n';
+          << tick.capture_index << support::print(",%.1f,", sim::ms_from_ns(tick.age_ns))
+          << support::hex(tick.state_hash) << '\n';
     }
   });
 }
@@ -308,9 +309,9 @@ ScriptedResult run_script(BoundScript& bound, const fs::path& folder) {
   measure(bound, goals, result);
   write_records(bound, result, folder);
   if (options.sensors) {
-    write_sensor_files(folder / "sensors", *options.sensors, result.trial.sensors);
+    trials::write_sensor_files(folder / "sensors", *options.sensors, result.trial.sensors);
   }
   return result;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::scripted_trials

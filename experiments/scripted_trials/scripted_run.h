@@ -18,7 +18,7 @@
 #include "sim/trial/trial.h"
 #include "worlds/mesh/texture_reader.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::scripted_trials {
 
 /// The scene of a script in memory, with every place in World.
 struct BoundScript {
@@ -26,7 +26,7 @@ struct BoundScript {
   core::SceneBundle bundle;  ///< Of a world of meshes: a manifest without files.
   sim::World world;
   std::unique_ptr<core::Renderer> renderer;
-  FloorPlan plan;
+  drawing::FloorPlan plan;
   double camera_height_m = 1.2;
   core::Pose2 start;
   std::vector<std::vector<glm::dvec2>> places_m;  ///< Of each step.
@@ -89,4 +89,4 @@ struct ScriptedResult {
                                                   const ScriptedResult& result,
                                                   int long_side_px = 1000);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::scripted_trials

@@ -15,7 +15,7 @@
 #include "worlds/capture/mesh_renderer.h"
 #include "worlds/mesh/plain_mesh.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::scripted_trials {
 namespace {
 
 /// Nobody looks at the colours: they are black, and cost nothing.
@@ -51,7 +51,7 @@ sim::TriangleMesh without_ceiling(sim::TriangleMesh mesh) {
 /// @param drawn  False: without what draws.
 BoundScript load_meshes(const ScriptedTrial& script, const sim::RobotModel& robot,
                         const worlds::TextureReader& textures, bool drawn) {
-  const sim::MeshScene scene = load_mesh_source(*script.scene.source, textures);
+  const sim::MeshScene scene = scenes::load_mesh_source(*script.scene.source, textures);
   core::SceneBundle bundle;
   bundle.manifest.name = scene.name;
   bundle.manifest.source = scene.source;
@@ -67,10 +67,10 @@ BoundScript load_meshes(const ScriptedTrial& script, const sim::RobotModel& robo
   options.cell_m = 0.08F;
   options.bounce_samples = 49;
   if (!script.needs_colour()) options.exposure = 1.0F;
-  FloorPlan plan;
+  drawing::FloorPlan plan;
   std::unique_ptr<core::Renderer> renderer;
   if (drawn) {
-    plan = make_mesh_floor_plan(scene, world);
+    plan = scenes::make_mesh_floor_plan(scene, world);
     renderer = worlds::make_mesh_renderer(scene, options);
   }
   return {&script,
@@ -86,10 +86,10 @@ BoundScript load_meshes(const ScriptedTrial& script, const sim::RobotModel& robo
 BoundScript load_reconstruction(const ScriptedTrial& script, const sim::RobotModel& robot) {
   core::SceneBundle bundle = core::load_bundle(script.scene.bundle);
   sim::World world = sim::World::load(bundle, robot);
-  auto [surfels, labels] = load_scene_surfels(bundle);
-  auto renderer =
-      renderer::make_renderer(script.camera.backend, surfels, {}, labels, warn_about_backend);
-  FloorPlan plan = make_floor_plan(*surfels);
+  auto [surfels, labels] = scenes::load_scene_surfels(bundle);
+  auto renderer = renderer::make_renderer(script.camera.backend, surfels, {}, labels,
+                                          reproducibility::warn_about_backend);
+  drawing::FloorPlan plan = drawing::make_floor_plan(*surfels);
   return {&script,
           std::move(bundle),
           std::move(world),
@@ -129,7 +129,7 @@ void check_ways(const BoundScript& bound) {
     if (way.from({bound.start.x_m, bound.start.y_m}).empty()) {
       throw core::InputError::expected(
           step.where, "a place that " + bound.world.robot().name + " can reach from its start",
-          print("(%.2f, %.2f), where it cannot get", goal_m.x, goal_m.y));
+          support::print("(%.2f, %.2f), where it cannot get", goal_m.x, goal_m.y));
     }
   }
 }
@@ -170,9 +170,10 @@ BoundScript bind(const ScriptedTrial& script, const worlds::TextureReader& textu
   }
   if (script.collision == sim::CollisionMode::kFootprint &&
       bound.world.collision().collides(bound.start)) {
-    throw core::InputError::expected(
-        script.file.string() + ": start", "a place where " + robot.name + " fits",
-        print("(%.2f, %.2f), where it touches something", bound.start.x_m, bound.start.y_m));
+    throw core::InputError::expected(script.file.string() + ": start",
+                                     "a place where " + robot.name + " fits",
+                                     support::print("(%.2f, %.2f), where it touches something",
+                                                    bound.start.x_m, bound.start.y_m));
   }
   check_ways(bound);
   check_categories(bound);
@@ -189,4 +190,4 @@ void check_script(const ScriptedTrial& script) {
   (void)bind(script, worlds::blank_textures(), false);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::scripted_trials

@@ -9,7 +9,7 @@
 #include "experiments/support/formatted.h"
 #include "sim/ground/robot.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::scripted_trials {
 namespace {
 
 namespace fs = std::filesystem;
@@ -19,10 +19,10 @@ constexpr double kDegree_rad = std::numbers::pi / 180.0;
 
 core::GeodeticOrigin read_origin(const ConfigNode& node) {
   core::GeodeticOrigin origin;
-  origin.latitude_deg = number_within(node, "latitude_deg", 0.0, -90.0, 90.0);
-  origin.longitude_deg = number_within(node, "longitude_deg", 0.0, -180.0, 180.0);
-  origin.height_m = number_within(node, "height_m", 0.0, -1000.0, 10000.0);
-  origin.yaw_rad = number_within(node, "yaw_deg", 0.0, -360.0, 360.0) * kDegree_rad;
+  origin.latitude_deg = support::number_within(node, "latitude_deg", 0.0, -90.0, 90.0);
+  origin.longitude_deg = support::number_within(node, "longitude_deg", 0.0, -180.0, 180.0);
+  origin.height_m = support::number_within(node, "height_m", 0.0, -1000.0, 10000.0);
+  origin.yaw_rad = support::number_within(node, "yaw_deg", 0.0, -360.0, 360.0) * kDegree_rad;
   node.finish();
   return origin;
 }
@@ -38,14 +38,14 @@ ScriptScene read_scene(const ConfigNode& root, const script::Reader& reader) {
   if (given == node.has("source")) node.fail("bundle or source", given ? "both" : "neither");
   if (given) scene.bundle = reader.path(node.child("bundle"));
   if (const auto source = node.optional_child("source")) {
-    scene.source = read_source_spec(*source, reader.folders, reader.file);
-    if (scene.source->type == SourceType::kRgbd) {
+    scene.source = specs::read_source_spec(*source, reader.folders, reader.file);
+    if (scene.source->type == specs::SourceType::kRgbd) {
       source->fail("flat, gazebo or mesh (a recording must become a bundle first)", "rgbd");
     }
     if (const auto origin = node.optional_child("origin")) scene.origin = read_origin(*origin);
   }
   if (node.has("camera_height_m")) {
-    scene.camera_height_m = number_within(node, "camera_height_m", 1.2, 0.05, 3.0);
+    scene.camera_height_m = support::number_within(node, "camera_height_m", 1.2, 0.05, 3.0);
   }
   node.finish();
   return scene;
@@ -53,7 +53,7 @@ ScriptScene read_scene(const ConfigNode& root, const script::Reader& reader) {
 
 void read_clock(const ConfigNode& root, const script::Reader& reader, ScriptedTrial& trial) {
   if (const auto node = root.optional_child("clock")) {
-    const double control_hz = number_within(*node, "control_hz", 10.0, 0.1, 200.0);
+    const double control_hz = support::number_within(*node, "control_hz", 10.0, 0.1, 200.0);
     trial.control_period_s = 1.0 / control_hz;
     const double substeps = trial.control_period_s / sim::TrialOptions{}.substep_s;
     if (std::abs(substeps - std::round(substeps)) > 1e-9) {
@@ -63,8 +63,8 @@ void read_clock(const ConfigNode& root, const script::Reader& reader, ScriptedTr
     }
   }
   trial.clock =
-      read_clock_spec(root, [&](const ConfigNode& path) { return reader.path(path); });
-  check_arm_clock(trial.clock, {}, root.has("clock") ? root.child("clock") : root);
+      specs::read_clock_spec(root, [&](const ConfigNode& path) { return reader.path(path); });
+  specs::check_arm_clock(trial.clock, {}, root.has("clock") ? root.child("clock") : root);
 }
 
 void read_start(const ConfigNode& root, ScriptedTrial& trial) {
@@ -83,7 +83,8 @@ void read_start(const ConfigNode& root, ScriptedTrial& trial) {
     trial.start_heading = pose[2];
   } else {
     trial.start = script::place_of(node.child("latlon"), node.numbers("latlon"), true);
-    trial.start_heading = number_within(node, "heading_deg", 0.0, -360.0, 360.0) * kDegree_rad;
+    trial.start_heading =
+        support::number_within(node, "heading_deg", 0.0, -360.0, 360.0) * kDegree_rad;
   }
   node.finish();
 }
@@ -104,20 +105,21 @@ void read_latency_fault(const ConfigNode& node, double at_s, ScriptedTrial& tria
   }
   fault.stage = stages[core::choice(node, "stage", stages)];
   (void)node.child("add_ms");
-  const double add_ms = number_within(node, "add_ms", 0.0, 0.0, 60000.0);
+  const double add_ms = support::number_within(node, "add_ms", 0.0, 0.0, 60000.0);
   (void)node.child("for_s");
-  const double for_s = number_within(node, "for_s", 0.0, 0.0, 36000.0);
+  const double for_s = support::number_within(node, "for_s", 0.0, 0.0, 36000.0);
   fault.from_ns = std::llround(at_s * 1e9);
   fault.until_ns = fault.from_ns + std::llround(for_s * 1e9);
   fault.added_ns = sim::ns_from_ms(add_ms);
-  trial.fault_words.push_back(print("%s +%g ms for %g s", fault.stage.c_str(), add_ms, for_s));
+  trial.fault_words.push_back(
+      support::print("%s +%g ms for %g s", fault.stage.c_str(), add_ms, for_s));
   trial.faults.latencies.push_back(std::move(fault));
 }
 
 void read_faults(const ConfigNode& root, ScriptedTrial& trial) {
   for (const ConfigNode& node : root.list("faults")) {
     (void)node.child("at_s");
-    const double at_s = number_within(node, "at_s", 0.0, 0.0, 36000.0);
+    const double at_s = support::number_within(node, "at_s", 0.0, 0.0, 36000.0);
     if (node.has("latency") == node.has("drop_frames")) {
       node.fail("latency or drop_frames", node.has("latency") ? "both" : "neither");
     }
@@ -128,10 +130,10 @@ void read_faults(const ConfigNode& root, ScriptedTrial& trial) {
       const ConfigNode drop = node.child("drop_frames");
       if (drop.has("camera")) (void)core::choice(drop, "camera", {"front"});
       (void)drop.child("count");
-      const int count = static_cast<int>(number_within(drop, "count", 1.0, 1.0, 1e6));
+      const int count = static_cast<int>(support::number_within(drop, "count", 1.0, 1.0, 1e6));
       drop.finish();
       trial.faults.frame_drops.push_back({std::llround(at_s * 1e9), count});
-      trial.fault_words.push_back(print("%d frames lost", count));
+      trial.fault_words.push_back(support::print("%d frames lost", count));
     }
     node.finish();
     trial.fault_times_s.push_back(at_s);
@@ -180,14 +182,15 @@ void read_record(const ConfigNode& root, ScriptedTrial& trial) {
   }
   trial.record.video = node->boolean_or("video", false);
   trial.record.topdown = node->boolean_or("topdown", true);
-  trial.record.exr_every = static_cast<int>(number_within(*node, "exr_every", 0.0, 0.0, 1e6));
+  trial.record.exr_every =
+      static_cast<int>(support::number_within(*node, "exr_every", 0.0, 0.0, 1e6));
   node->finish();
 }
 
 }  // namespace
 
 fs::path script::Reader::path(const ConfigNode& node) const {
-  const fs::path expanded = read_spec_path(node, folders, file);
+  const fs::path expanded = specs::read_spec_path(node, folders, file);
   return expanded.is_absolute() ? expanded
                                 : (file.parent_path() / expanded).lexically_normal();
 }
@@ -202,7 +205,8 @@ Place script::place_of(const ConfigNode& node, const std::vector<double>& number
   }
   if (!latlon) return glm::dvec2(numbers[0], numbers[1]);
   if (std::abs(numbers[0]) > 90.0 || std::abs(numbers[1]) > 180.0) {
-    node.fail("[latitude, longitude] in degrees", print("[%g, %g]", numbers[0], numbers[1]));
+    node.fail("[latitude, longitude] in degrees",
+              support::print("[%g, %g]", numbers[0], numbers[1]));
   }
   return sim::GeodeticPoint{numbers[0], numbers[1], 0.0};
 }
@@ -257,20 +261,21 @@ ScriptedTrial parse_scripted_trial(const std::string& text, const fs::path& orig
         root.child("robot"), [&](const ConfigNode& node) { return reader.path(node); });
   }
   read_clock(root, reader, trial);
-  trial.time_limit_s = number_within(root, "time_limit_s", trial.time_limit_s, 0.1, 36000.0);
+  trial.time_limit_s =
+      support::number_within(root, "time_limit_s", trial.time_limit_s, 0.1, 36000.0);
   trial.seed = static_cast<std::uint64_t>(
-      number_within(root, "seed", static_cast<double>(trial.seed), 0.0, 9e15));
+      support::number_within(root, "seed", static_cast<double>(trial.seed), 0.0, 9e15));
   read_start(root, trial);
-  trial.camera = read_camera_spec(root);
+  trial.camera = specs::read_camera_spec(root);
   if (root.has("detector") && root.text("detector") != "oracle") {
     trial.weights = reader.path(root.child("detector"));
   }
-  trial.localisation = read_localisation(root);
-  trial.sensors = read_sensors(root);
+  trial.localisation = specs::read_localisation(root);
+  trial.sensors = specs::read_sensors(root);
   if (root.has("contact")) {
     trial.slide_on_contact = core::choice(root, "contact", {"stop", "slide"}) == 1;
   }
-  trial.collision = read_collision_mode(root);
+  trial.collision = specs::read_collision_mode(root);
   trial.steps = script::read_steps(root, reader);
   read_faults(root, trial);
   read_expectations(root, trial);
@@ -279,4 +284,4 @@ ScriptedTrial parse_scripted_trial(const std::string& text, const fs::path& orig
   return trial;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::scripted_trials

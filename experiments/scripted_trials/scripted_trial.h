@@ -36,7 +36,7 @@
 #include "sim/trial/success_profile.h"
 #include "sim/trial/trial.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::scripted_trials {
 
 /// In World, or on the globe.
 using Place = std::variant<glm::dvec2, sim::GeodeticPoint>;
@@ -81,7 +81,7 @@ struct ScriptRecord {
 /// A bundle's folder, or a world of meshes that is driven in as it is.
 struct ScriptScene {
   std::filesystem::path bundle;
-  std::optional<SourceSpec> source;
+  std::optional<specs::SourceSpec> source;
   core::GeodeticOrigin origin;   ///< Of `source`; a bundle has its own.
   double camera_height_m = 0.0;  ///< 0: the bundle's, or the robot's.
 };
@@ -93,16 +93,16 @@ struct ScriptedTrial {
   std::string title;
   ScriptScene scene;
   sim::RobotModel robot = sim::RobotModel::jackal_gentle();
-  ClockSpec clock;
+  specs::ClockSpec clock;
   double control_period_s = 0.1;
   double time_limit_s = 600.0;
   std::uint64_t seed = 1;
   Place start = glm::dvec2(0.0);
   double start_heading = 0.0;  ///< Yaw [rad]; of a start by latitude and longitude the heading
                                ///< from north, clockwise [rad].
-  CameraSpec camera;
+  specs::CameraSpec camera;
   std::filesystem::path weights;  ///< Of the detector; empty: the oracle.
-  LocalisationSpec localisation;
+  specs::LocalisationSpec localisation;
   std::optional<sim::SensorSettings> sensors;  ///< None: an exact camera alone.
   bool slide_on_contact = false;
   sim::CollisionMode collision = sim::CollisionMode::kFootprint;
@@ -133,4 +133,4 @@ struct ScriptedTrial {
                                                  const std::filesystem::path& origin,
                                                  const std::filesystem::path& data);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::scripted_trials

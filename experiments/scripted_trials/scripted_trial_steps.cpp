@@ -8,7 +8,7 @@
 #include "experiments/scripted_trials/geo_path.h"
 #include "experiments/scripted_trials/internal/script_reader.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::scripted_trials {
 namespace {
 
 using core::ConfigNode;
@@ -53,8 +53,8 @@ std::vector<Place> read_path(const ConfigNode& node, const script::Reader& reade
 }
 
 void read_drive(const ConfigNode& node, ScriptStep& step) {
-  step.tolerance_m = number_within(node, "tolerance", step.tolerance_m, 0.02, 5.0);
-  step.speed_mps = number_within(node, "speed", step.speed_mps, 0.05, 10.0);
+  step.tolerance_m = support::number_within(node, "tolerance", step.tolerance_m, 0.02, 5.0);
+  step.speed_mps = support::number_within(node, "speed", step.speed_mps, 0.05, 10.0);
 }
 
 void read_find(const ConfigNode& node, const script::Reader& reader, ScriptStep& step) {
@@ -74,7 +74,7 @@ void read_find(const ConfigNode& node, const script::Reader& reader, ScriptStep&
     step.profile = *sim::find_success_profile(names[core::choice(node, "profile", names)]);
   }
   step.max_steps =
-      static_cast<int>(number_within(node, "max_steps", step.max_steps, 1.0, 1e6));
+      static_cast<int>(support::number_within(node, "max_steps", step.max_steps, 1.0, 1e6));
 }
 
 void read_body(const ConfigNode& node, const script::Reader& reader, ScriptStep& step) {
@@ -88,18 +88,18 @@ void read_body(const ConfigNode& node, const script::Reader& reader, ScriptStep&
       read_drive(node, step);
       break;
     case StepKind::kSpin: {
-      step.angle_rad =
-          number_within(node, "deg", 360.0, -36000.0, 36000.0) * std::numbers::pi / 180.0;
-      step.rate_radps = number_within(node, "rate", step.rate_radps, 0.05, 10.0);
+      step.angle_rad = support::number_within(node, "deg", 360.0, -36000.0, 36000.0) *
+                       std::numbers::pi / 180.0;
+      step.rate_radps = support::number_within(node, "rate", step.rate_radps, 0.05, 10.0);
       break;
     }
     case StepKind::kCmd:
-      step.command.forward_mps = number_within(node, "v", 0.0, -10.0, 10.0);
-      step.command.turn_radps = number_within(node, "w", 0.0, -10.0, 10.0);
+      step.command.forward_mps = support::number_within(node, "v", 0.0, -10.0, 10.0);
+      step.command.turn_radps = support::number_within(node, "w", 0.0, -10.0, 10.0);
       [[fallthrough]];
     case StepKind::kHold:
       (void)node.child("for_s");
-      step.for_s = number_within(node, "for_s", 0.0, 0.0, kLongest_s);
+      step.for_s = support::number_within(node, "for_s", 0.0, 0.0, kLongest_s);
       return;  // They end by themselves.
     case StepKind::kFind:
       read_find(node, reader, step);
@@ -108,7 +108,7 @@ void read_body(const ConfigNode& node, const script::Reader& reader, ScriptStep&
   const double usual_s = step.kind == StepKind::kGoto   ? 60.0
                          : step.kind == StepKind::kFind ? 600.0
                                                         : 0.0;
-  step.timeout_s = number_within(node, "timeout_s", usual_s, 0.0, kLongest_s);
+  step.timeout_s = support::number_within(node, "timeout_s", usual_s, 0.0, kLongest_s);
 }
 
 }  // namespace
@@ -136,4 +136,4 @@ std::vector<ScriptStep> script::read_steps(const ConfigNode& root, const Reader&
   return steps;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::scripted_trials

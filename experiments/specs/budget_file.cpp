@@ -12,7 +12,7 @@
 #include "core/error.h"
 #include "core/file_io.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::specs {
 namespace {
 
 namespace fs = std::filesystem;
@@ -239,4 +239,4 @@ void write_trace_csv(const fs::path& file, const sim::LatencyTrace& trace) {
   });
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::specs

@@ -21,7 +21,7 @@
 
 #include "sim/time/latency_budget.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::specs {
 
 inline constexpr const char* kBudgetSchema = "segsim.budget/1";
 
@@ -43,4 +43,4 @@ struct BudgetFile {
 [[nodiscard]] sim::LatencyTrace read_trace_csv(const std::filesystem::path& file);
 void write_trace_csv(const std::filesystem::path& file, const sim::LatencyTrace& trace);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::specs

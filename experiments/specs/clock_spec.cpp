@@ -5,16 +5,18 @@
 
 #include "experiments/support/numbers_in_range.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::specs {
 namespace {
 
 using core::ConfigNode;
 
 sim::SensorRate read_rate(const ConfigNode& node) {
   sim::SensorRate rate;
-  rate.period_ns = sim::ns_from_ms(number_within(node, "period_ms", 0.0, 1.0, 60000.0));
-  rate.phase_ns = sim::ns_from_ms(number_within(node, "phase_ms", 0.0, 0.0, 60000.0));
-  rate.jitter_ns = sim::ns_from_ms(number_within(node, "jitter_ms", 0.0, 0.0, 30000.0));
+  rate.period_ns =
+      sim::ns_from_ms(support::number_within(node, "period_ms", 0.0, 1.0, 60000.0));
+  rate.phase_ns = sim::ns_from_ms(support::number_within(node, "phase_ms", 0.0, 0.0, 60000.0));
+  rate.jitter_ns =
+      sim::ns_from_ms(support::number_within(node, "jitter_ms", 0.0, 0.0, 30000.0));
   if (2 * rate.jitter_ns >= rate.period_ns) {
     node.child("jitter_ms").fail("less than half of period_ms", node.text("jitter_ms"));
   }
@@ -41,7 +43,7 @@ ClockSpec read_clock_spec(const ConfigNode& root, const ExpandPath& expand) {
     clock.registration = static_cast<sim::Registration>(
         core::choice(*node, "registration", {"capture", "use"}));
   }
-  clock.measured_scale = number_within(*node, "scale", 1.0, 1e-3, 1e3);
+  clock.measured_scale = support::number_within(*node, "scale", 1.0, 1e-3, 1e3);
   node->finish();
   return clock;
 }
@@ -51,7 +53,7 @@ ArmClockSpec read_arm_clock(const ConfigNode& arm, const ExpandPath& expand) {
   if (arm.has("budget")) clock.budget = read_budget_file(expand(arm.child("budget")));
   if (const auto added = arm.optional_child("add_ms")) {
     for (const std::string& stage : added->keys()) {
-      clock.add_ms[stage] = number_within(*added, stage, 0.0, -60000.0, 60000.0);
+      clock.add_ms[stage] = support::number_within(*added, stage, 0.0, -60000.0, 60000.0);
     }
   }
   return clock;
@@ -106,4 +108,4 @@ std::string clock_in_words(const ClockSpec& clock) {
   return text;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::specs

@@ -26,7 +26,7 @@
 #include "experiments/specs/budget_file.h"
 #include "sim/time/clock.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::specs {
 
 /// A path of the spec with its variables replaced.
 using ExpandPath = std::function<std::filesystem::path(const core::ConfigNode&)>;
@@ -62,4 +62,4 @@ void check_arm_clock(const ClockSpec& clock, const ArmClockSpec& arm_clock,
 /// "virtual time, budget edge-orin-v1"; "" in lockstep.
 [[nodiscard]] std::string clock_in_words(const ClockSpec& clock);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::specs

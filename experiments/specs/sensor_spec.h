@@ -25,7 +25,7 @@
 #include "sim/sensors/localiser.h"
 #include "sim/sensors/sensor_suite.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::specs {
 
 /// The key `sensors` of a spec; none if it is absent.
 [[nodiscard]] std::optional<sim::SensorSettings> read_sensors(const core::ConfigNode& root);
@@ -43,4 +43,4 @@ struct LocalisationSpec {
 [[nodiscard]] std::shared_ptr<const sim::SensorSettings> bind_sensors(
     sim::SensorSettings settings, const core::SceneBundle& bundle, const sim::World& world);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::specs

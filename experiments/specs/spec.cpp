@@ -12,7 +12,7 @@
 #include "experiments/support/numbers_in_range.h"
 #include "sim/ground/robot.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::specs {
 namespace {
 
 namespace fs = std::filesystem;
@@ -23,12 +23,12 @@ CameraSpec read_camera(const ConfigNode& root) {
   CameraSpec camera;
   const std::optional<ConfigNode> node = root.optional_child("camera");
   if (!node) return camera;
-  camera.width_px = count_within(*node, "width", camera.width_px, 16, 8192);
-  camera.height_px = count_within(*node, "height", camera.height_px, 16, 8192);
-  camera.hfov_deg = number_within(*node, "hfov_deg", camera.hfov_deg, 10.0, 150.0);
-  camera.pitch_down_deg = number_within(*node, "pitch_down_deg", 0.0, -60.0, 60.0);
+  camera.width_px = support::count_within(*node, "width", camera.width_px, 16, 8192);
+  camera.height_px = support::count_within(*node, "height", camera.height_px, 16, 8192);
+  camera.hfov_deg = support::number_within(*node, "hfov_deg", camera.hfov_deg, 10.0, 150.0);
+  camera.pitch_down_deg = support::number_within(*node, "pitch_down_deg", 0.0, -60.0, 60.0);
   camera.depth_range_m =
-      number_within(*node, "depth_range_m", camera.depth_range_m, 0.5, 100.0);
+      support::number_within(*node, "depth_range_m", camera.depth_range_m, 0.5, 100.0);
   using renderer::Backend;
   constexpr std::array kBackends{Backend::kCpu, Backend::kCuda, Backend::kAuto};
   if (node->has("backend")) {
@@ -50,7 +50,8 @@ SuccessSpec read_success(const ConfigNode& root) {
   success.distance_m = profile.distance_m;
   success.require_visible = profile.require_visible;
   if (success.profile == SuccessSpec{}.profile) {
-    success.distance_m = number_within(*node, "distance_m", success.distance_m, 0.01, 100.0);
+    success.distance_m =
+        support::number_within(*node, "distance_m", success.distance_m, 0.01, 100.0);
     success.require_visible = node->boolean_or("require_visible", true);
   } else {
     // With another number it would not be the rule of that name.
@@ -63,7 +64,7 @@ SuccessSpec read_success(const ConfigNode& root) {
     }
   }
   success.visible_pixels =
-      count_within(*node, "visible_pixels", success.visible_pixels, 1, 100000000);
+      support::count_within(*node, "visible_pixels", success.visible_pixels, 1, 100000000);
   node->finish();
   return success;
 }
@@ -77,7 +78,7 @@ FramesSpec read_frames(const ConfigNode& root) {
   const std::optional<ConfigNode> node = root.optional_child("frames");
   if (!node) return frames;
   frames.of = read_recorded(*node, "of");
-  frames.every_s = number_within(*node, "every_s", frames.every_s, 0.005, 3600.0);
+  frames.every_s = support::number_within(*node, "every_s", frames.every_s, 0.005, 3600.0);
   node->finish();
   return frames;
 }
@@ -226,17 +227,18 @@ ExperimentSpec parse_spec(const std::string& text, const fs::path& origin,
     spec.slide_on_contact = core::choice(root, "contact", {"stop", "slide"}) == 1;
   spec.collision = read_collision_mode(root);
   spec.control_period_s =
-      number_within(root, "control_period_s", spec.control_period_s, 0.005, 2.0);
+      support::number_within(root, "control_period_s", spec.control_period_s, 0.005, 2.0);
   const double steps = spec.control_period_s / 0.005;
   if (std::abs(steps - std::round(steps)) > 1e-6) {
     root.child("control_period_s")
         .fail("a multiple of the simulation step, 0.005 s", root.text("control_period_s"));
   }
-  spec.time_limit_s = number_within(root, "time_limit_s", spec.time_limit_s, 1.0, 100000.0);
+  spec.time_limit_s =
+      support::number_within(root, "time_limit_s", spec.time_limit_s, 1.0, 100000.0);
   internal::read_repetitions(root, spec);
   spec.camera = read_camera(root);
   spec.success = read_success(root);
-  spec.planned_n = count_within(root, "planned_n", 0, 0, 1000000);
+  spec.planned_n = support::count_within(root, "planned_n", 0, 0, 1000000);
   if (root.has("videos")) spec.videos = read_recorded(root, "videos");
   spec.frames = read_frames(root);
   spec.replays = read_replays(root);
@@ -246,4 +248,4 @@ ExperimentSpec parse_spec(const std::string& text, const fs::path& origin,
   return spec;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::specs

@@ -24,7 +24,7 @@
 #include "sim/trial/success_profile.h"
 #include "sim/trial/trial.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::specs {
 
 /// Views taken of a mesh world, as if somebody walked through it with an RGB-D camera.
 struct CaptureSpec {
@@ -261,4 +261,4 @@ struct SpecFolders {
                                                    const SpecFolders& folders,
                                                    const std::filesystem::path& file);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::specs

@@ -10,7 +10,7 @@
 
 #include "core/error.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::support {
 
 namespace fs = std::filesystem;
 
@@ -44,4 +44,4 @@ FolderLock::~FolderLock() { close(descriptor_); }
 
 void FolderLock::share() { flock(descriptor_, LOCK_SH); }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::support

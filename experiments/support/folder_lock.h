@@ -5,7 +5,7 @@
 
 #include <filesystem>
 
-namespace segsim::experiments {
+namespace segsim::experiments::support {
 
 /// flock() on a file in a folder: released when the process ends, however it does. Holds over
 /// machines where the file system does (NFS 4, Lustre with -o flock, Ceph).
@@ -28,4 +28,4 @@ class FolderLock {
   int descriptor_ = -1;
 };
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::support

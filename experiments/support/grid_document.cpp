@@ -5,7 +5,7 @@
 #include "core/check.h"
 #include "experiments/support/text_grid.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::support::internal {
 namespace {
 
 TextGrid cells_of(const Grid& grid) { return {grid.header, grid.rows}; }
@@ -82,4 +82,4 @@ std::string document_text(const GridDocument& document, TableFormat format) {
   return as_text(document);
 }
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::support::internal

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-namespace segsim::experiments {
+namespace segsim::experiments::support {
 
 enum class TableFormat : std::uint8_t { kText, kMarkdown, kCsv, kJson, kLatex };
 
@@ -31,4 +31,4 @@ struct GridDocument {
 [[nodiscard]] std::string document_text(const GridDocument& document, TableFormat format);
 
 }  // namespace internal
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::support

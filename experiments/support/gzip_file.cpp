@@ -10,7 +10,7 @@
 #include "core/error.h"
 #include "core/file_io.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::support {
 namespace {
 
 constexpr int kGzipWindow = 15 + 16;  // The largest window; +16: gzip, not zlib framing.
@@ -95,4 +95,4 @@ void write_gzip(const std::filesystem::path& file, const std::string& text) {
   core::write_file_atomically(file, [&](std::ostream& out) { out << packed; });
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::support

@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <string>
 
-namespace segsim::experiments {
+namespace segsim::experiments::support {
 
 /// The unpacked contents; several members, one after another, count as one file.
 /// @throws core::InputError if it cannot be read, is no gzip file, is damaged or cut short, or
@@ -17,4 +17,4 @@ namespace segsim::experiments {
 /// Written atomically; without a time or name inside, so equal texts give equal files.
 void write_gzip(const std::filesystem::path& file, const std::string& text);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::support

@@ -10,7 +10,7 @@
 #include "core/config.h"
 #include "experiments/support/formatted.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::support {
 
 [[nodiscard]] inline double number_within(const core::ConfigNode& node, const std::string& key,
                                           double fallback, double low, double high) {
@@ -30,4 +30,4 @@ namespace segsim::experiments {
   return static_cast<int>(value);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::support

@@ -1,6 +1,6 @@
 #include "experiments/support/shipped_file.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::support {
 
 std::filesystem::path find_shipped(const std::filesystem::path& file) {
   namespace fs = std::filesystem;
@@ -12,4 +12,4 @@ std::filesystem::path find_shipped(const std::filesystem::path& file) {
   return fs::exists(shipped, error) ? shipped : file;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::support

@@ -2,7 +2,7 @@
 
 #include <filesystem>
 
-namespace segsim::experiments {
+namespace segsim::experiments::support {
 
 /// A file that a user names. One that is not there is looked for among the files that were
 /// installed with the program, below share/segsim beside the folder of the program: so
@@ -10,4 +10,4 @@ namespace segsim::experiments {
 /// @return  `file` itself if it is there, or nowhere.
 [[nodiscard]] std::filesystem::path find_shipped(const std::filesystem::path& file);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::support

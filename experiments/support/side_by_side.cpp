@@ -10,7 +10,7 @@
 
 #include "renderer/scene/parallel_limit.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::support {
 namespace {
 
 /// Which piece is next, and what the loops below those at work may use.
@@ -81,4 +81,4 @@ void side_by_side(std::size_t count, int at_once,
   pieces.rethrow();
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::support

@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <functional>
 
-namespace segsim::experiments {
+namespace segsim::experiments::support {
 
 /// Processors of this machine, at least 1.
 [[nodiscard]] int processor_count();
@@ -20,4 +20,4 @@ namespace segsim::experiments {
 void side_by_side(std::size_t count, int at_once,
                   const std::function<void(std::size_t index)>& work);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::support

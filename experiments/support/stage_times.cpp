@@ -7,7 +7,7 @@
 #include "experiments/support/formatted.h"
 #include "experiments/support/text_grid.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::support {
 
 StageTimes::Timer::Timer(StageTimes& times, std::string stage)
     : times_(times), stage_(std::move(stage)) {
@@ -67,4 +67,4 @@ std::map<std::string, std::string> stage_time_rows(
   return rows;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::support

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-namespace segsim::experiments {
+namespace segsim::experiments::support {
 
 struct StageTime {
   std::string stage;    ///< "fine-tuning", "reconstruction/flat-3".
@@ -61,4 +61,4 @@ class StageTimes {
 [[nodiscard]] std::map<std::string, std::string> stage_time_rows(
     const std::vector<StageTime>& times, const std::map<std::string, std::string>& known);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::support

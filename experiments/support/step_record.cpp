@@ -6,7 +6,7 @@
 #include "core/file_io.h"
 #include "core/process/kernel_choice.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::support {
 
 StepRecord::StepRecord(std::filesystem::path file, std::string recipe)
     : file_(std::move(file)), recipe_(std::move(recipe)) {
@@ -23,4 +23,4 @@ void StepRecord::mark_done() const {
 
 std::string StepRecord::recipe_sha256() const { return core::sha256_hex(recipe_); }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::support

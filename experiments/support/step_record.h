@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <string>
 
-namespace segsim::experiments {
+namespace segsim::experiments::support {
 
 /// A small file beside a step's result that holds the recipe in words. A step whose recipe
 /// changed is done again; one that was interrupted has no record.
@@ -28,4 +28,4 @@ class StepRecord {
   std::string recipe_;
 };
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::support

@@ -3,7 +3,7 @@
 #include <atomic>
 #include <csignal>
 
-namespace segsim::experiments {
+namespace segsim::experiments::support {
 namespace {
 
 std::atomic<bool> stop_requested{false};
@@ -31,4 +31,4 @@ bool StopOnSignal::requested() { return stop_requested; }
 
 void StopOnSignal::request() { stop_requested = true; }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::support

@@ -3,7 +3,7 @@
 /// @file
 /// A clean end on SIGINT and SIGTERM, for commands that run long.
 
-namespace segsim::experiments {
+namespace segsim::experiments::support {
 
 /// Turns both signals into a request while it lives; the second one ends the process at once.
 /// One at a time.
@@ -24,4 +24,4 @@ class StopOnSignal {
   void (*old_terminate_)(int) = nullptr;
 };
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::support

@@ -3,7 +3,16 @@
 #include <algorithm>
 #include <cstdio>
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::support {
+
+std::string csv_cell(const std::string& text) {
+  if (text.find_first_of(",\"\n") == std::string::npos) return text;
+  std::string quoted = "\"";
+  for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
+  return quoted + "\"";
+}
+
+namespace internal {
 namespace {
 
 std::string line_of(const std::vector<std::string>& cells,
@@ -22,13 +31,6 @@ std::string markdown_line(const std::vector<std::string>& cells) {
 }
 
 }  // namespace
-
-std::string csv_cell(const std::string& text) {
-  if (text.find_first_of(",\"\n") == std::string::npos) return text;
-  std::string quoted = "\"";
-  for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
-  return quoted + "\"";
-}
 
 std::string text_of(const TextGrid& grid) {
   std::vector<std::size_t> widths;
@@ -130,4 +132,5 @@ std::string amount(double value) {
   return print(digits(value / 1e9), value / 1e9) + " G";
 }
 
-}  // namespace segsim::experiments::internal
+}  // namespace internal
+}  // namespace segsim::experiments::support

@@ -6,7 +6,12 @@
 #include <string>
 #include <vector>
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::support {
+
+/// A cell of CSV, in quotes if it must be (RFC 4180).
+[[nodiscard]] std::string csv_cell(const std::string& text);
+
+namespace internal {
 
 struct TextGrid {
   std::vector<std::string> header;
@@ -17,9 +22,7 @@ struct TextGrid {
 [[nodiscard]] std::string text_of(const TextGrid& grid);
 [[nodiscard]] std::string markdown_of(const TextGrid& grid);
 
-/// A cell of CSV, in quotes if it must be (RFC 4180).
-[[nodiscard]] std::string csv_cell(const std::string& text);
-/// Of such cells.
+/// Of cells by csv_cell().
 [[nodiscard]] std::string csv_of(const TextGrid& grid);
 /// A tabular with the rules of booktabs; the first column to the left, others centred.
 [[nodiscard]] std::string latex_of(const TextGrid& grid);
@@ -30,4 +33,5 @@ struct TextGrid {
 /// Three digits and a unit: "830", "12.3 k", "6.10 M".
 [[nodiscard]] std::string amount(double value);
 
-}  // namespace segsim::experiments::internal
+}  // namespace internal
+}  // namespace segsim::experiments::support

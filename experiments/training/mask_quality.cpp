@@ -9,7 +9,7 @@
 #include "experiments/support/text_grid.h"
 #include "reconstruction/datasets/mask_files.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::training {
 namespace {
 
 /// How far a share is from the wanted one: > 0 where more errors are wanted. In log odds, in
@@ -29,7 +29,7 @@ double adjusted(double factor, double step) {
 }
 
 /// Exact labels of views spread over the recording.
-std::vector<TrueLabels> sample_views(const renderer::RgbdSequence& recording) {
+std::vector<TrueLabels> sample_views(const reconstruction::RgbdSequence& recording) {
   constexpr std::size_t kViews = 64;
   const std::size_t n = std::min(kViews, recording.frame_count());
   std::vector<TrueLabels> views;
@@ -42,13 +42,13 @@ std::vector<TrueLabels> sample_views(const renderer::RgbdSequence& recording) {
 }
 
 worlds::MaskNoise fitted_noise(const MaskSimulation& simulation,
-                               const renderer::RgbdSequence& recording) {
+                               const reconstruction::RgbdSequence& recording) {
   const std::vector<TrueLabels> views = sample_views(recording);
   int round = 0;
   return fit_mask_noise(
       simulation.noise, recording.classes(), simulation.seed, recording.name(), views,
       recording.intrinsics(), published_quality(), 0.01,
-      [&](const renderer::ViewQuality& reached) {
+      [&](const reconstruction::ViewQuality& reached) {
         std::fprintf(
             stderr, "fit, round %d: PQ %.3f, SQ %.3f, RQ %.3f, recall %.3f, precision %.3f\n",
             ++round, reached.pq, reached.sq, reached.rq, reached.recall, reached.precision);
@@ -57,12 +57,12 @@ worlds::MaskNoise fitted_noise(const MaskSimulation& simulation,
 
 }  // namespace
 
-TrueLabels load_true_labels(const renderer::RgbdSequence& recording, std::size_t i) {
+TrueLabels load_true_labels(const reconstruction::RgbdSequence& recording, std::size_t i) {
   if (!recording.has_masks()) {
     throw core::InputError::expected(recording.name(), "a recording with exact labels",
                                      "none");
   }
-  renderer::RgbdFrame frame = recording.load(i);
+  reconstruction::RgbdFrame frame = recording.load(i);
   return {std::move(frame.semantic), std::move(frame.instance), frame.T_world_camera,
           static_cast<std::uint32_t>(i)};
 }
@@ -84,19 +84,19 @@ std::vector<std::pair<std::string, double>> MaskQuality::listing() const {
           {"strict_scene_pq", strict.pq}};
 }
 
-MaskQuality mask_quality(const renderer::ContingencyTable& table,
+MaskQuality mask_quality(const reconstruction::ContingencyTable& table,
                          std::span<const core::SceneClass> classes, int width_px) {
   MaskQuality quality;
-  quality.views = renderer::view_quality(table, classes, {.width_px = width_px});
-  quality.coco =
-      renderer::panoptic_quality(table, classes, renderer::PanopticRules::coco_per_frame());
-  quality.strict =
-      renderer::panoptic_quality(table, classes, renderer::PanopticRules::strict());
+  quality.views = reconstruction::view_quality(table, classes, {.width_px = width_px});
+  quality.coco = reconstruction::panoptic_quality(
+      table, classes, reconstruction::PanopticRules::coco_per_frame());
+  quality.strict = reconstruction::panoptic_quality(table, classes,
+                                                    reconstruction::PanopticRules::strict());
   return quality;
 }
 
-renderer::ViewQuality published_quality() {
-  renderer::ViewQuality published;
+reconstruction::ViewQuality published_quality() {
+  reconstruction::ViewQuality published;
   published.pq = 0.5350, published.sq = 0.8155, published.rq = 0.6511;
   published.mean_iou = 0.5466, published.mean_accuracy = 0.6237;
   published.mean_coverage = 0.5621;
@@ -107,8 +107,10 @@ renderer::ViewQuality published_quality() {
 }
 
 std::string mask_quality_text(const std::string& name, const MaskQuality& quality) {
-  const auto percent = [](double share) { return internal::print("%.1f", 100.0 * share); };
-  const auto row = [&](const std::string& title, const renderer::ViewQuality& q) {
+  const auto percent = [](double share) {
+    return support::internal::print("%.1f", 100.0 * share);
+  };
+  const auto row = [&](const std::string& title, const reconstruction::ViewQuality& q) {
     return std::vector<std::string>{title,
                                     percent(q.pq),
                                     percent(q.sq),
@@ -118,11 +120,11 @@ std::string mask_quality_text(const std::string& name, const MaskQuality& qualit
                                     percent(q.mean_iou),
                                     percent(q.mean_accuracy),
                                     percent(q.mean_coverage),
-                                    internal::print("%.2f", q.true_segments),
-                                    internal::print("%.2f", q.predicted_segments),
+                                    support::internal::print("%.2f", q.true_segments),
+                                    support::internal::print("%.2f", q.predicted_segments),
                                     q.views == 0 ? "-" : percent(q.labelled_share)};
   };
-  internal::TextGrid grid;
+  support::internal::TextGrid grid;
   grid.header = {"Masks, single views, IoU > 0.3",
                  "PQ",
                  "SQ",
@@ -137,7 +139,7 @@ std::string mask_quality_text(const std::string& name, const MaskQuality& qualit
                  "Labelled"};
   grid.rows = {row(name, quality.views),
                row("published (Grounded-SAM, ScanNet++)", published_quality())};
-  return internal::text_of(grid) + "\nCOCO per-frame PQ (IoU > 0.5) " +
+  return support::internal::text_of(grid) + "\nCOCO per-frame PQ (IoU > 0.5) " +
          percent(quality.coco.pq) + ", SQ " + percent(quality.coco.sq) + ", RQ " +
          percent(quality.coco.rq) + "; strict scene PQ " + percent(quality.strict.pq) +
          " with the ids as they are\n";
@@ -146,21 +148,21 @@ std::string mask_quality_text(const std::string& name, const MaskQuality& qualit
 worlds::MaskNoise fit_mask_noise(
     const worlds::MaskNoise& noise, const std::vector<core::SceneClass>& classes,
     std::uint64_t seed, const std::string& scene, std::span<const TrueLabels> views,
-    const core::CameraIntrinsics& intrinsics, const renderer::ViewQuality& target,
-    double tolerance, const std::function<void(const renderer::ViewQuality&)>& note) {
+    const core::CameraIntrinsics& intrinsics, const reconstruction::ViewQuality& target,
+    double tolerance, const std::function<void(const reconstruction::ViewQuality&)>& note) {
   constexpr int kRounds = 12;
   double misses = 1.0, false_positives = 1.0, shapes = 1.0;
   worlds::MaskNoise fitted = noise;
   for (int round = 0; round < kRounds; ++round) {
     fitted = noise.scaled(misses, false_positives, shapes);
     const worlds::MaskSimulator simulator(classes, fitted, seed, scene);
-    renderer::ContingencyTable table;
+    reconstruction::ContingencyTable table;
     for (const TrueLabels& truth : views) {
       const core::FrameMasks masks = simulator.simulate(truth.view(intrinsics));
       table.add_frame({truth.semantic, truth.instance}, {masks.semantic, masks.instance});
     }
-    const renderer::ViewQuality reached =
-        renderer::view_quality(table, classes, {.width_px = intrinsics.width_px});
+    const reconstruction::ViewQuality reached =
+        reconstruction::view_quality(table, classes, {.width_px = intrinsics.width_px});
     note(reached);
     // Recall and precision follow from RQ and from their balance.
     const double balance = shortfall(reached.recall, target.recall) -
@@ -179,12 +181,12 @@ worlds::MaskNoise fit_mask_noise(
 }
 
 std::string describe(const MaskSimulation& simulation) {
-  return internal::print("simulated, level %g", simulation.level) +
+  return support::internal::print("simulated, level %g", simulation.level) +
          (simulation.fit ? ", fitted" : "") + ", seed " + std::to_string(simulation.seed);
 }
 
 MaskQuality simulate_masks(
-    const renderer::RgbdSequence& recording, const MaskSimulation& simulation,
+    const reconstruction::RgbdSequence& recording, const MaskSimulation& simulation,
     const std::filesystem::path& folder,
     const std::function<void(const TrueLabels&, const core::FrameMasks&)>& on_view) {
   std::filesystem::remove(folder / "masks.yaml");  // Until it is complete again.
@@ -195,26 +197,27 @@ MaskQuality simulate_masks(
                                         recording.name());
   const std::size_t step = static_cast<std::size_t>(simulation.frame_step);
   const std::size_t views = (recording.frame_count() + step - 1) / step;
-  renderer::ContingencyTable table;
+  reconstruction::ContingencyTable table;
   core::Progress progress("simulate masks", static_cast<std::int64_t>(views));
   for (std::size_t k = 0; k < views; ++k) {
     const TrueLabels truth = load_true_labels(recording, k * step);
     const core::FrameMasks masks = simulator.simulate(truth.view(recording.intrinsics()));
     table.add_frame({truth.semantic, truth.instance}, {masks.semantic, masks.instance});
-    renderer::write_masks(folder, recording.frame_name(k * step), masks, recording.classes());
+    reconstruction::write_masks(folder, recording.frame_name(k * step), masks,
+                                recording.classes());
     if (on_view) on_view(truth, masks);
     progress.update(static_cast<std::int64_t>(k) + 1);
   }
   progress.finish();
   const MaskQuality quality =
       mask_quality(table, recording.classes(), recording.intrinsics().width_px);
-  renderer::MaskSetInfo info;
+  reconstruction::MaskSetInfo info;
   info.source = describe(simulation) + ", of " + recording.name();
   info.classes = recording.classes();
   info.settings = noise.listing();
   info.measured = quality.listing();
-  renderer::write_mask_set_info(folder, info);
+  reconstruction::write_mask_set_info(folder, info);
   return quality;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::training

@@ -16,7 +16,7 @@
 #include "reconstruction/evaluation/view_quality.h"
 #include "worlds/masks/mask_simulator.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::training {
 
 /// Exact labels of one view, kept in memory.
 struct TrueLabels {
@@ -30,25 +30,25 @@ struct TrueLabels {
 };
 
 /// @throws InputError if the recording has no labels.
-[[nodiscard]] TrueLabels load_true_labels(const renderer::RgbdSequence& recording,
+[[nodiscard]] TrueLabels load_true_labels(const reconstruction::RgbdSequence& recording,
                                           std::size_t i);
 
 /// Figures of a set of masks.
 struct MaskQuality {
-  renderer::ViewQuality views;
-  renderer::PanopticQuality coco,
+  reconstruction::ViewQuality views;
+  reconstruction::PanopticQuality coco,
       strict;  ///< Of single views at IoU > 0.5; of the scene.
 
   /// Name and value, for masks.yaml; shares in [0, 1].
   [[nodiscard]] std::vector<std::pair<std::string, double>> listing() const;
 };
 
-[[nodiscard]] MaskQuality mask_quality(const renderer::ContingencyTable& table,
+[[nodiscard]] MaskQuality mask_quality(const reconstruction::ContingencyTable& table,
                                        std::span<const core::SceneClass> classes,
                                        int width_px);
 
 /// The published quality of Grounded-SAM masks on three ScanNet++ scenes.
-[[nodiscard]] renderer::ViewQuality published_quality();
+[[nodiscard]] reconstruction::ViewQuality published_quality();
 
 /// Rows per set of masks, the last one what was published; in percent.
 [[nodiscard]] std::string mask_quality_text(const std::string& name,
@@ -61,8 +61,8 @@ struct MaskQuality {
 [[nodiscard]] worlds::MaskNoise fit_mask_noise(
     const worlds::MaskNoise& noise, const std::vector<core::SceneClass>& classes,
     std::uint64_t seed, const std::string& scene, std::span<const TrueLabels> views,
-    const core::CameraIntrinsics& intrinsics, const renderer::ViewQuality& target,
-    double tolerance, const std::function<void(const renderer::ViewQuality&)>& note);
+    const core::CameraIntrinsics& intrinsics, const reconstruction::ViewQuality& target,
+    double tolerance, const std::function<void(const reconstruction::ViewQuality&)>& note);
 
 /// What noisy masks are made of.
 struct MaskSimulation {
@@ -80,8 +80,8 @@ struct MaskSimulation {
 /// last.
 /// @param on_view  Gets truth and masks of every view; may be empty.
 MaskQuality simulate_masks(
-    const renderer::RgbdSequence& recording, const MaskSimulation& simulation,
+    const reconstruction::RgbdSequence& recording, const MaskSimulation& simulation,
     const std::filesystem::path& folder,
     const std::function<void(const TrueLabels&, const core::FrameMasks&)>& on_view = {});
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::training

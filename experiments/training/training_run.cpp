@@ -22,13 +22,13 @@
 #include "reconstruction/training/training_views.h"
 #include "renderer/cpu_renderer.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::training {
 namespace {
 
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
+using reconstruction::TrainingSet;
 using renderer::SurfelCloud;
-using renderer::TrainingSet;
 
 constexpr const char* kGeometryState = "geometry.state";
 constexpr const char* kHeadState = "head.state";
@@ -77,14 +77,14 @@ void write_preview(const fs::path& file, const TrainingSet& set,
                    std::shared_ptr<const SurfelCloud> surfels,
                    std::shared_ptr<const renderer::PanopticField> field, int threads) {
   const auto& views = set.held_out.empty() ? set.training : set.held_out;
-  const renderer::TrainingView& view = views[views.size() / 2];
+  const reconstruction::TrainingView& view = views[views.size() / 2];
   renderer::RenderOptions options;
   options.threads = threads;
   const auto renderer =
       renderer::make_cpu_renderer(std::move(surfels), options, std::move(field));
   const core::Frame frame =
       renderer->render(view.T_world_camera, set.intrinsics, core::Channels::kAll);
-  const core::Image<core::Rgb8> labels = panoptic_picture(frame);
+  const core::Image<core::Rgb8> labels = drawing::panoptic_picture(frame);
   const int width = set.intrinsics.width_px, height = set.intrinsics.height_px;
   core::Image<core::Rgb8> picture(3 * width, height);
   for (int y = 0; y < height; ++y) {
@@ -115,13 +115,13 @@ class TrainingRun {
 
   TrainedScene run() {
     TrainedScene scene;
-    renderer::with_memory_errors(
+    reconstruction::with_memory_errors(
         "training shape and colour", [&] { return geometry_advice(); },
         [&] { scene.surfels = train_geometry(); });
     scene.classes = set_.classes;
     std::shared_ptr<const renderer::PanopticField> field;
     if (options_.head != "none" && !set_.classes.empty()) {
-      renderer::with_memory_errors(
+      reconstruction::with_memory_errors(
           "training labels", [&] { return head_advice(); },
           [&] { field = train_head(scene); });
     } else if (start_.has_labels() && start_.size() == scene.surfels.size()) {
@@ -136,7 +136,7 @@ class TrainingRun {
     draw.threads = options_.device.threads;
     const auto renderer = renderer::make_cpu_renderer(surfels, draw, field);
     scene.field = field;
-    scene.quality = renderer::held_out_quality(*renderer, set_, {{}, exposures_});
+    scene.quality = reconstruction::held_out_quality(*renderer, set_, {{}, exposures_});
     const auto quality = scene.quality.listing();
     statistics_.insert(statistics_.end(), quality.begin(), quality.end());
     if (options_.align_held_out && !set_.held_out.empty()) {
@@ -183,14 +183,14 @@ class TrainingRun {
     }
   }
   /// Takes the training views' poses from the trainer, if they were moved.
-  void keep_poses(const renderer::GeometryTrainer& trainer);
-  [[nodiscard]] renderer::HeldOutQuality aligned_quality(core::Renderer& renderer,
-                                               const SurfelCloud& surfels);
-  void add_change(const std::string& prefix, const renderer::PoseChange& change);
+  void keep_poses(const reconstruction::GeometryTrainer& trainer);
+  [[nodiscard]] reconstruction::HeldOutQuality aligned_quality(core::Renderer& renderer,
+                                                               const SurfelCloud& surfels);
+  void add_change(const std::string& prefix, const reconstruction::PoseChange& change);
   std::shared_ptr<const renderer::PanopticField> train_head(TrainedScene& scene);
   /// @return  Iterations that the loaded head has behind it; 0 without a state.
-  std::int64_t load_head(renderer::PanopticHead& head);
-  void save_head(const renderer::PanopticHead& head, std::int64_t iteration);
+  std::int64_t load_head(reconstruction::PanopticHead& head);
+  void save_head(const reconstruction::PanopticHead& head, std::int64_t iteration);
 
   const TrainingSet& set_;
   const SurfelCloud& start_;
@@ -200,13 +200,14 @@ class TrainingRun {
   Clock::time_point begin_ = Clock::now();
   std::unique_ptr<LossTable> losses_;
   std::vector<std::pair<std::string, double>> statistics_;
-  std::vector<core::CameraPose> poses_;        ///< Of the training views; empty: as recorded.
-  std::vector<renderer::Exposure> exposures_;  ///< Of the training views, if trained.
+  std::vector<core::CameraPose> poses_;  ///< Of the training views; empty: as recorded.
+  std::vector<reconstruction::Exposure> exposures_;  ///< Of the training views, if trained.
 };
 
 SurfelCloud TrainingRun::train_geometry() {
-  const renderer::GeometryConfig& config = options_.config.geometry;
-  renderer::GeometryTrainer trainer(set_, start_, config, options_.seed, options_.device);
+  const reconstruction::GeometryConfig& config = options_.config.geometry;
+  reconstruction::GeometryTrainer trainer(set_, start_, config, options_.seed,
+                                          options_.device);
   if (options_.resume && fs::exists(geometry_state())) {
     trainer.load(geometry_state(), identity_);
     std::fprintf(stderr, "resumed at iteration %ld of %ld\n",
@@ -216,7 +217,7 @@ SurfelCloud TrainingRun::train_geometry() {
   core::Progress progress("train shape and colour", config.iterations);
   std::int64_t done_here = 0;
   while (trainer.iteration() < config.iterations && !out_of_time(kGeometryShare)) {
-    const renderer::GeometryStep step = naming_state([&] { return trainer.step(); });
+    const reconstruction::GeometryStep step = naming_state([&] { return trainer.step(); });
     ++done_here;
     char note[96];
     std::snprintf(note, sizeof note, "colour %.4f depth %.4f normal %.4f, %ld k surfels",
@@ -252,33 +253,35 @@ SurfelCloud TrainingRun::train_geometry() {
   return trainer.surfels();
 }
 
-void TrainingRun::keep_poses(const renderer::GeometryTrainer& trainer) {
+void TrainingRun::keep_poses(const reconstruction::GeometryTrainer& trainer) {
   const auto& rate = options_.config.geometry.rate;
   if (rate.pose_rotation <= 0.0 && rate.pose_translation <= 0.0) return;
   poses_ = trainer.poses();
   std::vector<core::CameraPose> recorded;
   for (const auto& view : set_.training) recorded.push_back(view.T_world_camera);
-  add_change("pose", renderer::pose_change(recorded, poses_));
+  add_change("pose", reconstruction::pose_change(recorded, poses_));
 }
 
-renderer::HeldOutQuality TrainingRun::aligned_quality(core::Renderer& renderer,
-                                            const SurfelCloud& surfels) {
+reconstruction::HeldOutQuality TrainingRun::aligned_quality(core::Renderer& renderer,
+                                                            const SurfelCloud& surfels) {
   core::Progress progress("align held-out views",
                           static_cast<std::int64_t>(set_.held_out.size()));
-  const std::vector<core::CameraPose> poses = renderer::align_views(
+  const std::vector<core::CameraPose> poses = reconstruction::align_views(
       set_.held_out, set_.intrinsics, surfels, options_.config.geometry, options_.device,
       [&](std::int64_t done, std::int64_t) { progress.update(done); });
   progress.finish();
   std::vector<core::CameraPose> recorded;
   for (const auto& view : set_.held_out) recorded.push_back(view.T_world_camera);
-  add_change("held_out_pose", renderer::pose_change(recorded, poses));
-  renderer::HeldOutQuality quality = renderer::held_out_quality(renderer, set_, {poses, exposures_});
+  add_change("held_out_pose", reconstruction::pose_change(recorded, poses));
+  reconstruction::HeldOutQuality quality =
+      reconstruction::held_out_quality(renderer, set_, {poses, exposures_});
   const auto listing = quality.listing("held_out_aligned_");
   statistics_.insert(statistics_.end(), listing.begin(), listing.end());
   return quality;
 }
 
-void TrainingRun::add_change(const std::string& prefix, const renderer::PoseChange& change) {
+void TrainingRun::add_change(const std::string& prefix,
+                             const reconstruction::PoseChange& change) {
   const double degrees = 180.0 / std::numbers::pi;
   statistics_.insert(statistics_.end(),
                      {{prefix + "_mean_shift_m", change.mean_m},
@@ -287,7 +290,7 @@ void TrainingRun::add_change(const std::string& prefix, const renderer::PoseChan
                       {prefix + "_largest_turn_deg", change.largest_rad * degrees}});
 }
 
-std::int64_t TrainingRun::load_head(renderer::PanopticHead& head) {
+std::int64_t TrainingRun::load_head(reconstruction::PanopticHead& head) {
   if (!options_.resume || !fs::exists(head_state()) || !fs::exists(head_mark())) return 0;
   std::ifstream in(head_mark());
   std::string identity;
@@ -301,7 +304,7 @@ std::int64_t TrainingRun::load_head(renderer::PanopticHead& head) {
   return iteration;
 }
 
-void TrainingRun::save_head(const renderer::PanopticHead& head, std::int64_t iteration) {
+void TrainingRun::save_head(const reconstruction::PanopticHead& head, std::int64_t iteration) {
   // Without its mark a state is not used, so a kill in between costs time, not correctness.
   fs::remove(head_mark());
   head.save(head_state());
@@ -312,18 +315,18 @@ void TrainingRun::save_head(const renderer::PanopticHead& head, std::int64_t ite
 std::shared_ptr<const renderer::PanopticField> TrainingRun::train_head(TrainedScene& scene) {
   const Clock::time_point start = Clock::now();
   const auto views =
-      renderer::make_training_views(set_, scene.surfels, options_.device, poses_);
-  const renderer::PanopticTrainingConfig& config = options_.config.panoptic;
-  renderer::PanopticHeadInputs inputs;
+      reconstruction::make_training_views(set_, scene.surfels, options_.device, poses_);
+  const reconstruction::PanopticTrainingConfig& config = options_.config.panoptic;
+  reconstruction::PanopticHeadInputs inputs;
   inputs.position_m = scene.surfels.position_m;
   inputs.classes = set_.classes;
   inputs.frames = views->count();
-  inputs.cuda_device = renderer::trains_on_gpu(options_.device) ? 0 : -1;
-  inputs.query_seeds = renderer::seed_queries(*views, config, options_.seed);
-  const auto head =
-      renderer::make_panoptic_head(options_.head, std::move(inputs), config, options_.seed);
+  inputs.cuda_device = reconstruction::trains_on_gpu(options_.device) ? 0 : -1;
+  inputs.query_seeds = reconstruction::seed_queries(*views, config, options_.seed);
+  const auto head = reconstruction::make_panoptic_head(options_.head, std::move(inputs),
+                                                       config, options_.seed);
 
-  renderer::PanopticTrainingRun run;
+  reconstruction::PanopticTrainingRun run;
   run.config = config;
   run.classes = set_.classes;
   run.seed = options_.seed;
@@ -331,13 +334,13 @@ std::shared_ptr<const renderer::PanopticField> TrainingRun::train_head(TrainedSc
   run.warp = options_.head == "panoptic-splatting" || config.loss.warp > 0.0;
   core::Progress progress("train labels", config.iterations);
   const auto surfels = std::make_shared<const SurfelCloud>(scene.surfels);
-  run.on_progress = [&](const renderer::PanopticProgress& p) {
+  run.on_progress = [&](const reconstruction::PanopticProgress& p) {
     char note[64];
     std::snprintf(note, sizeof note, "loss %.4f",
                   p.losses.empty() ? 0.0 : p.losses.back().value);
     progress.update(p.iteration, note);
     if (p.iteration % 10 == 0) {
-      for (const renderer::NamedLoss& loss : p.losses) {
+      for (const reconstruction::NamedLoss& loss : p.losses) {
         losses_->add("labels", p.iteration, seconds_since(begin_),
                      static_cast<std::int64_t>(surfels->size()), loss.name, loss.value);
       }
@@ -355,12 +358,12 @@ std::shared_ptr<const renderer::PanopticField> TrainingRun::train_head(TrainedSc
   progress.finish();
   save_head(*head, iterations);
 
-  renderer::PanopticResult result = head->result();
+  reconstruction::PanopticResult result = head->result();
   scene.model = std::move(result.model);
   scene.surfels.semantic_feature = std::move(result.semantic_feature);
   scene.surfels.instance_feature = std::move(result.instance_feature);
-  renderer::label_surfels(result.field, scene.surfels);
-  scene.instances = renderer::instances_of(scene.surfels, scene.classes);
+  reconstruction::label_surfels(result.field, scene.surfels);
+  scene.instances = reconstruction::instances_of(scene.surfels, scene.classes);
   statistics_.emplace_back("label_iterations", static_cast<double>(iterations));
   statistics_.emplace_back("label_seconds", seconds_since(start));
   return std::make_shared<const renderer::PanopticField>(std::move(result.field));
@@ -368,11 +371,13 @@ std::shared_ptr<const renderer::PanopticField> TrainingRun::train_head(TrainedSc
 
 }  // namespace
 
-TrainingSet load_set(const renderer::RgbdSequence& recording, const TrainingOptions& options) {
-  std::unique_ptr<renderer::MaskSet> masks;
-  if (!options.masks.empty()) masks = renderer::open_masks(options.masks, recording.classes());
+TrainingSet load_set(const reconstruction::RgbdSequence& recording,
+                     const TrainingOptions& options) {
+  std::unique_ptr<reconstruction::MaskSet> masks;
+  if (!options.masks.empty())
+    masks = reconstruction::open_masks(options.masks, recording.classes());
   std::unique_ptr<core::Progress> progress;
-  renderer::TrainingSet set = renderer::load_training_set(
+  reconstruction::TrainingSet set = reconstruction::load_training_set(
       recording, masks.get(), options.set, [&](std::int64_t done, std::int64_t total) {
         if (!progress) progress = std::make_unique<core::Progress>("load frames", total);
         progress->update(done);
@@ -385,7 +390,7 @@ TrainingSet load_set(const renderer::RgbdSequence& recording, const TrainingOpti
 
 std::string training_identity(const TrainingOptions& options, const TrainingSet& set,
                               const SurfelCloud& start) {
-  std::string text = renderer::training_config_text(options.config);
+  std::string text = reconstruction::training_config_text(options.config);
   text += options.head + " seed " + std::to_string(options.seed) + " start " +
           core::sha256_hex(std::as_bytes(std::span(start.position_m))) + " masks " +
           fs::weakly_canonical(options.masks).string() + " size " +
@@ -404,4 +409,4 @@ TrainedScene train_scene(const TrainingSet& set, const SurfelCloud& start,
   return TrainingRun(set, start, options).run();
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::training

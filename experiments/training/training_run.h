@@ -25,14 +25,14 @@
 #include "renderer/scene/panoptic_field.h"
 #include "renderer/scene/surfels.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::training {
 
 struct TrainingOptions {
-  renderer::TrainingConfig config;
+  reconstruction::TrainingConfig config;
   std::string head = "query";   ///< panoptic_head_names(), or "none": shape and colour only.
   std::filesystem::path masks;  ///< Folder of per-view masks; empty: the recording's labels.
-  renderer::TrainingSetOptions set;
-  renderer::GeometryDevice device;
+  reconstruction::TrainingSetOptions set;
+  reconstruction::GeometryDevice device;
   std::uint64_t seed = 1;
   std::filesystem::path work;   ///< Folder of the state.
   bool resume = false;          ///< Go on from the state if there is one; else begin anew.
@@ -48,30 +48,30 @@ struct TrainedScene {
   std::shared_ptr<const renderer::PanopticField> field;
   std::vector<core::SceneClass> classes;
   std::vector<core::SceneInstance> instances;
-  renderer::HeldOutQuality quality;
-  std::optional<renderer::HeldOutQuality> aligned_quality;  ///< With align_held_out.
+  reconstruction::HeldOutQuality quality;
+  std::optional<reconstruction::HeldOutQuality> aligned_quality;  ///< With align_held_out.
   /// T_world_camera of the training views; empty unless training moved them.
   std::vector<core::CameraPose> refined_poses;
   std::vector<std::pair<std::string, double>> statistics;  ///< For the manifest.
 };
 
 /// Loads frames and masks as the options say.
-[[nodiscard]] renderer::TrainingSet load_set(const renderer::RgbdSequence& recording,
-                                             const TrainingOptions& options);
+[[nodiscard]] reconstruction::TrainingSet load_set(
+    const reconstruction::RgbdSequence& recording, const TrainingOptions& options);
 
 /// @param start  From lift() of the training frames, or start_from_cloud().
 /// @throws core::InputError: a state of another run, no GPU; a loss that is not finite or too
 ///     little memory, with the last state kept.
-[[nodiscard]] TrainedScene train_scene(const renderer::TrainingSet& set,
+[[nodiscard]] TrainedScene train_scene(const reconstruction::TrainingSet& set,
                                        const renderer::SurfelCloud& start,
                                        const TrainingOptions& options);
 
 /// What a state belongs to: other settings, frames or seeds are another run.
 [[nodiscard]] std::string training_identity(const TrainingOptions& options,
-                                            const renderer::TrainingSet& set,
+                                            const reconstruction::TrainingSet& set,
                                             const renderer::SurfelCloud& start);
 
 /// Removes what is only good for going on; pictures and losses stay.
 void remove_training_state(const std::filesystem::path& work);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::training

@@ -14,21 +14,22 @@
 #include "experiments/trials/trial_runner.h"
 #include "renderer/cpu_renderer.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::trials {
 namespace {
 
 /// An experiment with one scene and the oracle-path arm.
-ExperimentSpec spec_for(const std::filesystem::path& file, const EpisodeSet& set,
-                        const ValidationOptions& options) {
-  const EpisodeViewer& viewer = set.viewer ? *set.viewer : options.viewer;
-  ExperimentSpec spec;
+specs::ExperimentSpec spec_for(const std::filesystem::path& file,
+                               const episodes::EpisodeSet& set,
+                               const ValidationOptions& options) {
+  const episodes::EpisodeViewer& viewer = set.viewer ? *set.viewer : options.viewer;
+  specs::ExperimentSpec spec;
   spec.name = spec.title = "validation";
-  SceneSpec scene;
+  specs::SceneSpec scene;
   scene.name = scene.title = set.scene;
   scene.episode_file = file;
   scene.camera_height_m = viewer.camera_height_m;
   spec.scenes.push_back(scene);
-  ArmSpec arm;
+  specs::ArmSpec arm;
   arm.name = "oracle-path";
   arm.policy = nav::PolicyRegistry::instance().usual("oracle-path");
   spec.arms.push_back(arm);
@@ -93,9 +94,9 @@ class NearGoalRenderer final : public core::Renderer {
 };
 
 /// Runs the tasks on some threads; rows in the order of the tasks.
-std::vector<TrialRow> run_all(const ExperimentSpec& spec, const std::vector<TrialTask>& tasks,
-                              int workers) {
-  std::vector<TrialRow> rows(tasks.size());
+std::vector<records::TrialRow> run_all(const specs::ExperimentSpec& spec,
+                                       const std::vector<TrialTask>& tasks, int workers) {
+  std::vector<records::TrialRow> rows(tasks.size());
   std::atomic<std::size_t> next{0};
   std::mutex mutex;  // Guards what follows.
   std::int64_t done = 0;
@@ -132,11 +133,12 @@ std::vector<TrialRow> run_all(const ExperimentSpec& spec, const std::vector<Tria
 Validation validate_episodes(const std::filesystem::path& file,
                              const std::filesystem::path& bundle_folder,
                              const ValidationOptions& options) {
-  EpisodeSet as_written = read_episodes(file);
-  const ExperimentSpec spec = spec_for(file, as_written, options);
+  episodes::EpisodeSet as_written = episodes::read_episodes(file);
+  const specs::ExperimentSpec spec = spec_for(file, as_written, options);
   const LoadedScene scene = load_scene(spec, spec.scenes.front(), bundle_folder, {});
   Validation validation;
-  validation.findings = bind_episodes(as_written, file.string(), scene.bundle, scene.world);
+  validation.findings =
+      episodes::bind_episodes(as_written, file.string(), scene.bundle, scene.world);
   std::vector<TrialTask> tasks;
   for (const sim::Episode& episode : scene.episodes.episodes) {
     TrialTask task;
@@ -149,11 +151,11 @@ Validation validate_episodes(const std::filesystem::path& file,
     }
   }
   if (!tasks.empty()) validation.trials = run_all(spec, tasks, options.workers);
-  OracleRecord& oracle = validation.oracle;
+  episodes::OracleRecord& oracle = validation.oracle;
   oracle.profile = options.profile;
   // What cannot be done at all counts against the set.
   oracle.episodes = static_cast<int>(scene.episodes.episodes.size());
-  for (const TrialRow& trial : validation.trials) {
+  for (const records::TrialRow& trial : validation.trials) {
     if (trial.failed()) throw core::InputError(trial.episode + ": " + trial.error);
     oracle.successes += trial.success ? 1 : 0;
     oracle.spl += trial.spl / oracle.episodes;
@@ -161,4 +163,4 @@ Validation validate_episodes(const std::filesystem::path& file,
   return validation;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::trials

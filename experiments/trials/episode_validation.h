@@ -15,23 +15,25 @@
 #include "experiments/records/store.h"
 #include "sim/trial/success_profile.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::trials {
 
 struct ValidationOptions {
   std::string robot;  ///< Empty: that of the set, else jackal-gentle.
   std::string profile = "segsim-object";
-  EpisodeViewer viewer;  ///< For a set that names none.
+  episodes::EpisodeViewer viewer;  ///< For a set that names none.
   double control_period_s = 0.25, time_limit_s = 240.0;
   int workers = 1;
 };
 
 struct Validation {
-  std::vector<EpisodeFinding> findings;  ///< One per episode.
+  std::vector<episodes::EpisodeFinding> findings;  ///< One per episode.
   /// Of the episodes that can be done. Nothing was drawn far from the goal, so what they say
   /// of perception does not count.
-  std::vector<TrialRow> trials;
-  OracleRecord oracle;
-  [[nodiscard]] bool flagged() const { return oracle.rate() < OracleRecord::kExpected; }
+  std::vector<records::TrialRow> trials;
+  episodes::OracleRecord oracle;
+  [[nodiscard]] bool flagged() const {
+    return oracle.rate() < episodes::OracleRecord::kExpected;
+  }
 };
 
 /// @param file  Of the set.
@@ -40,4 +42,4 @@ struct Validation {
                                            const std::filesystem::path& bundle_folder,
                                            const ValidationOptions& options);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::trials

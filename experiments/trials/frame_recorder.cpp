@@ -6,7 +6,7 @@
 
 #include "core/check.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::trials {
 namespace {
 
 namespace fs = std::filesystem;
@@ -43,4 +43,4 @@ void FrameRecorder::add(const sim::TickRecord& tick, const core::Frame& seen) {
 
 void FrameRecorder::finish() { writer_.close(); }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::trials

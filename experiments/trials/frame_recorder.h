@@ -10,7 +10,7 @@
 #include "renderer/files/frame_writer.h"
 #include "sim/trial/trial.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::trials {
 
 /// One sequence. A recorded tick is rendered once more, with every channel, because the loop
 /// itself does without normals; files are written on another thread. Neither changes what the
@@ -40,4 +40,4 @@ class FrameRecorder {
   renderer::FrameWriter writer_;
 };
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::trials

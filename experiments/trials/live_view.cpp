@@ -15,7 +15,7 @@
 #include "experiments/drawing/frame_picture.h"
 #include "experiments/drawing/map_canvas.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::trials {
 namespace {
 
 namespace fs = std::filesystem;
@@ -51,7 +51,7 @@ std::string encoded(const cv::Mat& image, const char* ending) {
 }
 
 std::string encoded_picture(const core::Image<core::Rgb8>& image) {
-  cv::Mat bgr = to_bgr(image);
+  cv::Mat bgr = drawing::to_bgr(image);
   if (bgr.cols > kPictureWidth_px) {
     const double scale = static_cast<double>(kPictureWidth_px) / bgr.cols;
     cv::resize(bgr, bgr, cv::Size(), scale, scale, cv::INTER_AREA);
@@ -151,7 +151,7 @@ void LiveView::write(const sim::TickRecord& tick, const core::Frame& frame,
   std::vector<std::pair<std::string, std::string>> parts;
   if (!frame.rgb.empty()) parts.emplace_back("camera.jpg", encoded_picture(frame.rgb));
   if (!frame.semantic.empty()) {
-    parts.emplace_back("panoptic.jpg", encoded_picture(panoptic_picture(frame)));
+    parts.emplace_back("panoptic.jpg", encoded_picture(drawing::panoptic_picture(frame)));
   }
   if (!view.cells.empty()) parts.emplace_back("cells.png", encoded_cells(view.cells));
   core::write_file_atomically(file_, [&](std::ostream& out) {
@@ -238,4 +238,4 @@ core::Decision TimedPolicy::decide(const core::Observation& seen,
   return decision;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::trials

@@ -26,7 +26,7 @@
 #include "core/stages.h"
 #include "sim/trial/trial.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::trials {
 
 /// Folder of the files above, below that of the results.
 inline constexpr const char* kLiveFolder = "live";
@@ -130,4 +130,4 @@ class TimedPolicy final : public core::Policy {
   LiveView& live_;
 };
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::trials

@@ -10,12 +10,13 @@
 #include "renderer/cpu_renderer.h"
 #include "sim/ground/robot.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::trials {
 
 namespace fs = std::filesystem;
 
-EpisodeRules episode_rules(const ExperimentSpec& spec, const SceneSpec& scene) {
-  EpisodeRules rules;
+episodes::EpisodeRules episode_rules(const specs::ExperimentSpec& spec,
+                                     const specs::SceneSpec& scene) {
+  episodes::EpisodeRules rules;
   rules.goals = scene.goals;
   rules.count = scene.episodes;
   rules.seed = spec.seed;
@@ -34,7 +35,7 @@ namespace {
 
 /// Where a scene has its episodes from.
 struct SceneEpisodes {
-  EpisodeSet set;
+  episodes::EpisodeSet set;
   fs::path file;
   bool made = false;  ///< Now.
 };
@@ -42,29 +43,30 @@ struct SceneEpisodes {
 /// Those of the file if it was made by the same rules for the same bundle; else new ones.
 SceneEpisodes generated_episodes(
     const fs::path& file, const std::string& scene_name, const core::SceneBundle& bundle,
-    const sim::World& world, const EpisodeRules& rules,
+    const sim::World& world, const episodes::EpisodeRules& rules,
     const std::function<std::unique_ptr<core::Renderer>()>& make_eye) {
   if (fs::exists(file)) {
-    EpisodeSet kept = read_episodes(file);
+    episodes::EpisodeSet kept = episodes::read_episodes(file);
     if (kept.scene == scene_name && kept.scene_sha256 == bundle.scene_sha256 &&
-        kept.rules_sha256 == rules_hash(rules, world.robot().name)) {
+        kept.rules_sha256 == episodes::rules_hash(rules, world.robot().name)) {
       return {std::move(kept), file};
     }
   }
   const auto eye = make_eye();
-  write_episodes(file, generate_episodes(scene_name, bundle, world, *eye, rules));
-  return {read_episodes(file), file, true};
+  episodes::write_episodes(
+      file, episodes::generate_episodes(scene_name, bundle, world, *eye, rules));
+  return {episodes::read_episodes(file), file, true};
 }
 
 /// A given set, made ready for this world; what cannot be done is said once.
-EpisodeSet bound_episodes(EpisodeSet set, const fs::path& file,
-                          const core::SceneBundle& bundle, const sim::World& world) {
-  const std::vector<EpisodeFinding> findings =
-      bind_episodes(set, file.string(), bundle, world);
+episodes::EpisodeSet bound_episodes(episodes::EpisodeSet set, const fs::path& file,
+                                    const core::SceneBundle& bundle, const sim::World& world) {
+  const std::vector<episodes::EpisodeFinding> findings =
+      episodes::bind_episodes(set, file.string(), bundle, world);
   int infeasible = 0, changed = 0;
-  for (const EpisodeFinding& finding : findings) {
+  for (const episodes::EpisodeFinding& finding : findings) {
     infeasible += finding.infeasible() ? 1 : 0;
-    changed += finding.state == EpisodeState::kWrongLength ? 1 : 0;
+    changed += finding.state == episodes::EpisodeState::kWrongLength ? 1 : 0;
   }
   if (infeasible + changed > 0) {
     std::fprintf(stderr,
@@ -79,18 +81,18 @@ EpisodeSet bound_episodes(EpisodeSet set, const fs::path& file,
 /// Those of the first reconstruction in another one.
 SceneEpisodes shared_episodes(const fs::path& first, const fs::path& file,
                               const core::SceneBundle& bundle, const sim::World& world) {
-  EpisodeSet set = read_episodes(first);
+  episodes::EpisodeSet set = episodes::read_episodes(first);
   set.scene_sha256 = bundle.scene_sha256;
   set.oracle.reset();
   for (sim::Episode& episode : set.episodes) {  // Ids of instances are the first one's.
     episode.view_point_instance.clear();
     episode.view_point_iou.clear();
   }
-  write_episodes(file, bound_episodes(std::move(set), file, bundle, world));
-  return {read_episodes(file), file};
+  episodes::write_episodes(file, bound_episodes(std::move(set), file, bundle, world));
+  return {episodes::read_episodes(file), file};
 }
 
-SceneEpisodes episodes_of(const ExperimentSpec& spec, const SceneSpec& scene,
+SceneEpisodes episodes_of(const specs::ExperimentSpec& spec, const specs::SceneSpec& scene,
                           const core::SceneBundle& bundle, const sim::World& world,
                           const fs::path& work,
                           const std::function<std::unique_ptr<core::Renderer>()>& make_eye) {
@@ -103,7 +105,7 @@ SceneEpisodes episodes_of(const ExperimentSpec& spec, const SceneSpec& scene,
   }
   if (given) {
     const fs::path& file = scene.episode_file;
-    return {bound_episodes(read_episodes(file), file, bundle, world), file};
+    return {bound_episodes(episodes::read_episodes(file), file, bundle, world), file};
   }
   return generated_episodes(own, scene.name, bundle, world, episode_rules(spec, scene),
                             make_eye);
@@ -111,11 +113,11 @@ SceneEpisodes episodes_of(const ExperimentSpec& spec, const SceneSpec& scene,
 
 }  // namespace
 
-LoadedScene load_scene(const ExperimentSpec& spec, const SceneSpec& scene,
+LoadedScene load_scene(const specs::ExperimentSpec& spec, const specs::SceneSpec& scene,
                        const fs::path& bundle_folder, const fs::path& work) {
   core::SceneBundle bundle = core::load_bundle(bundle_folder);
   sim::World world = sim::World::load(bundle, spec.robot);
-  auto [surfels, labels] = load_scene_surfels(bundle);
+  auto [surfels, labels] = scenes::load_scene_surfels(bundle);
   if (!surfels->has_labels()) {
     throw core::InputError::expected(bundle.surfels_file().string(), "labelled surfels",
                                      "none");
@@ -124,9 +126,9 @@ LoadedScene load_scene(const ExperimentSpec& spec, const SceneSpec& scene,
   SceneEpisodes episodes = episodes_of(spec, scene, bundle, world, work, [&] {
     return renderer::make_cpu_renderer(surfels, {}, labels);
   });
-  FloorPlan plan = make_floor_plan(*surfels);
+  drawing::FloorPlan plan = drawing::make_floor_plan(*surfels);
   std::shared_ptr<const sim::SensorSettings> sensors;
-  if (spec.sensors) sensors = bind_sensors(*spec.sensors, bundle, world);
+  if (spec.sensors) sensors = specs::bind_sensors(*spec.sensors, bundle, world);
   return {&scene,
           std::move(bundle),
           std::move(world),
@@ -139,4 +141,4 @@ LoadedScene load_scene(const ExperimentSpec& spec, const SceneSpec& scene,
           std::move(sensors)};
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::trials

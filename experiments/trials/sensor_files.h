@@ -16,7 +16,7 @@
 
 #include "sim/sensors/sensor_suite.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::trials {
 
 /// Replaces what an earlier trial left in `folder`.
 /// @throws core::InputError if a file cannot be written.
@@ -31,4 +31,4 @@ void write_sensor_files(const std::filesystem::path& folder,
 [[nodiscard]] std::string compass_csv(const sim::SensorLog& log);
 [[nodiscard]] std::string lidar_csv(const sim::SensorLog& log);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::trials

@@ -16,7 +16,7 @@
 #include "sim/sensors/lidar.h"
 #include "sim/sensors/rgb_sensor.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::trials {
 namespace {
 
 constexpr int kMargin_px = 12, kCaption_px = 22;
@@ -69,11 +69,12 @@ class View {
     core::Image<core::Rgb8> noisy = exact_.rgb, coded = exact_.rgb;
     sim::add_rgb_noise(noise, sim::PixelNoise(options_.seed, "camera/rgb", 0), noisy);
     sim::compress_jpeg(jpeg, coded);
-    return {{"colour: exact", to_bgr(exact_.rgb)},
-            {print("exposure %.0f ms at %.1f rad/s", 1e3 * kExposure_s, options_.turn_radps),
-             to_bgr(exposed(blur))},
-            {"shot and read noise: full well 1000 e-, 8 e-", to_bgr(noisy)},
-            {"JPEG, quality 20", to_bgr(coded)}};
+    return {{"colour: exact", drawing::to_bgr(exact_.rgb)},
+            {support::print("exposure %.0f ms at %.1f rad/s", 1e3 * kExposure_s,
+                            options_.turn_radps),
+             drawing::to_bgr(exposed(blur))},
+            {"shot and read noise: full well 1000 e-, 8 e-", drawing::to_bgr(noisy)},
+            {"JPEG, quality 20", drawing::to_bgr(coded)}};
   }
 
   /// Depth, and below it its errors.
@@ -96,9 +97,9 @@ class View {
       sim::measure_depth(*model, options_.camera,
                          sim::PixelNoise(options_.seed, "camera/depth", 0), exact_.depth_m,
                          measured_m);
-      depths.push_back({name, to_bgr(depth_picture(measured_m, kDepth_m))});
-      errors.push_back({print("error: red far, blue near (full: %.0f cm), black none",
-                              100.0 * double{kErrorShown_m}),
+      depths.push_back({name, drawing::to_bgr(drawing::depth_picture(measured_m, kDepth_m))});
+      errors.push_back({support::print("error: red far, blue near (full: %.0f cm), black none",
+                                       100.0 * double{kErrorShown_m}),
                         error_picture(exact_.depth_m, measured_m)});
     }
   }
@@ -127,9 +128,9 @@ class View {
 };
 
 /// The ends of the beams on the plan, as the robot at `pose` would draw them.
-void draw_scan(cv::Mat& map, const FloorPlan& plan, double scale, const sim::LidarModel& model,
-               const core::Pose2& pose, const std::vector<float>& ranges_m,
-               const cv::Scalar& color) {
+void draw_scan(cv::Mat& map, const drawing::FloorPlan& plan, double scale,
+               const sim::LidarModel& model, const core::Pose2& pose,
+               const std::vector<float>& ranges_m, const cv::Scalar& color) {
   const glm::dvec2 origin_m(pose.x_m + model.forward_m * std::cos(pose.yaw_rad),
                             pose.y_m + model.forward_m * std::sin(pose.yaw_rad));
   for (int beam = 0; beam < model.beams; ++beam) {
@@ -145,11 +146,11 @@ void draw_scan(cv::Mat& map, const FloorPlan& plan, double scale, const sim::Lid
 }
 
 /// Two scans of a turning robot on the plan, drawn at that scale.
-cv::Mat scan_map(const sim::World& world, const FloorPlan& plan,
+cv::Mat scan_map(const sim::World& world, const drawing::FloorPlan& plan,
                  const SensorSheetOptions& options, double scale) {
   cv::Mat map;
-  cv::resize(to_bgr(plan.rgb), map, {}, scale, scale, cv::INTER_AREA);
-  map = 0.45 * map + 0.55 * cv::Mat(map.size(), CV_8UC3, ink::kPaper);
+  cv::resize(drawing::to_bgr(plan.rgb), map, {}, scale, scale, cv::INTER_AREA);
+  map = 0.45 * map + 0.55 * cv::Mat(map.size(), CV_8UC3, drawing::ink::kPaper);
   const auto rays = sim::make_ray_scene(world.mesh());
   sim::LidarModel model;
   const auto turning = [&options](core::TimeNs t) {
@@ -163,16 +164,16 @@ cv::Mat scan_map(const sim::World& world, const FloorPlan& plan,
             sim::scan(model, *rays, turning, 0, options.seed, 0), kScan);
   const glm::dvec2 robot = scale * plan.to_px({options.pose.x_m, options.pose.y_m});
   const cv::Point at(cvRound(robot.x), cvRound(robot.y));
-  cv::circle(map, at, 6, ink::kStart, cv::FILLED, cv::LINE_AA);
+  cv::circle(map, at, 6, drawing::ink::kStart, cv::FILLED, cv::LINE_AA);
   cv::line(map, at,
            {cvRound(robot.x + 16.0 * std::cos(options.pose.yaw_rad)),
             cvRound(robot.y - 16.0 * std::sin(options.pose.yaw_rad))},
-           ink::kStart, 2, cv::LINE_AA);
+           drawing::ink::kStart, 2, cv::LINE_AA);
   return map;
 }
 
 /// The whole plan, and what lies around the robot, larger.
-std::vector<Cell> scan_cells(const sim::World& world, const FloorPlan& plan,
+std::vector<Cell> scan_cells(const sim::World& world, const drawing::FloorPlan& plan,
                              const SensorSheetOptions& options, int width_px, int height_px) {
   const double whole = std::min(static_cast<double>(width_px) / plan.rgb.width_px(),
                                 static_cast<double>(height_px) / plan.rgb.height_px());
@@ -182,14 +183,15 @@ std::vector<Cell> scan_cells(const sim::World& world, const FloorPlan& plan,
   const cv::Rect around(cvRound(robot.x) - width_px / 2, cvRound(robot.y) - height_px / 2,
                         width_px, height_px);
   return {{"lidar, 720 beams: red all at once", scan_map(world, plan, options, whole)},
-          {print("blue: swept in %.0f ms at %.1f rad/s, drawn from the pose of the first beam",
-                 1e3 * kSweep_s, options.turn_radps),
+          {support::print(
+               "blue: swept in %.0f ms at %.1f rad/s, drawn from the pose of the first beam",
+               1e3 * kSweep_s, options.turn_radps),
            large(around & cv::Rect({0, 0}, large.size())).clone()}};
 }
 
 void place(cv::Mat& sheet, const Cell& cell, int left, int top) {
-  draw_text(sheet, cell.caption, {static_cast<double>(left), top + kCaption_px - 7.0},
-            kLetter_px, ink::kText);
+  drawing::draw_text(sheet, cell.caption, {static_cast<double>(left), top + kCaption_px - 7.0},
+                     kLetter_px, drawing::ink::kText);
   cell.picture.copyTo(
       sheet(cv::Rect(left, top + kCaption_px, cell.picture.cols, cell.picture.rows)));
 }
@@ -197,7 +199,7 @@ void place(cv::Mat& sheet, const Cell& cell, int left, int top) {
 }  // namespace
 
 core::Pose2 roomiest_pose(const sim::World& world) {
-  const std::vector<glm::dvec2> cells_m = reachable_cells_m(world);
+  const std::vector<glm::dvec2> cells_m = scenes::reachable_cells_m(world);
   const auto roomiest = std::max_element(
       cells_m.begin(), cells_m.end(), [&world](const glm::dvec2& a, const glm::dvec2& b) {
         return world.collision().body_distance_m(a) < world.collision().body_distance_m(b);
@@ -206,7 +208,7 @@ core::Pose2 roomiest_pose(const sim::World& world) {
 }
 
 core::Image<core::Rgb8> draw_sensor_sheet(core::Renderer& renderer, const sim::World& world,
-                                          const FloorPlan& plan,
+                                          const drawing::FloorPlan& plan,
                                           const SensorSheetOptions& options) {
   View view(renderer, options);
   std::vector<std::vector<Cell>> rows{view.colours()};
@@ -221,7 +223,7 @@ core::Image<core::Rgb8> draw_sensor_sheet(core::Renderer& renderer, const sim::W
   cv::Mat sheet(kMargin_px + 3 * step_y +
                     std::max(maps[0].picture.rows, maps[1].picture.rows) + kCaption_px +
                     kMargin_px,
-                width_px, CV_8UC3, ink::kPaper);
+                width_px, CV_8UC3, drawing::ink::kPaper);
   for (int row = 0; row < 3; ++row) {
     for (int column = 0; column < columns; ++column) {
       place(sheet, rows[static_cast<std::size_t>(row)][static_cast<std::size_t>(column)],
@@ -232,7 +234,7 @@ core::Image<core::Rgb8> draw_sensor_sheet(core::Renderer& renderer, const sim::W
     place(sheet, maps[static_cast<std::size_t>(k)], kMargin_px + 2 * k * step_x,
           kMargin_px + 3 * step_y);
   }
-  return from_bgr(sheet);
+  return drawing::from_bgr(sheet);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::trials

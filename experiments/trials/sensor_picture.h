@@ -13,7 +13,7 @@
 #include "experiments/drawing/floor_plan.h"
 #include "sim/ground/world.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::trials {
 
 struct SensorSheetOptions {
   core::Pose2 pose;  ///< Of the robot, world.
@@ -29,7 +29,7 @@ struct SensorSheetOptions {
 
 [[nodiscard]] core::Image<core::Rgb8> draw_sensor_sheet(core::Renderer& renderer,
                                                         const sim::World& world,
-                                                        const FloorPlan& plan,
+                                                        const drawing::FloorPlan& plan,
                                                         const SensorSheetOptions& options);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::trials

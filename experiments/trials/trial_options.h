@@ -10,7 +10,7 @@
 #include "experiments/specs/spec.h"
 #include "sim/trial/trial.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::trials {
 
 /// Options with clock, faults and success rule left as they are by default.
 /// @param described  An ExperimentSpec or a ScriptedTrial: times, camera, contact, collision,
@@ -38,4 +38,4 @@ template <class Description>
   return options;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::trials

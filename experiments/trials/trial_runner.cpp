@@ -17,7 +17,7 @@
 #include "renderer/renderer_backend.h"
 #include "sim/trial/oracle_way.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::trials {
 namespace {
 
 namespace fs = std::filesystem;
@@ -35,13 +35,14 @@ std::vector<std::string> goal_names(const LoadedScene& scene) {
 }
 
 /// Whether the arm's detector is asked for the goals of each scene.
-bool is_prompted(const ArmSpec& arm) {
-  return arm.detector == ArmDetector::kFile && perception::is_foreign_detector(arm.weights) &&
-         perception::needs_prompt(arm.weights);
+bool is_prompted(const specs::ArmSpec& arm) {
+  return arm.detector == specs::ArmDetector::kFile &&
+         perception::is_foreign_detector(arm.weights) && perception::needs_prompt(arm.weights);
 }
 
 /// Weights of this program, or a model of others (docs/models.md).
-std::unique_ptr<core::Detector> load_arm_detector(const fs::path& file, const ArmSpec& arm,
+std::unique_ptr<core::Detector> load_arm_detector(const fs::path& file,
+                                                  const specs::ArmSpec& arm,
                                                   const LoadedScene& scene) {
   std::optional<float> threshold;
   if (arm.score_threshold) threshold = static_cast<float>(*arm.score_threshold);
@@ -56,7 +57,7 @@ std::unique_ptr<core::Detector> load_arm_detector(const fs::path& file, const Ar
   return perception::load_object_detector(file, options);
 }
 
-sim::TrialOptions trial_options(const ExperimentSpec& spec, const LoadedScene& loaded) {
+sim::TrialOptions trial_options(const specs::ExperimentSpec& spec, const LoadedScene& loaded) {
   const sim::SuccessProfile rule = spec.success.rule();
   sim::TrialOptions options =
       base_trial_options(spec, loaded.spec->camera_height_m, loaded.sensors);
@@ -79,8 +80,9 @@ sim::Episode episode_of(const TrialTask& task) {
 }
 
 /// @param episode  Outlives what is returned.
-TrialScene scene_of(const TrialTask& task, const sim::Episode& episode, int goal_index) {
-  TrialScene scene;
+drawing::TrialScene scene_of(const TrialTask& task, const sim::Episode& episode,
+                             int goal_index) {
+  drawing::TrialScene scene;
   scene.plan = &task.scene->plan;
   scene.manifest = &task.scene->bundle.manifest;
   scene.episode = &episode;
@@ -97,8 +99,8 @@ TrialScene scene_of(const TrialTask& task, const sim::Episode& episode, int goal
 }
 
 /// How time passes; a trial that measured time is repeated with the times that it recorded.
-sim::TrialClock clock_for(const ExperimentSpec& spec, const TrialTask& task) {
-  sim::TrialClock clock = trial_clock(spec.clock, task.arm->clock);
+sim::TrialClock clock_for(const specs::ExperimentSpec& spec, const TrialTask& task) {
+  sim::TrialClock clock = specs::trial_clock(spec.clock, task.arm->clock);
   if (task.replay == nullptr || !clock.measures()) return clock;
   clock.budget = sim::with_trace(clock.played_budget(),
                                  std::make_shared<sim::LatencyTrace>(task.replay->trace));
@@ -106,8 +108,8 @@ sim::TrialClock clock_for(const ExperimentSpec& spec, const TrialTask& task) {
   return clock;
 }
 
-ReplayLog start_log(const ExperimentSpec& spec, const TrialTask& task) {
-  ReplayLog log;
+records::ReplayLog start_log(const specs::ExperimentSpec& spec, const TrialTask& task) {
+  records::ReplayLog log;
   log.spec_text = spec.text;
   log.spec_file = spec.file.string();
   log.scene = task.scene->spec->name;
@@ -121,7 +123,7 @@ ReplayLog start_log(const ExperimentSpec& spec, const TrialTask& task) {
   return log;
 }
 
-void copy_result(const sim::TrialResult& result, TrialRow& row) {
+void copy_result(const sim::TrialResult& result, records::TrialRow& row) {
   row.outcome = sim::to_string(result.outcome);
   row.success = result.success;
   row.stop_reason = core::to_string(result.stop_reason);
@@ -146,7 +148,7 @@ void copy_result(const sim::TrialResult& result, TrialRow& row) {
 }
 
 /// What people who watch are told of the trial.
-LiveTrial live_trial(const TrialTask& task, const TrialScene& scene,
+LiveTrial live_trial(const TrialTask& task, const drawing::TrialScene& scene,
                      const std::vector<std::string>& detector_classes, double time_limit_s) {
   return {task.scene->spec->name,
           scene.scene_title,
@@ -177,13 +179,14 @@ Starts starts_of(const LoadedScene& scene) {
   return starts_m;
 }
 
-PreparedWeights weights_of(const ArmSpec& arm, const PreparedDetectors& detectors) {
-  if (arm.detector == ArmDetector::kFile) return {arm.weights, std::nullopt, std::nullopt};
+PreparedWeights weights_of(const specs::ArmSpec& arm, const PreparedDetectors& detectors) {
+  if (arm.detector == specs::ArmDetector::kFile)
+    return {arm.weights, std::nullopt, std::nullopt};
   const auto found = detectors.find(arm.name);
   return found == detectors.end() ? PreparedWeights{} : found->second;
 }
 
-TrialRunner::TrialRunner(const ExperimentSpec& spec, PreparedDetectors detectors,
+TrialRunner::TrialRunner(const specs::ExperimentSpec& spec, PreparedDetectors detectors,
                          fs::path work)
     : spec_(spec), detectors_(std::move(detectors)), work_(std::move(work)), live_(work_) {}
 
@@ -199,14 +202,14 @@ core::Renderer& TrialRunner::renderer_for(const LoadedScene& scene) {
     renderer::RenderOptions options;
     options.threads = 1;
     renderer = renderer::make_renderer(spec_.camera.backend, scene.surfels, options,
-                                       scene.labels, warn_about_backend);
+                                       scene.labels, reproducibility::warn_about_backend);
   }
   return *renderer;
 }
 
 TrialRunner::ArmDetectorSlot& TrialRunner::detector_for(const LoadedScene& scene,
-                                                        const ArmSpec& arm) {
-  const bool oracle = arm.detector == ArmDetector::kOracle;
+                                                        const specs::ArmSpec& arm) {
+  const bool oracle = arm.detector == specs::ArmDetector::kOracle;
   // A prompted detector looks for the goals of its scene.
   const bool per_scene = oracle || is_prompted(arm);
   ArmDetectorSlot& slot = slots_[per_scene ? scene.spec->name + "/" + arm.name : arm.name];
@@ -246,8 +249,8 @@ std::unique_ptr<core::Policy> TrialRunner::policy_for(const TrialTask& task,
   return policy.make(context);
 }
 
-TrialRow TrialRunner::run(const TrialTask& task) {
-  TrialRow row;
+records::TrialRow TrialRunner::run(const TrialTask& task) {
+  records::TrialRow row;
   row.arm = task.arm->name;
   row.scene = task.scene->spec->name;
   row.episode = task.episode->id;
@@ -256,11 +259,11 @@ TrialRow TrialRunner::run(const TrialTask& task) {
   row.shortest_path_m = task.episode->shortest_path_m;
   if (!std::isfinite(row.shortest_path_m)) {
     row.shortest_path_m = 0.0;
-    row.outcome = row.why.cause = to_string(Cause::kInfeasible);
+    row.outcome = row.why.cause = to_string(records::Cause::kInfeasible);
     return row;
   }
   if (row.shortest_path_m <= 0.0 && !task.scene->spec->allow_trivial) {
-    row.outcome = row.why.cause = to_string(Cause::kTrivial);
+    row.outcome = row.why.cause = to_string(records::Cause::kTrivial);
     return row;
   }
   try {
@@ -269,19 +272,19 @@ TrialRow TrialRunner::run(const TrialTask& task) {
     row.outcome = "error";
     row.success = false;
     row.why = {};
-    row.why.cause = to_string(Cause::kHarnessError);
+    row.why.cause = to_string(records::Cause::kHarnessError);
     row.error = error.what();
   }
   return row;
 }
 
-void TrialRunner::run_checked(const TrialTask& task, TrialRow& row) {
+void TrialRunner::run_checked(const TrialTask& task, records::TrialRow& row) {
   const sim::Episode episode = episode_of(task);
   // Of a trial that is played again, perception may come from its log.
-  ReplayRenderer replayed_images(task.replay_images);
+  records::ReplayRenderer replayed_images(task.replay_images);
   ArmDetectorSlot replayed;
   if (task.replay_perception) {
-    replayed.detector = std::make_unique<ReplayDetector>(*task.replay);
+    replayed.detector = std::make_unique<records::ReplayDetector>(*task.replay);
   }
   core::Renderer& renderer =
       task.replay_images.empty() ? renderer_for(*task.scene) : replayed_images;
@@ -292,8 +295,9 @@ void TrialRunner::run_checked(const TrialTask& task, TrialRow& row) {
   sim::TrialOptions options = trial_options(spec_, *task.scene);
   options.clock = clock_for(spec_, task);
 
-  const TrialScene scene = scene_of(task, episode, index_of(classes, episode.class_name));
-  TrialWitness witness(task.scene->bundle.manifest, episode, scene.goal_index);
+  const drawing::TrialScene scene =
+      scene_of(task, episode, index_of(classes, episode.class_name));
+  records::TrialWitness witness(task.scene->bundle.manifest, episode, scene.goal_index);
   TrialOutputs outputs(spec_, task, scene, classes, work_, renderer);
   const sim::TickObserver observer = [&](const sim::TickRecord& tick, const core::Frame& frame,
                                          const std::vector<core::Detection>& detections,
@@ -306,15 +310,15 @@ void TrialRunner::run_checked(const TrialTask& task, TrialRow& row) {
     live_.add(tick, frame, detections, of);
   };
 
-  ReplayLog log = start_log(spec_, task);
+  records::ReplayLog log = start_log(spec_, task);
   live_.begin(live_trial(task, scene, classes, spec_.time_limit_s));
   TimedDetector timed(*slot.detector, live_);
   TimedPolicy timed_policy(*policy, live_);
-  RecordingDetector recorded(timed, log);
-  WitnessedDetector detector(recorded, slot.truth, witness);
+  records::RecordingDetector recorded(timed, log);
+  records::WitnessedDetector detector(recorded, slot.truth, witness);
   const fs::path log_file = work_ / "replays" / (file_stem(task) + ".jsonl");
-  std::optional<RecordingRenderer> kept_images;
-  if (log.images) kept_images.emplace(renderer, replay_images(log_file));
+  std::optional<records::RecordingRenderer> kept_images;
+  if (log.images) kept_images.emplace(renderer, records::replay_images(log_file));
   core::Renderer* const eye = kept_images ? &*kept_images : &renderer;
   sim::TrialResult result = sim::run_trial({.episode = episode,
                                             .options = options,
@@ -325,28 +329,30 @@ void TrialRunner::run_checked(const TrialTask& task, TrialRow& row) {
                                             .policy = timed_policy,
                                             .truth = &detector,
                                             .observer = observer});
-  if (task.replay_log) write_replay_log(log_file, with_result(std::move(log), result));
+  if (task.replay_log)
+    records::write_replay_log(log_file, records::with_result(std::move(log), result));
   std::vector<double> distance_m;
   row.why = judge_trial(task, episode, scene.goal_index, witness, result, distance_m);
   copy_result(result, row);
   outputs.finish(result, options, witness, std::move(distance_m), row);
 }
 
-Attribution TrialRunner::judge_trial(const TrialTask& task, const sim::Episode& episode,
-                                     int goal_index, const TrialWitness& witness,
-                                     sim::TrialResult& result,
-                                     std::vector<double>& distance_m) const {
+records::Attribution TrialRunner::judge_trial(const TrialTask& task,
+                                              const sim::Episode& episode, int goal_index,
+                                              const records::TrialWitness& witness,
+                                              sim::TrialResult& result,
+                                              std::vector<double>& distance_m) const {
   const sim::SuccessProfile rule = spec_.success.rule();
-  const AttributionContext context{&task.scene->world, &task.scene->bundle.manifest,
-                                   &episode,           &rule,
-                                   goal_index,         spec_.time_limit_s};
-  Attribution why = attribute(context, result, witness, &distance_m);
+  const records::AttributionContext context{&task.scene->world, &task.scene->bundle.manifest,
+                                            &episode,           &rule,
+                                            goal_index,         spec_.time_limit_s};
+  records::Attribution why = records::attribute(context, result, witness, &distance_m);
   if (rule.rule == sim::SuccessRule::kViewPoint) return why;
   const std::optional<double> end_m = std::isfinite(result.distance_to_goal_m)
                                           ? std::optional(result.distance_to_goal_m)
                                           : std::nullopt;
-  const sim::TrialEnd end = trial_end(why, end_m, result.contacts, result.sim_s, result.path_m,
-                                      result.shortest_path_m);
+  const sim::TrialEnd end = records::trial_end(why, end_m, result.contacts, result.sim_s,
+                                               result.path_m, result.shortest_path_m);
   result.success = sim::succeeded(rule, end);
   result.spl = sim::profile_spl(rule, end);
   if (result.success) {
@@ -354,7 +360,7 @@ Attribution TrialRunner::judge_trial(const TrialTask& task, const sim::Episode& 
   } else if (result.outcome == sim::Outcome::kSuccess) {
     result.outcome = sim::Outcome::kStoppedFar;
   }
-  return attribute(context, result, witness, &distance_m);
+  return records::attribute(context, result, witness, &distance_m);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::trials

@@ -27,17 +27,17 @@
 #include "sim/trial/oracle_detector.h"
 #include "sim/trial/trial.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::trials {
 
 /// A scene in memory: immutable, shared by all workers.
 struct LoadedScene {
-  const SceneSpec* spec = nullptr;
+  const specs::SceneSpec* spec = nullptr;
   core::SceneBundle bundle;
   sim::World world;
   std::shared_ptr<const renderer::SurfelCloud> surfels;
   std::shared_ptr<const renderer::PanopticField> labels;  ///< nullptr: the surfels' own ids.
-  FloorPlan plan;
-  EpisodeSet episodes;
+  drawing::FloorPlan plan;
+  episodes::EpisodeSet episodes;
   std::string episodes_sha256;
   bool episodes_made = false;  ///< Now, and not found in a file.
   /// What the spec says, bound to this scene; nullptr: an exact camera alone.
@@ -45,7 +45,8 @@ struct LoadedScene {
 };
 
 /// Rules of the spec for one scene's episodes.
-[[nodiscard]] EpisodeRules episode_rules(const ExperimentSpec& spec, const SceneSpec& scene);
+[[nodiscard]] episodes::EpisodeRules episode_rules(const specs::ExperimentSpec& spec,
+                                                   const specs::SceneSpec& scene);
 
 /// Loads a bundle and its episodes: those of `scene.episode_file`, or of
 /// ${work}/episodes/<scene>.jsonl if that file was made by the same rules for the same bundle;
@@ -57,7 +58,8 @@ struct LoadedScene {
 /// lengths in this one; what cannot be done here gets l = infinity.
 /// @throws core::InputError if the episode file belongs to another bundle or names a class
 /// that the bundle lacks.
-[[nodiscard]] LoadedScene load_scene(const ExperimentSpec& spec, const SceneSpec& scene,
+[[nodiscard]] LoadedScene load_scene(const specs::ExperimentSpec& spec,
+                                     const specs::SceneSpec& scene,
                                      const std::filesystem::path& bundle_folder,
                                      const std::filesystem::path& work);
 
@@ -68,27 +70,28 @@ struct LoadedScene {
 struct TrialTask {
   const LoadedScene* scene = nullptr;
   const sim::Episode* episode = nullptr;
-  const ArmSpec* arm = nullptr;
+  const specs::ArmSpec* arm = nullptr;
   int repetition = 0;
   bool video = false;
   bool frames = false;
-  bool replay_log = false;            ///< Write one, see replay_log.h.
-  const ReplayLog* replay = nullptr;  ///< Play this trial again: measured times come from it.
-  bool replay_perception = false;     ///< Detections (and images, if kept) too.
+  bool replay_log = false;  ///< Write one, see replay_log.h.
+  const records::ReplayLog* replay =
+      nullptr;                     ///< Play this trial again: measured times come from it.
+  bool replay_perception = false;  ///< Detections (and images, if kept) too.
   std::filesystem::path replay_images{};  ///< Where they are; empty: the renderer draws.
   bool record = true;             ///< Picture, track and log, where the spec wants them.
   TrialViewer* viewer = nullptr;  ///< Of this trial; does not change it.
 };
 
 /// Weights of an arm; empty for the oracle.
-[[nodiscard]] PreparedWeights weights_of(const ArmSpec& arm,
+[[nodiscard]] PreparedWeights weights_of(const specs::ArmSpec& arm,
                                          const PreparedDetectors& detectors);
 
 /// Runs trials one after another: one object per thread, with renderers and detectors of its
 /// own.
 class TrialRunner {
  public:
-  TrialRunner(const ExperimentSpec& spec, PreparedDetectors detectors,
+  TrialRunner(const specs::ExperimentSpec& spec, PreparedDetectors detectors,
               std::filesystem::path work);
 
   /// Draws a scene by something else than the spec's backend.
@@ -96,7 +99,7 @@ class TrialRunner {
 
   /// The result depends on the task and the spec only. Writes picture, track, video and
   /// frames. What a trial throws becomes a row with outcome "error".
-  [[nodiscard]] TrialRow run(const TrialTask& task);
+  [[nodiscard]] records::TrialRow run(const TrialTask& task);
 
  private:
   struct ArmDetectorSlot {
@@ -104,16 +107,17 @@ class TrialRunner {
     sim::GroundTruthSink* truth = nullptr;  ///< The oracle itself.
   };
   core::Renderer& renderer_for(const LoadedScene& scene);
-  ArmDetectorSlot& detector_for(const LoadedScene& scene, const ArmSpec& arm);
+  ArmDetectorSlot& detector_for(const LoadedScene& scene, const specs::ArmSpec& arm);
   std::unique_ptr<core::Policy> policy_for(const TrialTask& task,
                                            const ArmDetectorSlot& slot) const;
-  void run_checked(const TrialTask& task, TrialRow& row);
+  void run_checked(const TrialTask& task, records::TrialRow& row);
   /// The result under the spec's success rule, and why it failed.
-  Attribution judge_trial(const TrialTask& task, const sim::Episode& episode, int goal_index,
-                          const TrialWitness& witness, sim::TrialResult& result,
-                          std::vector<double>& distance_m) const;
+  records::Attribution judge_trial(const TrialTask& task, const sim::Episode& episode,
+                                   int goal_index, const records::TrialWitness& witness,
+                                   sim::TrialResult& result,
+                                   std::vector<double>& distance_m) const;
 
-  const ExperimentSpec& spec_;
+  const specs::ExperimentSpec& spec_;
   PreparedDetectors detectors_;
   std::filesystem::path work_;
   LiveView live_;
@@ -122,4 +126,4 @@ class TrialRunner {
       slots_;  ///< By arm; the oracle's and prompted ones by scene and arm.
 };
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::trials

@@ -12,14 +12,14 @@
 #include "experiments/drawing/trial_picture.h"
 #include "sim/trial/trial.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::trials {
 
 /// Called in this order: begin(), add() once per tick from the first image on, finish(). What
 /// it is handed is borrowed for the call, but for the scene, which lives until finish().
 class TrialViewer {
  public:
   virtual ~TrialViewer() = default;
-  virtual void begin(const TrialScene& scene,
+  virtual void begin(const drawing::TrialScene& scene,
                      const std::vector<std::string>& detector_classes) = 0;
   /// @param frame  With RGB and labels. @param view  In Odom, see TickRecord::estimate.
   virtual void add(const sim::TickRecord& tick, const core::Frame& frame,
@@ -29,4 +29,4 @@ class TrialViewer {
   virtual void finish(const sim::TrialResult& result) = 0;
 };
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::trials

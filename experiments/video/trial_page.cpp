@@ -12,7 +12,7 @@
 #include "experiments/drawing/map_legend.h"
 #include "experiments/support/formatted.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::video::internal {
 namespace {
 
 constexpr int kGap = 6, kCaption = 44, kStatus = 34;
@@ -30,7 +30,7 @@ cv::Mat fit(const cv::Mat& image, const cv::Size& size) {
   const cv::Size to(
       std::clamp(static_cast<int>(std::lround(scale * image.cols)), 1, size.width),
       std::clamp(static_cast<int>(std::lround(scale * image.rows)), 1, size.height));
-  cv::Mat scaled, pane(size, CV_8UC3, ink::kPaper);
+  cv::Mat scaled, pane(size, CV_8UC3, drawing::ink::kPaper);
   cv::resize(image, scaled, to, 0.0, 0.0, scale < 1.0 ? cv::INTER_AREA : cv::INTER_CUBIC);
   scaled.copyTo(pane(cv::Rect(cv::Point((size - to) / 2), to)));
   return pane;
@@ -38,16 +38,16 @@ cv::Mat fit(const cv::Mat& image, const cv::Size& size) {
 
 /// What the pane shows, in its lower left corner.
 void name_pane(cv::Mat& pane, const std::string& name) {
-  const double width = text_width_px(name, kSmallLetter) + 12.0;
+  const double width = drawing::text_width_px(name, kSmallLetter) + 12.0;
   cv::Mat ground = pane(cv::Rect(0, pane.rows - 18, static_cast<int>(width), 18));
   ground *= 0.35;
-  draw_text(pane, name, {6.0, pane.rows - 5.0}, kSmallLetter, kWhite);
+  drawing::draw_text(pane, name, {6.0, pane.rows - 5.0}, kSmallLetter, kWhite);
 }
 
 void draw_detection(cv::Mat& pane, const cv::Point2d& corner, double scale,
                     const core::Detection& d, const std::vector<std::string>& classes,
                     bool goal) {
-  const cv::Scalar color = goal ? ink::kDetected : ink::kFaint;
+  const cv::Scalar color = goal ? drawing::ink::kDetected : drawing::ink::kFaint;
   const cv::Rect box(static_cast<int>(corner.x + scale * d.box.x0),
                      static_cast<int>(corner.y + scale * d.box.y0),
                      static_cast<int>(scale * d.box.width_px()),
@@ -55,10 +55,10 @@ void draw_detection(cv::Mat& pane, const cv::Point2d& corner, double scale,
   cv::rectangle(pane, box, color, goal ? 3 : 1, cv::LINE_AA);
   const auto index = static_cast<std::size_t>(d.class_index);
   const std::string text =
-      print("%s %.2f", index < classes.size() ? classes[index].c_str() : "?",
-            static_cast<double>(d.score));
-  draw_pill(pane, text, {box.x + 4.0, std::max(kSmallLetter + 6.0, box.y - 5.0)}, kSmallLetter,
-            color);
+      support::print("%s %.2f", index < classes.size() ? classes[index].c_str() : "?",
+                     static_cast<double>(d.score));
+  drawing::draw_pill(pane, text, {box.x + 4.0, std::max(kSmallLetter + 6.0, box.y - 5.0)},
+                     kSmallLetter, color);
 }
 
 std::string upper(std::string text) {
@@ -68,14 +68,14 @@ std::string upper(std::string text) {
 
 }  // namespace
 
-TrialPage::TrialPage(const TrialScene& scene, std::vector<std::string> detector_classes,
-                     PageForm form)
+TrialPage::TrialPage(const drawing::TrialScene& scene,
+                     std::vector<std::string> detector_classes, PageForm form)
     : scene_(scene), classes_(std::move(detector_classes)), form_(form) {}
 
 cv::Mat TrialPage::camera_pane(const core::Frame& frame,
                                std::span<const core::Detection> detections,
                                const cv::Size& size) const {
-  cv::Mat pane = fit(to_bgr(frame.rgb), size);
+  cv::Mat pane = fit(drawing::to_bgr(frame.rgb), size);
   const double scale = std::min(static_cast<double>(size.width) / frame.rgb.width_px(),
                                 static_cast<double>(size.height) / frame.rgb.height_px());
   const cv::Point2d corner(0.5 * (size.width - scale * frame.rgb.width_px()),
@@ -98,8 +98,8 @@ cv::Mat TrialPage::map_pane(const core::PolicyView& view, const cv::Size& size) 
       std::min(static_cast<double>(size.width) / std::max(1, plan.width_px()),
                static_cast<double>(size.height) / std::max(1, plan.height_px()));
   constexpr double kOversampling = 2.0;  // Smooths lines.
-  MapCanvas map(*scene_.plan, kOversampling * fitted);
-  map.place_views(OdomPlacement(track_.back().pose, track_.back().estimate));
+  drawing::MapCanvas map(*scene_.plan, kOversampling * fitted);
+  map.place_views(drawing::OdomPlacement(track_.back().pose, track_.back().estimate));
   map.draw_knowledge(view);
   map.draw_goals(*scene_.manifest, scene_.episode->class_name);
   map.draw_view_points(scene_.episode->view_points_m);
@@ -119,13 +119,14 @@ void TrialPage::draw_status(cv::Mat& page, const cv::Point& corner, int width_px
                             const sim::TickRecord& tick,
                             std::span<const core::Detection> detections) const {
   const double base = corner.y + 0.5 * (kStatus + kLetter);
-  const double mode_end = draw_pill(page, upper(core::to_string(tick.mode)),
-                                    {corner.x + 0.0, base}, kLetter, mode_color(tick.mode));
+  const double mode_end =
+      drawing::draw_pill(page, upper(core::to_string(tick.mode)), {corner.x + 0.0, base},
+                         kLetter, drawing::mode_color(tick.mode));
   std::string text =
-      print("tick %zu    %.1f s", track_.size() - 1, core::seconds(tick.time_ns));
+      support::print("tick %zu    %.1f s", track_.size() - 1, core::seconds(tick.time_ns));
   if (scene_.distance_m) {
     const double distance_m = scene_.distance_m({tick.pose.x_m, tick.pose.y_m});
-    text += std::isfinite(distance_m) ? print("    %.1f m to goal", distance_m)
+    text += std::isfinite(distance_m) ? support::print("    %.1f m to goal", distance_m)
                                       : std::string("    no way to goal");
   }
   float best = -1.0F;
@@ -134,15 +135,16 @@ void TrialPage::draw_status(cv::Mat& page, const cv::Point& corner, int width_px
   }
   if (best >= 0.0F) {
     text += "    sees a " + scene_.episode->class_name +
-            print(": %.2f", static_cast<double>(best));
+            support::print(": %.2f", static_cast<double>(best));
   }
   if (tick.in_contact) text += "    CONTACT";
   // Long lines get smaller letters.
   const double left = std::max(mode_end, corner.x + 130.0) + 14.0;
   double letter = kLetter;
-  while (letter > 7.0 && left + text_width_px(text, letter) > corner.x + width_px)
+  while (letter > 7.0 && left + drawing::text_width_px(text, letter) > corner.x + width_px)
     letter -= 0.5;
-  draw_text(page, text, {left, base}, letter, tick.in_contact ? ink::kRecover : ink::kText);
+  drawing::draw_text(page, text, {left, base}, letter,
+                     tick.in_contact ? drawing::ink::kRecover : drawing::ink::kText);
 }
 
 cv::Mat TrialPage::draw(const sim::TickRecord& tick, const core::Frame& frame,
@@ -166,7 +168,7 @@ cv::Mat TrialPage::draw(const sim::TickRecord& tick, const core::Frame& frame,
            : cv::Size(kColumnWidth_px, kColumnHeight_px - status_y - kStatus);
   std::vector<cv::Mat> panes{camera_pane(frame, detections, seen)};
   if (!frame.semantic.empty()) {
-    panes.push_back(fit(to_bgr(panoptic_picture(frame)), seen));
+    panes.push_back(fit(drawing::to_bgr(drawing::panoptic_picture(frame)), seen));
     name_pane(panes.back(), "labels of the scene");
   }
   const auto views = static_cast<int>(panes.size());
@@ -183,13 +185,15 @@ cv::Mat TrialPage::draw(const sim::TickRecord& tick, const core::Frame& frame,
   const std::string arm = "detector: " + scene_.arm;
   if (wide) {
     const std::string title = "Find a " + scene_.episode->class_name;
-    draw_text(page, title, {12.0, 29.0}, kTitle, ink::kText, true);
-    draw_text(page, scene_.scene_title + "  /  " + scene_.episode->id,
-              {30.0 + text_width_px(title, kTitle, true), 29.0}, kLetter, ink::kFaint);
-    draw_pill(page, arm, {page.cols - text_width_px(arm, kLetter, true) - 30.0, 29.0}, kLetter,
-              ink::kText);
+    drawing::draw_text(page, title, {12.0, 29.0}, kTitle, drawing::ink::kText, true);
+    drawing::draw_text(page, scene_.scene_title + "  /  " + scene_.episode->id,
+                       {30.0 + drawing::text_width_px(title, kTitle, true), 29.0}, kLetter,
+                       drawing::ink::kFaint);
+    drawing::draw_pill(page, arm,
+                       {page.cols - drawing::text_width_px(arm, kLetter, true) - 30.0, 29.0},
+                       kLetter, drawing::ink::kText);
   } else {
-    draw_text(page, arm, {4.0, 29.0}, kTitle, ink::kText, true);
+    drawing::draw_text(page, arm, {4.0, 29.0}, kTitle, drawing::ink::kText, true);
   }
   draw_status(page, {0, status_y}, page.cols, tick, detections);
   last_ = page;
@@ -200,22 +204,23 @@ cv::Mat TrialPage::draw_outcome(const sim::TrialResult& result) const {
   SEGSIM_CHECK(!last_.empty(), "a page comes before its outcome");
   cv::Mat page = last_.clone();
   page(cv::Rect(0, 0, page.cols, kCaption - 2))
-      .setTo(result.success ? ink::kGoal : ink::kRecover);
-  std::string text = outcome_words(result.outcome);
+      .setTo(result.success ? drawing::ink::kGoal : drawing::ink::kRecover);
+  std::string text = drawing::outcome_words(result.outcome);
   if (form_ == PageForm::kColumn) text = scene_.arm + ": " + text;
-  draw_text(page, text, {12.0, 28.0}, kTitle, kWhite, true);
-  std::string figures = print("%.1f s", result.sim_s);
+  drawing::draw_text(page, text, {12.0, 28.0}, kTitle, kWhite, true);
+  std::string figures = support::print("%.1f s", result.sim_s);
   if (result.success) {
-    figures += print(", path %.1f m, SPL %.2f", result.path_m, result.spl);
+    figures += support::print(", path %.1f m, SPL %.2f", result.path_m, result.spl);
   } else if (std::isfinite(result.distance_to_goal_m)) {
-    figures += print(", %.1f m from the goal", result.distance_to_goal_m);
+    figures += support::print(", %.1f m from the goal", result.distance_to_goal_m);
   }
-  const double room = page.cols - 36.0 - text_width_px(text, kTitle, true);
+  const double room = page.cols - 36.0 - drawing::text_width_px(text, kTitle, true);
   double letter = 10.0;
-  while (letter > 7.0 && text_width_px(figures, letter) > room) letter -= 0.5;
-  draw_text(page, figures, {page.cols - 12.0 - text_width_px(figures, letter), 27.0}, letter,
-            kWhite);
+  while (letter > 7.0 && drawing::text_width_px(figures, letter) > room) letter -= 0.5;
+  drawing::draw_text(page, figures,
+                     {page.cols - 12.0 - drawing::text_width_px(figures, letter), 27.0},
+                     letter, kWhite);
   return page;
 }
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::video::internal

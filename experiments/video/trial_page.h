@@ -26,7 +26,7 @@
 #include "experiments/drawing/trial_picture.h"
 #include "sim/trial/trial.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::video::internal {
 
 enum class PageForm : std::uint8_t {
   kWide,
@@ -38,7 +38,8 @@ inline constexpr int kColumnWidth_px = 634, kColumnHeight_px = 640;
 class TrialPage {
  public:
   /// @param scene  Must outlive the object.
-  TrialPage(const TrialScene& scene, std::vector<std::string> detector_classes, PageForm form);
+  TrialPage(const drawing::TrialScene& scene, std::vector<std::string> detector_classes,
+            PageForm form);
 
   /// A tick without a page: its path is drawn later.
   void pass(const sim::TickRecord& tick) { track_.push_back(tick); }
@@ -57,11 +58,11 @@ class TrialPage {
                    const sim::TickRecord& tick,
                    std::span<const core::Detection> detections) const;
 
-  const TrialScene& scene_;
+  const drawing::TrialScene& scene_;
   std::vector<std::string> classes_;
   PageForm form_;
   std::vector<sim::TickRecord> track_;
   cv::Mat last_;
 };
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::video::internal

@@ -3,14 +3,14 @@
 #include "experiments/video/trial_page.h"
 #include "experiments/video/video_file.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::video {
 
 struct TrialVideo::Impl {
   internal::VideoFile file;
   internal::TrialPage page;
 };
 
-TrialVideo::TrialVideo(std::filesystem::path file, const TrialScene& scene,
+TrialVideo::TrialVideo(std::filesystem::path file, const drawing::TrialScene& scene,
                        std::vector<std::string> detector_classes, double frames_per_s)
     : impl_(new Impl{{std::move(file), frames_per_s},
                      {scene, std::move(detector_classes), internal::PageForm::kWide}}) {}
@@ -30,4 +30,4 @@ void TrialVideo::finish(const sim::TrialResult& result) {
   impl_->file.finish();
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::video

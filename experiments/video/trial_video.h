@@ -14,7 +14,7 @@
 #include "core/stages.h"
 #include "experiments/drawing/trial_picture.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::video {
 
 /// Writes one video, frame by frame. H.264 in MP4 where OpenCV can encode it, MPEG-4
 /// otherwise; the file appears under its name when the video is complete.
@@ -22,7 +22,7 @@ class TrialVideo {
  public:
   /// @param scene  Must outlive the video.
   /// @param frames_per_s  Of the finished video.
-  TrialVideo(std::filesystem::path file, const TrialScene& scene,
+  TrialVideo(std::filesystem::path file, const drawing::TrialScene& scene,
              std::vector<std::string> detector_classes, double frames_per_s);
   ~TrialVideo();
   TrialVideo(const TrialVideo&) = delete;
@@ -41,4 +41,4 @@ class TrialVideo {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::video

@@ -13,7 +13,7 @@
 #include "core/check.h"
 #include "core/error.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::video::internal {
 namespace {
 
 namespace fs = std::filesystem;
@@ -90,4 +90,4 @@ void VideoFile::finish() {
   }
 }
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::video::internal

@@ -8,7 +8,7 @@
 #include <opencv2/core.hpp>
 #include <opencv2/videoio.hpp>
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::video::internal {
 
 /// H.264 in MP4 where OpenCV can encode it (browsers play that), MPEG-4 otherwise. The file
 /// appears under its name when it is complete; without finish() nothing stays behind.
@@ -44,4 +44,4 @@ class VideoFile {
   int frames_ = 0;
 };
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::video::internal

@@ -12,7 +12,7 @@
 #include "core/file_io.h"
 #include "reconstruction/datasets/internal/box_index.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 using core::InputError;
@@ -246,4 +246,4 @@ std::unique_ptr<RgbdSequence> with_box_labels(std::unique_ptr<RgbdSequence> sequ
                                                read_box_annotation(boxes_file), options);
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -15,7 +15,7 @@
 #include "core/scene_bundle.h"
 #include "reconstruction/datasets/rgbd_sequence.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 /// Box turned about world +z.
 struct OrientedBox {
@@ -68,4 +68,4 @@ struct BoxOptions {
     std::unique_ptr<RgbdSequence> sequence, const std::filesystem::path& boxes_file,
     const BoxOptions& options = {});
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

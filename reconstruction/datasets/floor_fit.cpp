@@ -9,7 +9,7 @@
 #include <pcl/point_types.h>
 #include <pcl/segmentation/sac_segmentation.h>
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 constexpr float kInlierDistance_m = 0.025F;
@@ -78,4 +78,4 @@ std::optional<double> fit_floor_height_m(std::span<const glm::vec3> points_m) {
   return lowest;
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

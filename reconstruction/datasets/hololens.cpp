@@ -11,7 +11,7 @@
 #include "reconstruction/datasets/internal/calibration_files.h"
 #include "reconstruction/datasets/internal/file_sequence.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace {
 
 namespace fs = std::filesystem;
@@ -92,4 +92,4 @@ std::unique_ptr<RgbdSequence> open_hololens(const fs::path& folder,
                          options.on_bad_frame);
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -11,7 +11,7 @@
 #include "reconstruction/datasets/internal/json_file.h"
 #include "reconstruction/datasets/labels_file.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 using core::ConfigNode;
@@ -158,4 +158,4 @@ LabelMap read_replica_classes(const std::filesystem::path& file) {
   return map;
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -20,7 +20,7 @@
 
 #include "core/scene_bundle.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 struct LabelMap {
   std::vector<core::SceneClass> classes;     ///< Ascending by id.
@@ -46,4 +46,4 @@ struct LabelMap {
 /// are stuff.
 [[nodiscard]] LabelMap read_replica_classes(const std::filesystem::path& file);
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -7,7 +7,7 @@
 
 #include "core/config.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 using core::ConfigNode;
@@ -90,4 +90,4 @@ SequenceLabels read_sequence_labels(const std::filesystem::path& file) {
   return labels;
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -8,7 +8,7 @@
 #include "core/scene_bundle.h"
 #include "reconstruction/datasets/rgbd_sequence.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 /// labels.yaml beside the frames of a capture: what the ids in the masks mean, and the
 /// conventions of the other files.
@@ -43,4 +43,4 @@ void expect_schema(const core::ConfigNode& root, const std::string& name,
 /// refused.
 [[nodiscard]] std::vector<core::SceneClass> read_scene_classes(const core::ConfigNode& root);
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -13,7 +13,7 @@
 #include "reconstruction/datasets/internal/json_file.h"
 #include "reconstruction/datasets/labels_file.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 namespace fs = std::filesystem;
@@ -319,4 +319,4 @@ void write_masks(const fs::path& folder, const std::string& name, const FrameMas
                               [&](std::ostream& stream) { stream << list.dump(1) << '\n'; });
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

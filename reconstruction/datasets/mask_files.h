@@ -22,7 +22,7 @@
 #include "core/frame_masks.h"
 #include "core/scene_bundle.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 enum class MaskLayout : std::uint8_t { kSegsim, kGroundedSam, kPanopticRecon };
 
@@ -75,4 +75,4 @@ void write_masks(const std::filesystem::path& folder, const std::string& name,
 /// Writes masks.yaml. Written last, it says that the set is complete.
 void write_mask_set_info(const std::filesystem::path& folder, const MaskSetInfo& info);
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

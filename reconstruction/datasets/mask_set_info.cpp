@@ -5,7 +5,7 @@
 #include "reconstruction/datasets/labels_file.h"
 #include "reconstruction/datasets/mask_files.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 using core::ConfigNode;
@@ -69,4 +69,4 @@ MaskSetInfo read_mask_set_info(const std::filesystem::path& file) {
   return info;
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -11,7 +11,7 @@
 #include "reconstruction/datasets/internal/file_sequence.h"
 #include "reconstruction/datasets/internal/json_file.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace {
 
 namespace fs = std::filesystem;
@@ -125,4 +125,4 @@ std::unique_ptr<RgbdSequence> open_nerfstudio(const fs::path& folder,
                          options.on_bad_frame);
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -15,7 +15,7 @@
 
 #include "core/error.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 using core::InputError;
@@ -152,4 +152,4 @@ PointCloud read_point_cloud(const std::filesystem::path& file) {
   return cloud;
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

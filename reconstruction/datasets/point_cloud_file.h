@@ -11,7 +11,7 @@
 
 #include "core/image.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 struct PointCloud {
   std::vector<glm::vec3> position_m;  ///< In the file's own coordinates; finite.
@@ -24,4 +24,4 @@ struct PointCloud {
 ///     coordinates, or without a single finite point.
 [[nodiscard]] PointCloud read_point_cloud(const std::filesystem::path& file);
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

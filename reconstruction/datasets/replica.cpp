@@ -19,7 +19,7 @@
 #include "reconstruction/datasets/internal/file_sequence.h"
 #include "reconstruction/datasets/internal/listing.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace {
 
 namespace fs = std::filesystem;
@@ -132,4 +132,4 @@ std::unique_ptr<RgbdSequence> open_replica(const fs::path& folder,
                          options.on_bad_frame);
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

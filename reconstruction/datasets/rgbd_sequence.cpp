@@ -5,7 +5,7 @@
 #include "core/error.h"
 #include "reconstruction/datasets/internal/file_sequence.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 struct LayoutRow {
@@ -93,4 +93,4 @@ OnBadFrame parse_on_bad_frame(const std::string& word, const std::string& place)
   return parse_word(kWords, word, place);
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

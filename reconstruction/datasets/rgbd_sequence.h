@@ -34,7 +34,7 @@
 #include "core/image.h"
 #include "core/scene_bundle.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 /// One posed RGB-D picture.
 struct RgbdFrame {
@@ -138,4 +138,4 @@ class RgbdSequence {
 [[nodiscard]] UpAxis parse_up_axis(const std::string& word, const std::string& place);
 [[nodiscard]] OnBadFrame parse_on_bad_frame(const std::string& word, const std::string& place);
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -20,7 +20,7 @@
 #include "reconstruction/datasets/internal/file_sequence.h"
 #include "reconstruction/datasets/internal/listing.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace {
 
 namespace fs = std::filesystem;
@@ -116,4 +116,4 @@ std::unique_ptr<RgbdSequence> open_scannet(const fs::path& folder,
                          options.on_bad_frame);
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

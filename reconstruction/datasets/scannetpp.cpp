@@ -21,7 +21,7 @@
 #include "reconstruction/datasets/internal/json_file.h"
 #include "reconstruction/datasets/internal/listing.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace {
 
 namespace fs = std::filesystem;
@@ -146,4 +146,4 @@ std::unique_ptr<RgbdSequence> open_scannetpp(const fs::path& folder,
                          options.on_bad_frame);
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

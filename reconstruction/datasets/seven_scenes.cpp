@@ -13,7 +13,7 @@
 #include "reconstruction/datasets/internal/file_sequence.h"
 #include "reconstruction/datasets/labels_file.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace {
 
 namespace fs = std::filesystem;
@@ -129,4 +129,4 @@ std::unique_ptr<RgbdSequence> open_seven_scenes(const fs::path& folder,
   return finish_sequence(std::move(parts), folder, convention, options.on_bad_frame);
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -18,7 +18,7 @@
 #include "reconstruction/datasets/internal/file_sequence.h"
 #include "reconstruction/datasets/internal/listing.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace {
 
 namespace fs = std::filesystem;
@@ -167,4 +167,4 @@ std::unique_ptr<RgbdSequence> open_tum(const fs::path& folder,
                          options.on_bad_frame);
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

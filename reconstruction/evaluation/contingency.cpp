@@ -4,7 +4,7 @@
 
 #include "core/check.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 struct KeyCount {
@@ -83,4 +83,4 @@ core::Image<std::uint16_t> resized_nearest(const core::Image<std::uint16_t>& ima
   return resized;
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -16,7 +16,7 @@
 
 #include "core/image.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 /// Class and instance of a pixel. Class 0 is void, instance 0 is none.
 struct Label {
@@ -64,4 +64,4 @@ class ContingencyTable {
 [[nodiscard]] core::Image<std::uint16_t> resized_nearest(
     const core::Image<std::uint16_t>& image, int width_px, int height_px);
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <limits>
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 core::Image<float> reprojected_depth(const core::Image<float>& depth_m,
                                      const core::CameraIntrinsics& intrinsics,
@@ -31,4 +31,4 @@ core::Image<float> reprojected_depth(const core::Image<float>& depth_m,
   return at_b;
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

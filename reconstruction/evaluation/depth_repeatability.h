@@ -12,7 +12,7 @@
 #include "core/frames.h"
 #include "core/image.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 /// The depth image that a camera at B would have, from points measured at A. Each point falls
 /// on one pixel; the nearest point of a pixel stays; NaN where none falls. What A's points do
@@ -23,4 +23,4 @@ namespace segsim::renderer {
                                                    const core::CameraPose& T_world_a,
                                                    const core::CameraPose& T_world_b);
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -11,7 +11,7 @@
 
 #include "core/check.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 constexpr std::array kChannels{&core::Rgb8::r, &core::Rgb8::g, &core::Rgb8::b};
@@ -181,8 +181,8 @@ core::Image<core::Rgb8> exposed(const core::Image<core::Rgb8>& image,
 
 void ColorQuality::add(const core::Image<core::Rgb8>& image,
                        const core::Image<core::Rgb8>& truth) {
-  psnr_sum_db_ += renderer::psnr_db(image, truth);
-  ssim_sum_ += renderer::ssim(image, truth);
+  psnr_sum_db_ += reconstruction::psnr_db(image, truth);
+  ssim_sum_ += reconstruction::ssim(image, truth);
   ++views_;
 }
 double ColorQuality::psnr_db() const { return psnr_sum_db_ / std::max(views_, 1); }
@@ -250,4 +250,4 @@ std::array<double, 3> NormalQuality::within() const {
   return shares;
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -12,7 +12,7 @@
 
 #include "core/image.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 /// 10 log10(255^2 / mean squared error over pixels and channels); infinite if equal.
 [[nodiscard]] double psnr_db(const core::Image<core::Rgb8>& image,
@@ -95,4 +95,4 @@ class NormalQuality {
   std::array<std::uint64_t, 3> within_{};
 };
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

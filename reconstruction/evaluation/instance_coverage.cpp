@@ -5,7 +5,7 @@
 
 #include "reconstruction/evaluation/internal/segments.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 /// Pixels of each predicted id on one true object.
@@ -68,4 +68,4 @@ CoverageQuality instance_coverage(const ContingencyTable& table,
   return result;
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -15,7 +15,7 @@
 #include "core/scene_bundle.h"
 #include "reconstruction/evaluation/contingency.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 struct CoverageRules {
   /// Id 0 (none) may be the best id: PVLFF's reading. Else an object that only id 0 covers has
@@ -45,4 +45,4 @@ struct CoverageQuality {
                                                 std::span<const core::SceneClass> classes,
                                                 const CoverageRules& rules = {});
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

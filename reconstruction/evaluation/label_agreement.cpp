@@ -6,7 +6,7 @@
 #include "core/check.h"
 #include "core/file_io.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 void add_labels(const core::Frame& frame, const core::Frame& all_surfels,
                 LabelAgreement& agreement) {
@@ -15,8 +15,8 @@ void add_labels(const core::Frame& frame, const core::Frame& all_surfels,
                "frames without labels");
   SEGSIM_CHECK(frame.semantic.size() == all_surfels.semantic.size(), "size of the frames");
   for (std::size_t i = 0; i < frame.alpha.size(); ++i) {
-    if (frame.alpha.pixels()[i] < kMinSurfaceAlpha ||
-        all_surfels.alpha.pixels()[i] < kMinSurfaceAlpha) {
+    if (frame.alpha.pixels()[i] < renderer::kMinSurfaceAlpha ||
+        all_surfels.alpha.pixels()[i] < renderer::kMinSurfaceAlpha) {
       continue;
     }
     const bool semantic = frame.semantic.pixels()[i] == all_surfels.semantic.pixels()[i];
@@ -32,16 +32,17 @@ std::vector<LabelAgreement> label_agreement(const RendererFactory& make_renderer
                                             std::span<const core::CameraPose> T_world_camera,
                                             const core::CameraIntrinsics& intrinsics,
                                             std::span<const int> top_ks,
-                                            const RenderOptions& options) {
-  RenderOptions with = options;
-  with.top_k = kAllSurfels;
+                                            const renderer::RenderOptions& options) {
+  renderer::RenderOptions with = options;
+  with.top_k = renderer::kAllSurfels;
   const auto all = make_renderer(with);
   std::vector<core::Frame> expected;
   for (const core::CameraPose& pose : T_world_camera) {
     expected.push_back(all->render(pose, intrinsics, core::Channels::kAll));
   }
   std::vector<LabelAgreement> rows;
-  for (const TopKRule rule : {TopKRule::kHeaviest, TopKRule::kFirst}) {
+  for (const renderer::TopKRule rule :
+       {renderer::TopKRule::kHeaviest, renderer::TopKRule::kFirst}) {
     for (const int top_k : top_ks) {
       with.top_k = top_k;
       with.top_k_rule = rule;
@@ -64,13 +65,14 @@ void write_agreement_csv(const std::filesystem::path& file,
   core::write_file_atomically(file, [rows](std::ostream& out) {
     out << "rule,top_k,pixels,semantic,instance,panoptic,feature_fetches\n";
     for (const LabelAgreement& row : rows) {
-      out << (row.rule == TopKRule::kHeaviest ? "heaviest" : "first") << ','
-          << (row.top_k == kAllSurfels ? std::string("all") : std::to_string(row.top_k)) << ','
-          << row.pixels << ',' << row.share(row.same_semantic) << ','
+      out << (row.rule == renderer::TopKRule::kHeaviest ? "heaviest" : "first") << ','
+          << (row.top_k == renderer::kAllSurfels ? std::string("all")
+                                                 : std::to_string(row.top_k))
+          << ',' << row.pixels << ',' << row.share(row.same_semantic) << ','
           << row.share(row.same_instance) << ',' << row.share(row.same_panoptic) << ','
           << row.feature_fetches << '\n';
     }
   });
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -5,7 +5,7 @@
 
 #include "reconstruction/evaluation/internal/segments.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 using internal::Segment;
@@ -189,4 +189,4 @@ PanopticQuality panoptic_quality(const ContingencyTable& table,
   return counter.quality();
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

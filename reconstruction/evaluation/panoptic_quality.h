@@ -19,7 +19,7 @@
 #include "core/scene_bundle.h"
 #include "reconstruction/evaluation/contingency.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 struct PanopticRules {
   std::string name = "strict";
@@ -75,4 +75,4 @@ struct PanopticQuality {
                                                std::span<const core::SceneClass> classes,
                                                const PanopticRules& rules);
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -1,6 +1,6 @@
 #include "reconstruction/evaluation/panoptic_report.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 PanopticReport panoptic_report(const ContingencyTable& table,
                                std::span<const core::SceneClass> classes,
@@ -45,4 +45,4 @@ std::vector<PanopticReport> all_panoptic_reports(const ContingencyTable& held_ou
   return reports;
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -11,7 +11,7 @@
 #include "reconstruction/evaluation/panoptic_quality.h"
 #include "reconstruction/evaluation/semantic_quality.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 /// One row of a table: the paper's columns under one set of rules.
 struct PanopticReport {
@@ -35,4 +35,4 @@ struct PanopticReport {
     const ContingencyTable& held_out, const ContingencyTable& training,
     std::span<const core::SceneClass> classes, double zju_min_iou);
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <map>
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 /// Pixels of one class among the valid ones.
@@ -97,4 +97,4 @@ SemanticQuality semantic_quality(const ContingencyTable& table,
   return result;
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -17,7 +17,7 @@
 #include "core/scene_bundle.h"
 #include "reconstruction/evaluation/contingency.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 struct SemanticRules {
   bool per_frame = false;
@@ -53,4 +53,4 @@ struct SemanticQuality {
                                                std::span<const core::SceneClass> classes,
                                                const SemanticRules& rules);
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

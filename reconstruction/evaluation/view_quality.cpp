@@ -7,7 +7,7 @@
 #include "reconstruction/evaluation/internal/segments.h"
 #include "reconstruction/evaluation/semantic_quality.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 using internal::Segment;
@@ -136,4 +136,4 @@ ViewQuality view_quality(const ContingencyTable& table,
   return mean;
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -14,7 +14,7 @@
 #include "core/scene_bundle.h"
 #include "reconstruction/evaluation/contingency.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 struct ViewRules {
   double min_iou = 0.3;
@@ -40,4 +40,4 @@ struct ViewQuality {
                                        std::span<const core::SceneClass> classes,
                                        const ViewRules& rules = {});
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -7,7 +7,7 @@
 
 #include "core/check.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 /// Rows <= columns. Rows enter one after another, each over the shortest path of reduced costs
@@ -101,4 +101,4 @@ std::vector<int> assign(std::span<const double> cost, std::size_t rows, std::siz
   return result;
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -10,7 +10,7 @@
 #include <span>
 #include <vector>
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 inline constexpr int kUnassigned = -1;
 
@@ -22,4 +22,4 @@ inline constexpr int kUnassigned = -1;
 [[nodiscard]] std::vector<int> assign(std::span<const double> cost, std::size_t rows,
                                       std::size_t columns);
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

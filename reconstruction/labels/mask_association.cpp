@@ -9,7 +9,7 @@
 
 #include "core/check.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 /// Sparse vector of counts, ascending by index.
@@ -376,4 +376,4 @@ std::vector<AssociatedObject> MaskAssociation::objects() const {
   return AssociationRun(*this).objects();
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

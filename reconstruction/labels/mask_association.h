@@ -19,7 +19,7 @@
 #include "core/frames.h"
 #include "reconstruction/labels/panoptic_config.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 /// An object that masks of several views agree on.
 struct AssociatedObject {
@@ -66,4 +66,4 @@ class MaskAssociation {
   std::unordered_map<std::uint64_t, std::int32_t> index_;  ///< Looked up, never walked.
 };
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

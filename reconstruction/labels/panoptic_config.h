@@ -13,7 +13,7 @@
 
 #include "renderer/scene/panoptic_field.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 /// What pixels without a label say about instances.
 enum class VoidPolicy : std::uint8_t {
@@ -92,7 +92,7 @@ struct QuerySeed {
 };
 
 struct QueryConfig {
-  LabelVariant variant = LabelVariant::kNormalised;
+  renderer::LabelVariant variant = renderer::LabelVariant::kNormalised;
   double none_score = 0.05;      ///< Of kNormalised and kLogSoftmax (ours).
   double raw_none_score = 0.3;   ///< Of kRaw, only where labels are read off (ours).
   double temperature = 0.1;      ///< Of kTemperature (ours).
@@ -153,4 +153,4 @@ struct PanopticTrainingConfig {
 /// @throws core::ContractViolation naming the field that is out of range.
 void check_panoptic_config(const PanopticTrainingConfig& config);
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

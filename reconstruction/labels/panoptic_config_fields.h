@@ -8,7 +8,7 @@
 
 #include "reconstruction/labels/panoptic_config.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 inline constexpr double kNoLimit = 1e18;
 
@@ -119,4 +119,4 @@ void visit_panoptic(PanopticTrainingConfig& p, Visitor& v) {
   v.leave();
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

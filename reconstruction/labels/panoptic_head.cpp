@@ -9,7 +9,7 @@
 #include "reconstruction/labels/internal/head_list.h"
 #include "reconstruction/labels/panoptic_config_fields.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 /// Checks every field against the range that its file may name.
@@ -87,4 +87,4 @@ std::unique_ptr<PanopticHead> make_panoptic_head(const std::string& name,
   throw core::InputError::expected("head", names, "\"" + name + "\"");
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

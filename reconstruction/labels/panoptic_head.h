@@ -25,7 +25,7 @@
 #include "reconstruction/rasterizer/differentiable_rasterizer.h"
 #include "renderer/scene/panoptic_field.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 /// Sampled pixels of one image. Borrowed for the call.
 struct PanopticBatch {
@@ -50,11 +50,11 @@ struct NamedLoss {
 /// Trained labels. Query heads give a model and features, which fold into the field; other
 /// heads give the field only.
 struct PanopticResult {
-  std::optional<PanopticModel> model;
+  std::optional<renderer::PanopticModel> model;
   std::vector<core::SemanticFeature>
       semantic_feature;  ///< [surfels] with a model, else empty.
   std::vector<core::InstanceFeature> instance_feature;  ///< The same.
-  PanopticField field;
+  renderer::PanopticField field;
 };
 
 struct PanopticHeadInputs {
@@ -98,4 +98,4 @@ class PanopticHead {
     const std::string& name, PanopticHeadInputs inputs, const PanopticTrainingConfig& config,
     std::uint64_t seed);
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

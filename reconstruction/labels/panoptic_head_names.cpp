@@ -1,10 +1,10 @@
 // Apart from what makes heads: who reads a spec needs no libtorch.
 #include "reconstruction/labels/panoptic_head.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 std::vector<std::string> panoptic_head_names() {
   return {"query", "panoptic-splatting", "panoptic-lifting"};
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -11,24 +11,25 @@
 #include "reconstruction/labels/internal/label_losses.h"
 #include "reconstruction/labels/internal/sparse_blend.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace {
 
 constexpr const char* kName = "panoptic-lifting";
 
 /// Logits as scores of a field: an affine map to [0, 1] that is the same for all surfels, so
 /// that the largest blended score is the largest blended logit.
-SparseScores scores_of_logits(const Tensor& logits) {
+renderer::SparseScores scores_of_logits(const Tensor& logits) {
   const Tensor host = logits.cpu().contiguous();
   const std::int64_t slots = host.size(1);
   const auto* value = host.data_ptr<float>();
-  SparseScores scores(static_cast<std::size_t>(host.size(0)), static_cast<std::size_t>(slots));
+  renderer::SparseScores scores(static_cast<std::size_t>(host.size(0)),
+                                static_cast<std::size_t>(slots));
   if (host.numel() == 0) return scores;
   const float lowest = host.min().item<float>();
   const float range = std::max(host.max().item<float>() - lowest, 1e-6F);
   for (std::int64_t s = 0; s < host.size(0); ++s, value += slots) {
     const float base = *std::min_element(value, value + slots);
-    std::vector<SparseScores::Entry> row;
+    std::vector<renderer::SparseScores::Entry> row;
     for (std::int64_t j = 0; j < slots; ++j) {
       if (value[j] <= base) continue;
       row.push_back({static_cast<std::uint16_t>(j), (value[j] - base) / range});
@@ -97,7 +98,7 @@ class PanopticLiftingHead : public PanopticHead {
 
   [[nodiscard]] PanopticResult result() const override {
     PanopticResult result;
-    PanopticField& field = result.field;
+    renderer::PanopticField& field = result.field;
     for (const core::SceneClass& c : inputs_.classes) {
       field.class_id.push_back(c.id);
       field.class_is_thing.push_back(c.thing ? 1 : 0);
@@ -131,13 +132,13 @@ class PanopticLiftingHead : public PanopticHead {
     return torch::zeros({surfels(), size},
                         torch::TensorOptions().dtype(torch::kFloat32).device(device_));
   }
-  [[nodiscard]] SparseScores scores_of_probabilities() const {
+  [[nodiscard]] renderer::SparseScores scores_of_probabilities() const {
     const Tensor p = torch::softmax(semantic_.value(), 1).cpu().contiguous();
     const auto classes = static_cast<std::size_t>(p.size(1));
-    SparseScores scores(static_cast<std::size_t>(p.size(0)), classes);
+    renderer::SparseScores scores(static_cast<std::size_t>(p.size(0)), classes);
     for (std::size_t s = 0; s < scores.size(); ++s) {
       const float* value = p.data_ptr<float>() + s * classes;
-      std::vector<SparseScores::Entry> row;
+      std::vector<renderer::SparseScores::Entry> row;
       for (std::size_t c = 0; c < classes; ++c) {
         if (value[c] > 0.0F) row.push_back({static_cast<std::uint16_t>(c), value[c]});
       }
@@ -204,4 +205,4 @@ std::unique_ptr<PanopticHead> make_panoptic_lifting_head(PanopticHeadInputs inpu
   return std::make_unique<PanopticLiftingHead>(std::move(inputs), config);
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

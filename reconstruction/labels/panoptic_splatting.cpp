@@ -5,7 +5,7 @@
 
 #include "reconstruction/labels/internal/head_list.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 std::unique_ptr<PanopticHead> make_panoptic_splatting_head(
     PanopticHeadInputs inputs, const PanopticTrainingConfig& config, std::uint64_t seed) {
@@ -13,4 +13,4 @@ std::unique_ptr<PanopticHead> make_panoptic_splatting_head(
                          config.loss.warp_of_ps);
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

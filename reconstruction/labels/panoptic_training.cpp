@@ -11,7 +11,7 @@
 #include "reconstruction/labels/pixel_sampling.h"
 #include "reconstruction/labels/query_seeding.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 /// The views of an epoch, each once, in random order.
@@ -192,4 +192,4 @@ std::vector<std::int32_t> warp_pixels(
   return result;
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -21,7 +21,7 @@
 #include "reconstruction/labels/panoptic_head.h"
 #include "reconstruction/rasterizer/differentiable_rasterizer.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 /// The training images and the frozen surfels behind them.
 class PanopticViews {
@@ -85,4 +85,4 @@ std::int64_t train_panoptic(PanopticViews& views, PanopticHead& head,
     const core::Image<float>& other_depth_m, const core::CameraIntrinsics& other_camera,
     const core::CameraPose& T_world_other, double max_error_m);
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

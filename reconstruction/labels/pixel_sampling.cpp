@@ -7,7 +7,7 @@
 
 #include "core/check.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 /// Lists of an image's pixels to draw from.
@@ -95,4 +95,4 @@ PixelSample sample_pixels(const core::FrameMasks& masks, const core::Image<float
   return std::move(drawing).sample();
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -13,7 +13,7 @@
 #include "core/scene_bundle.h"
 #include "reconstruction/labels/panoptic_config.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 struct PixelSample {
   std::vector<std::int32_t> pixels;  ///< y * width + x, ascending; a pixel may come twice.
@@ -32,4 +32,4 @@ struct PixelSample {
                                         const PixelSamplingConfig& config,
                                         core::RandomStream& random);
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -16,7 +16,7 @@
 #include "reconstruction/labels/internal/sparse_blend.h"
 #include "reconstruction/labels/query_pruning.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace {
 
 constexpr std::int64_t kPruningSurfels = 100'000;  ///< Sampled for the overlap of queries.
@@ -201,7 +201,7 @@ class QueryHead : public PanopticHead {
   /// [surfels, queries], what of a surfel's thing mass each query has: its label. What the
   /// none-score takes stays without a channel.
   [[nodiscard]] Tensor query_shares(const Rendered& rendered) const {
-    if (config_.query.variant != LabelVariant::kRaw) return rendered.labels;
+    if (config_.query.variant != renderer::LabelVariant::kRaw) return rendered.labels;
     return rendered.labels / (rendered.labels.sum(1, true) + 1e-6);
   }
 
@@ -294,7 +294,7 @@ class QueryHead : public PanopticHead {
     return config;
   }
   [[nodiscard]] std::vector<QueryUse> query_uses() const;
-  [[nodiscard]] PanopticModel model() const;
+  [[nodiscard]] renderer::PanopticModel model() const;
 
   std::string name_;
   PanopticHeadInputs inputs_;
@@ -321,7 +321,10 @@ std::vector<QueryUse> QueryHead::query_uses() const {
   const Tensor distance2 = squared_distances(
       position_m_.index_select(0, rows), leaves.position_m, leaves.log_sigma, leaves.rotation);
   const Tensor attention =
-      query_labels(logit, distance2, {LabelVariant::kRaw, 0.0, 1.0}).t().cpu().contiguous();
+      query_labels(logit, distance2, {renderer::LabelVariant::kRaw, 0.0, 1.0})
+          .t()
+          .cpu()
+          .contiguous();
   const auto* a = attention.data_ptr<float>();
   for (std::size_t q = 0; q < uses.size(); ++q) {
     const auto query = static_cast<std::int64_t>(q);
@@ -338,14 +341,14 @@ std::vector<QueryUse> QueryHead::query_uses() const {
 }
 
 /// Queries that were never matched in enough frames are not part of the result.
-PanopticModel QueryHead::model() const {
+renderer::PanopticModel QueryHead::model() const {
   const at::NoGradGuard no_grad;
-  PanopticModel model;
+  renderer::PanopticModel model;
   model.variant = config_.query.variant;
   model.temperature = static_cast<float>(config_.query.temperature);
-  model.none_score =
-      static_cast<float>(model.variant == LabelVariant::kRaw ? config_.query.raw_none_score
-                                                             : config_.query.none_score);
+  model.none_score = static_cast<float>(model.variant == renderer::LabelVariant::kRaw
+                                            ? config_.query.raw_none_score
+                                            : config_.query.none_score);
   model.classes = decoder_classes(inputs_.classes, decoder_weight_.value().cpu(),
                                   decoder_bias_.value().cpu());
   const QuerySet::Leaves leaves = queries_.leaves();
@@ -355,7 +358,7 @@ PanopticModel QueryHead::model() const {
                logits = QuerySet::class_logits(leaves).cpu();
   for (std::int64_t q = 0; q < queries_.size(); ++q) {
     if (static_cast<int>(queries_.frames(q)) < query_config().min_frames) continue;
-    InstanceQuery query;
+    renderer::InstanceQuery query;
     query.id = static_cast<std::uint16_t>(model.queries.size() + 1);
     const auto at = [q](const Tensor& t, int i) {
       return t.data_ptr<float>()[q * t.size(1) + i];
@@ -385,7 +388,7 @@ PanopticResult QueryHead::result() const {
   result.model = model();
   result.semantic_feature = rows_of<core::SemanticFeature>(semantic_.value());
   result.instance_feature = rows_of<core::InstanceFeature>(instance_.value());
-  result.field = fold_panoptic_model(
+  result.field = renderer::fold_panoptic_model(
       feature_cloud(inputs_.position_m, result.semantic_feature, result.instance_feature),
       *result.model);
   return result;
@@ -421,4 +424,4 @@ std::unique_ptr<PanopticHead> make_query_head(std::string name, PanopticHeadInpu
                                      warp_factor);
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

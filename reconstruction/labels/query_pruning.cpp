@@ -4,7 +4,7 @@
 #include <iterator>
 #include <numeric>
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 std::size_t common(const std::vector<std::int64_t>& a, const std::vector<std::int64_t>& b) {
@@ -50,4 +50,4 @@ std::vector<std::int64_t> queries_to_keep(std::span<const QueryUse> queries,
   return kept;
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

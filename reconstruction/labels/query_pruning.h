@@ -9,7 +9,7 @@
 
 #include "reconstruction/labels/panoptic_config.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 struct QueryUse {
   std::int64_t matches = 0;         ///< Since training began.
@@ -26,4 +26,4 @@ struct QueryUse {
 [[nodiscard]] std::vector<std::int64_t> queries_to_keep(std::span<const QueryUse> queries,
                                                         const QueryConfig& config);
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -7,7 +7,7 @@
 #include "core/check.h"
 #include "core/random.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 struct Sum {
@@ -85,4 +85,4 @@ std::vector<glm::vec3> QuerySeeder::seeds_m() const {
   return seeds;
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

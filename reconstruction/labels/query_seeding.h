@@ -15,7 +15,7 @@
 #include "core/frames.h"
 #include "reconstruction/labels/panoptic_config.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 class QuerySeeder {
  public:
@@ -45,4 +45,4 @@ class QuerySeeder {
   std::size_t most_masks_ = 0;
 };
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -23,7 +23,7 @@
 #include "reconstruction/lifting/parallel_loading.h"
 #include "renderer/scene/parallel.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 using internal::Voxel;
@@ -209,7 +209,7 @@ std::vector<Sights> CloudStart::look(const std::vector<glm::vec3>& points_m) con
       views[k].emplace(frames[k].T_world_camera, sequence_.intrinsics(), voxel_m_);
       for (const glm::vec3& p_m : points_m) views[k]->draw(p_m);
     });
-    internal::parallel_for_each(points_m.size(), 4096, [&](std::size_t i) {
+    renderer::internal::parallel_for_each(points_m.size(), 4096, [&](std::size_t i) {
       for (std::size_t k = 0; k < count; ++k) {
         const std::optional<glm::ivec2> px = views[k]->pixel_of(points_m[i]);
         if (!px || (!frames[k].valid.empty() && frames[k].valid(px->x, px->y) == 0)) continue;
@@ -243,7 +243,7 @@ void CloudStart::orient(std::vector<Voxel>& voxels, const std::vector<glm::vec3>
   pcl::search::KdTree<pcl::PointXYZ> tree;
   tree.setInputCloud(cloud);
   const int neighbors = std::max(options_.neighbors, 3) + 1;
-  internal::parallel_for_each(voxels.size(), 1024, [&](std::size_t i) {
+  renderer::internal::parallel_for_each(voxels.size(), 1024, [&](std::size_t i) {
     thread_local pcl::Indices found;
     thread_local std::vector<float> squared;
     tree.nearestKSearch((*cloud)[i], neighbors, found, squared);
@@ -315,4 +315,4 @@ LiftResult start_from_cloud(const PointCloud& cloud, const RgbdSequence& sequenc
   return arena.execute([&] { return CloudStart(cloud, sequence, options, progress).run(); });
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

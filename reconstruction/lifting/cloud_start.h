@@ -9,7 +9,7 @@
 #include "reconstruction/datasets/rgbd_sequence.h"
 #include "reconstruction/lifting/lifting.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 /// @param cloud  In the source's coordinates: RgbdSequence::T_world_source() is applied.
 /// @param options  voxel_m, neighbors, opacity, frame_step, held_out_every and threads count;
@@ -23,4 +23,4 @@ namespace segsim::renderer {
                                           const LiftOptions& options = {},
                                           const LiftProgress& progress = {});
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -16,7 +16,7 @@
 #include "reconstruction/lifting/internal/voxel_surfels.h"
 #include "reconstruction/lifting/parallel_loading.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 using internal::Voxel;
@@ -137,7 +137,7 @@ LiftResult Lifter::run() {
 }  // namespace
 
 std::vector<core::SceneInstance> instance_boxes(
-    const SurfelCloud& surfels, const std::vector<core::SceneInstance>& known) {
+    const renderer::SurfelCloud& surfels, const std::vector<core::SceneInstance>& known) {
   std::map<std::uint16_t, std::vector<std::size_t>> members;
   for (std::size_t i = 0; i < surfels.instance_id.size(); ++i) {
     if (surfels.instance_id[i] != 0) members[surfels.instance_id[i]].push_back(i);
@@ -191,4 +191,4 @@ LiftResult lift(const RgbdSequence& sequence, const LiftOptions& options,
   return arena.execute([&] { return Lifter(sequence, options, progress).run(); });
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

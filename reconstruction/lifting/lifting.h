@@ -20,7 +20,7 @@
 #include "reconstruction/datasets/rgbd_sequence.h"
 #include "renderer/scene/surfels.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 struct LiftOptions {
   double voxel_m = 0.02;     ///< Edge of a voxel = spacing of the surfels.
@@ -54,7 +54,8 @@ struct LiftStatistics {
 };
 
 struct LiftResult {
-  SurfelCloud surfels;  ///< SH degree 0; labels if the sequence has masks. Sorted by voxel.
+  renderer::SurfelCloud
+      surfels;  ///< SH degree 0; labels if the sequence has masks. Sorted by voxel.
   std::vector<core::SceneClass> classes;
   /// Those with at least one surfel; boxes are the 1 % ... 99 % quantiles of their surfels.
   std::vector<core::SceneInstance> instances;
@@ -69,7 +70,7 @@ using LiftProgress =
 /// The instances that have a surfel, with their boxes (LiftResult::instances).
 /// @param surfels  Labelled.  @param known  Their boxes are ignored.
 [[nodiscard]] std::vector<core::SceneInstance> instance_boxes(
-    const SurfelCloud& surfels, const std::vector<core::SceneInstance>& known);
+    const renderer::SurfelCloud& surfels, const std::vector<core::SceneInstance>& known);
 
 /// Indices of a recording's frames, ascending; frames between the steps are in neither list.
 struct FrameSplit {
@@ -86,4 +87,4 @@ struct FrameSplit {
 [[nodiscard]] LiftResult lift(const RgbdSequence& sequence, const LiftOptions& options = {},
                               const LiftProgress& progress = {});
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -8,14 +8,14 @@
 
 #include "renderer/scene/parallel.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 /// As parallel_for_each(), for bodies that may throw: all are called, then the error of the
 /// smallest i is thrown, so that which file is named does not depend on the threads.
 template <class Body>
 void load_each(std::size_t count, const Body& body) {
   std::vector<std::exception_ptr> errors(count);
-  parallel_for_each(count, 1, [&](std::size_t i) {
+  renderer::internal::parallel_for_each(count, 1, [&](std::size_t i) {
     try {
       body(i);
     } catch (...) {
@@ -27,4 +27,4 @@ void load_each(std::size_t count, const Body& body) {
   }
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

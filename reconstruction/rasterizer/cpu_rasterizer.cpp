@@ -16,7 +16,7 @@
 #include "renderer/raster/tile_binning.h"
 #include "renderer/scene/projection_camera.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 constexpr std::size_t kSurfelsPerTask = 1024;
@@ -33,9 +33,9 @@ class CpuRasterizer final : public DifferentiableRasterizer<Real> {
                const core::CameraPose& T_world_camera, const TrainingImages<Real>& images,
                Real* max_weight) override {
     internal::check_view(surfels, camera, images);
-    camera_ = {internal::projection_camera<double>(T_world_camera, camera),
-               internal::projection_camera<float>(T_world_camera, camera), camera.width_px,
-               camera.height_px};
+    camera_ = {renderer::internal::projection_camera<double>(T_world_camera, camera),
+               renderer::internal::projection_camera<float>(T_world_camera, camera),
+               camera.width_px, camera.height_px};
     surfel_count_ = surfels.count;
     if (max_weight != nullptr) std::fill_n(max_weight, surfels.count, Real(0));
 
@@ -70,7 +70,7 @@ class CpuRasterizer final : public DifferentiableRasterizer<Real> {
                               pair_gradients_.data() + first_pair_[tile]);
     });
     const auto count = static_cast<std::size_t>(surfels.count);
-    const ProjectionCamera<Real> camera = internal::camera_as<Real>(camera_.exact);
+    const renderer::ProjectionCamera<Real> camera = internal::camera_as<Real>(camera_.exact);
     workers_.for_each((count + kSurfelsPerTask - 1) / kSurfelsPerTask, [&](std::size_t task) {
       const std::size_t first = task * kSurfelsPerTask;
       for (std::size_t i = first; i < std::min(count, first + kSurfelsPerTask); ++i) {
@@ -101,8 +101,8 @@ class CpuRasterizer final : public DifferentiableRasterizer<Real> {
   [[nodiscard]] internal::TileView<Real> view_of(std::size_t tile) const {
     const auto tiles_x = static_cast<std::size_t>(bins_.tiles_x());
     return {view_.data(), bins_.list(tile),
-            static_cast<int>(tile % tiles_x) * internal::kTileSizePx,
-            static_cast<int>(tile / tiles_x) * internal::kTileSizePx};
+            static_cast<int>(tile % tiles_x) * renderer::internal::kTileSizePx,
+            static_cast<int>(tile / tiles_x) * renderer::internal::kTileSizePx};
   }
 
   /// Pairs of a tile and a surfel that was blended there, tile by tile.
@@ -134,7 +134,7 @@ class CpuRasterizer final : public DifferentiableRasterizer<Real> {
   }
 
   void write_surfel(const SurfelParameters<Real>& surfels, std::size_t i,
-                    const ProjectionCamera<Real>& camera,
+                    const renderer::ProjectionCamera<Real>& camera,
                     const SurfelGradients<Real>& gradients) const {
     const auto pairs = order_.of(i);
     const auto surfel = static_cast<std::int64_t>(i);
@@ -154,7 +154,7 @@ class CpuRasterizer final : public DifferentiableRasterizer<Real> {
     std::size_t in_cell;
   };
   [[nodiscard]] Place place_of(std::int32_t pixel) const {
-    constexpr int kTile = internal::kTileSizePx;
+    constexpr int kTile = renderer::internal::kTileSizePx;
     const int x = pixel % camera_.width_px, y = pixel / camera_.width_px;
     const std::size_t tile = static_cast<std::size_t>(y / kTile) * bins_.tiles_x() + x / kTile;
     const auto place = static_cast<std::size_t>(internal::place_in_tile(x % kTile, y % kTile));
@@ -188,11 +188,11 @@ class CpuRasterizer final : public DifferentiableRasterizer<Real> {
     internal::CellWeights<Real> weights_;
   };
 
-  internal::Workers workers_;
+  renderer::internal::Workers workers_;
   internal::ViewCamera camera_{};
   std::int64_t surfel_count_ = 0;
   internal::ViewSurfels<Real> view_;
-  internal::TileBins bins_;
+  renderer::internal::TileBins bins_;
   std::vector<internal::TileRecord<Real>> records_;
   std::vector<std::vector<std::uint16_t>> cells_;  ///< Of each list entry: where it counts.
   std::vector<std::uint32_t> first_pair_;          ///< Of each tile.
@@ -215,4 +215,4 @@ template std::unique_ptr<DifferentiableRasterizer<float>> make_cpu_rasterizer(
 template std::unique_ptr<DifferentiableRasterizer<double>> make_cpu_rasterizer(
     const DifferentiableRasterizerOptions&);
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

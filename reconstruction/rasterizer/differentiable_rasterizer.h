@@ -13,7 +13,7 @@
 #include "core/frames.h"
 #include "reconstruction/rasterizer/surfel_parameters.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 /// Sparse matrix of blending weights in compressed rows: row p lists the surfels of listed
 /// pixel p, front to back.
@@ -61,4 +61,4 @@ template <class Real>
 [[nodiscard]] std::unique_ptr<DifferentiableRasterizer<Real>> make_cpu_rasterizer(
     const DifferentiableRasterizerOptions& options = {});
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

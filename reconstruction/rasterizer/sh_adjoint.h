@@ -6,15 +6,16 @@
 #include "core/host_device.h"
 #include "renderer/scene/surfel_geometry.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 /// @param direction  Unit; the basis is differentiated as the polynomials that sh_basis()
 ///     evaluates, so the caller projects out what changes the length.
 /// @param by_basis  Derivatives of the loss by the (degree + 1)^2 values.
 template <class Real>
-SEGSIM_HD inline Vec3<Real> sh_basis_adjoint(int degree, const Vec3<Real>& direction,
-                                             const Real* by_basis) {
-  Vec3<Real> by{Real(0), Real(0), Real(0)};
+SEGSIM_HD inline renderer::Vec3<Real> sh_basis_adjoint(int degree,
+                                                       const renderer::Vec3<Real>& direction,
+                                                       const Real* by_basis) {
+  renderer::Vec3<Real> by{Real(0), Real(0), Real(0)};
   if (degree < 1) return by;
   const Real x = direction.x, y = direction.y, z = direction.z;
   constexpr double kC1 = 0.4886025119029199;
@@ -48,4 +49,4 @@ SEGSIM_HD inline Vec3<Real> sh_basis_adjoint(int degree, const Vec3<Real>& direc
   return by;
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

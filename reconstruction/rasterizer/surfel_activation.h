@@ -22,13 +22,13 @@
 #include "reconstruction/rasterizer/surfel_adjoint.h"
 #include "reconstruction/rasterizer/surfel_parameters.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 /// A surfel in the terms of surfel_geometry.h.
 template <class Real>
 struct ActiveSurfel {
-  Vec3<Real> position_m;
-  Vec3<Real> t_u, t_v,
+  renderer::Vec3<Real> position_m;
+  renderer::Vec3<Real> t_u, t_v,
       normal;  ///< Unit, world frame; the normal as the quaternion gives it.
   Real scale_u_m, scale_v_m;
   Real opacity;
@@ -37,12 +37,12 @@ struct ActiveSurfel {
 };
 
 template <class Real>
-SEGSIM_HD inline Vec3<Real> load_vec3(const Real* values, std::int64_t i) {
+SEGSIM_HD inline renderer::Vec3<Real> load_vec3(const Real* values, std::int64_t i) {
   return {values[3 * i], values[3 * i + 1], values[3 * i + 2]};
 }
 
 template <class Real>
-SEGSIM_HD inline Vec3<Real> scaled(const Vec3<Real>& v, Real s) {
+SEGSIM_HD inline renderer::Vec3<Real> scaled(const renderer::Vec3<Real>& v, Real s) {
   return {v.x * s, v.y * s, v.z * s};
 }
 
@@ -74,8 +74,8 @@ SEGSIM_HD inline ActiveSurfel<Real> activate(const SurfelParameters<Real>& surfe
 
 /// From the eye to the surfel's centre.
 template <class Real>
-SEGSIM_HD inline Vec3<Real> offset_of(const ProjectionCamera<Real>& camera,
-                                      const Vec3<Real>& position_m) {
+SEGSIM_HD inline renderer::Vec3<Real> offset_of(const renderer::ProjectionCamera<Real>& camera,
+                                                const renderer::Vec3<Real>& position_m) {
   return {position_m.x - camera.centre_m.x, position_m.y - camera.centre_m.y,
           position_m.z - camera.centre_m.z};
 }
@@ -83,19 +83,19 @@ SEGSIM_HD inline Vec3<Real> offset_of(const ProjectionCamera<Real>& camera,
 /// Does the normal as stored point away from the camera? The drawn one is then its opposite.
 template <class Real>
 SEGSIM_HD inline bool faces_away(const ActiveSurfel<Real>& s,
-                                 const ProjectionCamera<Real>& camera) {
-  return dot(s.normal, offset_of(camera, s.position_m)) > Real(0);
+                                 const renderer::ProjectionCamera<Real>& camera) {
+  return renderer::dot(s.normal, offset_of(camera, s.position_m)) > Real(0);
 }
 
 /// Spherical harmonics of surfel i before the clamp at 0.
 /// @param basis  sh_basis() of the direction to the surfel, active degree.
 template <class Real>
-SEGSIM_HD inline Vec3<Real> unclamped_colour(const SurfelParameters<Real>& surfels,
-                                             std::int64_t i, const Real* basis) {
+SEGSIM_HD inline renderer::Vec3<Real> unclamped_colour(const SurfelParameters<Real>& surfels,
+                                                       std::int64_t i, const Real* basis) {
   const int stored = (surfels.sh_degree + 1) * (surfels.sh_degree + 1);
   const int used = (surfels.active_sh_degree + 1) * (surfels.active_sh_degree + 1);
   const Real* sh = surfels.sh + i * stored * 3;
-  Vec3<Real> sum{Real(0.5), Real(0.5), Real(0.5)};
+  renderer::Vec3<Real> sum{Real(0.5), Real(0.5), Real(0.5)};
   for (int k = 0; k < used; ++k) {
     sum.x += basis[k] * sh[3 * k];
     sum.y += basis[k] * sh[3 * k + 1];
@@ -106,24 +106,26 @@ SEGSIM_HD inline Vec3<Real> unclamped_colour(const SurfelParameters<Real>& surfe
 
 /// @return  Colour of surfel i seen from the camera.
 template <class Real>
-SEGSIM_HD inline Vec3<Real> colour_of(const SurfelParameters<Real>& surfels, std::int64_t i,
-                                      const ProjectionCamera<Real>& camera) {
-  const Vec3<Real> offset = offset_of(camera, load_vec3(surfels.position_m, i));
-  const Vec3<Real> direction = scaled(offset, Real(1) / std::sqrt(dot(offset, offset)));
+SEGSIM_HD inline renderer::Vec3<Real> colour_of(
+    const SurfelParameters<Real>& surfels, std::int64_t i,
+    const renderer::ProjectionCamera<Real>& camera) {
+  const renderer::Vec3<Real> offset = offset_of(camera, load_vec3(surfels.position_m, i));
+  const renderer::Vec3<Real> direction =
+      scaled(offset, Real(1) / std::sqrt(renderer::dot(offset, offset)));
   Real basis[16];
-  sh_basis(surfels.active_sh_degree, direction, basis);
-  const Vec3<Real> sum = unclamped_colour(surfels, i, basis);
-  return {larger(sum.x, Real(0)), larger(sum.y, Real(0)), larger(sum.z, Real(0))};
+  renderer::sh_basis(surfels.active_sh_degree, direction, basis);
+  const renderer::Vec3<Real> sum = unclamped_colour(surfels, i, basis);
+  return {renderer::larger(sum.x, Real(0)), renderer::larger(sum.y, Real(0)),
+          renderer::larger(sum.z, Real(0))};
 }
 
 /// What pixels read of a surfel, but for its colour (colour_of()).
 /// @param screen  project_surfel() of it; its centre must lie beyond near_m.
 /// @param k2  extent_squared() of its opacity, > 0.
 template <class Real>
-SEGSIM_HD inline DrawnSurfel<Real> drawn_surfel(const ActiveSurfel<Real>& s,
-                                                const SurfelProjection<Real>& screen, Real k2,
-                                                Real near_m,
-                                                const ProjectionCamera<Real>& camera) {
+SEGSIM_HD inline DrawnSurfel<Real> drawn_surfel(
+    const ActiveSurfel<Real>& s, const renderer::SurfelProjection<Real>& screen, Real k2,
+    Real near_m, const renderer::ProjectionCamera<Real>& camera) {
   DrawnSurfel<Real> drawn;
   drawn.x0_px = screen.x0_px, drawn.y0_px = screen.y0_px;
   drawn.m00 = screen.m00, drawn.m01 = screen.m01;
@@ -148,12 +150,13 @@ namespace detail {
 /// Derivatives by a surfel's geometry.
 template <class Real>
 struct GeometryGradient {
-  Vec3<Real> position, u, v;  ///< World frame; u, v: tangents times scales.
+  renderer::Vec3<Real> position, u, v;  ///< World frame; u, v: tangents times scales.
   Real k2;
 };
 
 template <class Real>
-SEGSIM_HD inline Vec3<Real> to_world(const ProjectionCamera<Real>& c, Real x, Real y, Real z) {
+SEGSIM_HD inline renderer::Vec3<Real> to_world(const renderer::ProjectionCamera<Real>& c,
+                                               Real x, Real y, Real z) {
   return {c.right.x * x + c.down.x * y + c.forward.x * z,
           c.right.y * x + c.down.y * y + c.forward.y * z,
           c.right.z * x + c.down.z * y + c.forward.z * z};
@@ -163,9 +166,11 @@ SEGSIM_HD inline Vec3<Real> to_world(const ProjectionCamera<Real>& c, Real x, Re
 /// @param u, v  Tangents times scales, world frame.
 template <class Real>
 SEGSIM_HD inline GeometryGradient<Real> projection_adjoint(
-    const ProjectionCamera<Real>& camera, const Vec3<Real>& position_m, const Vec3<Real>& u,
-    const Vec3<Real>& v, Real k2, const LocalGradient<Real>& local) {
-  const SurfelProjection<Real> s = project_surfel(camera, position_m, u, v);
+    const renderer::ProjectionCamera<Real>& camera, const renderer::Vec3<Real>& position_m,
+    const renderer::Vec3<Real>& u, const renderer::Vec3<Real>& v, Real k2,
+    const LocalGradient<Real>& local) {
+  const renderer::SurfelProjection<Real> s =
+      renderer::project_surfel(camera, position_m, u, v);
   GeometryGradient<Real> out;
   Real by_w0 = Real(0), by_w1 = Real(0);
   Real by_a0 = Real(0), by_a1 = Real(0), by_b0 = Real(0), by_b1 = Real(0);
@@ -189,9 +194,9 @@ SEGSIM_HD inline GeometryGradient<Real> projection_adjoint(
   }
   out.k2 = local.reach * w_length / (Real(2) * k);
 
-  const Vec3<Real> offset = offset_of(camera, position_m);
+  const renderer::Vec3<Real> offset = offset_of(camera, position_m);
   const Real inverse_z = Real(1) / s.z0_m;
-  const Real x = dot(camera.right, offset), y = dot(camera.down, offset);
+  const Real x = renderer::dot(camera.right, offset), y = renderer::dot(camera.down, offset);
   const Real xn = x * inverse_z, yn = y * inverse_z;
   const Real fx = camera.fx_px, fy = camera.fy_px;
   const Real by_xn = fx * (local.x0 - (s.w0 * by_a0 + s.w1 * by_a1));
@@ -200,11 +205,12 @@ SEGSIM_HD inline GeometryGradient<Real> projection_adjoint(
   by_w1 -= fx * xn * by_a1 + fy * yn * by_b1;
   const Real by_ux = fx * by_a0, by_uy = fy * by_b0;  // Times z0, as by_w.
   const Real by_vx = fx * by_a1, by_vy = fy * by_b1;
-  const Real by_inverse_z = (dot(camera.right, u) * by_ux + dot(camera.down, u) * by_uy +
-                             dot(camera.forward, u) * by_w0) +
-                            (dot(camera.right, v) * by_vx + dot(camera.down, v) * by_vy +
-                             dot(camera.forward, v) * by_w1) +
-                            (x * by_xn + y * by_yn);
+  const Real by_inverse_z =
+      (renderer::dot(camera.right, u) * by_ux + renderer::dot(camera.down, u) * by_uy +
+       renderer::dot(camera.forward, u) * by_w0) +
+      (renderer::dot(camera.right, v) * by_vx + renderer::dot(camera.down, v) * by_vy +
+       renderer::dot(camera.forward, v) * by_w1) +
+      (x * by_xn + y * by_yn);
   out.position = to_world(camera, by_xn * inverse_z, by_yn * inverse_z,
                           local.z0 - by_inverse_z * inverse_z * inverse_z);
   out.u = to_world(camera, by_ux * inverse_z, by_uy * inverse_z, by_w0 * inverse_z);
@@ -214,11 +220,12 @@ SEGSIM_HD inline GeometryGradient<Real> projection_adjoint(
 
 /// By the raw quaternion, from derivatives by the columns of its rotation matrix.
 template <class Real>
-SEGSIM_HD inline void rotation_adjoint(const ActiveSurfel<Real>& s, const Vec3<Real>& by_t_u,
-                                       const Vec3<Real>& by_t_v, const Vec3<Real>& by_normal,
-                                       Real* rotation) {
+SEGSIM_HD inline void rotation_adjoint(const ActiveSurfel<Real>& s,
+                                       const renderer::Vec3<Real>& by_t_u,
+                                       const renderer::Vec3<Real>& by_t_v,
+                                       const renderer::Vec3<Real>& by_normal, Real* rotation) {
   const Real w = s.w, x = s.x, y = s.y, z = s.z, two = Real(2);
-  const Vec3<Real>&c0 = by_t_u, &c1 = by_t_v, &c2 = by_normal;
+  const renderer::Vec3<Real>&c0 = by_t_u, &c1 = by_t_v, &c2 = by_normal;
   const Real by_w = two * (x * (c1.z - c2.y) + y * (c2.x - c0.z) + z * (c0.y - c1.x));
   const Real by_x = two * (-two * x * (c1.y + c2.z) + y * (c0.y + c1.x) + z * (c0.z + c2.x) +
                            w * (c1.z - c2.y));
@@ -236,21 +243,21 @@ SEGSIM_HD inline void rotation_adjoint(const ActiveSurfel<Real>& s, const Vec3<R
 /// Writes the derivatives by the coefficients of surfel i; may be over the coefficients.
 /// @return  By the position, through the direction of view.
 template <class Real>
-SEGSIM_HD inline Vec3<Real> colour_adjoint(const SurfelParameters<Real>& surfels,
-                                           std::int64_t i,
-                                           const ProjectionCamera<Real>& camera,
-                                           const Vec3<Real>& by_colour, Real* sh_gradient) {
+SEGSIM_HD inline renderer::Vec3<Real> colour_adjoint(
+    const SurfelParameters<Real>& surfels, std::int64_t i,
+    const renderer::ProjectionCamera<Real>& camera, const renderer::Vec3<Real>& by_colour,
+    Real* sh_gradient) {
   const int stored = (surfels.sh_degree + 1) * (surfels.sh_degree + 1);
   const int used = (surfels.active_sh_degree + 1) * (surfels.active_sh_degree + 1);
-  const Vec3<Real> offset = offset_of(camera, load_vec3(surfels.position_m, i));
-  const Real inverse_distance = Real(1) / std::sqrt(dot(offset, offset));
-  const Vec3<Real> direction = scaled(offset, inverse_distance);
+  const renderer::Vec3<Real> offset = offset_of(camera, load_vec3(surfels.position_m, i));
+  const Real inverse_distance = Real(1) / std::sqrt(renderer::dot(offset, offset));
+  const renderer::Vec3<Real> direction = scaled(offset, inverse_distance);
   Real basis[16];
-  sh_basis(surfels.active_sh_degree, direction, basis);
-  const Vec3<Real> colour = unclamped_colour(surfels, i, basis);
-  const Vec3<Real> by{colour.x > Real(0) ? by_colour.x : Real(0),
-                      colour.y > Real(0) ? by_colour.y : Real(0),
-                      colour.z > Real(0) ? by_colour.z : Real(0)};
+  renderer::sh_basis(surfels.active_sh_degree, direction, basis);
+  const renderer::Vec3<Real> colour = unclamped_colour(surfels, i, basis);
+  const renderer::Vec3<Real> by{colour.x > Real(0) ? by_colour.x : Real(0),
+                                colour.y > Real(0) ? by_colour.y : Real(0),
+                                colour.z > Real(0) ? by_colour.z : Real(0)};
   const Real* sh = surfels.sh + i * stored * 3;
   Real* out = sh_gradient + i * stored * 3;
   Real by_basis[16];
@@ -262,9 +269,9 @@ SEGSIM_HD inline Vec3<Real> colour_adjoint(const SurfelParameters<Real>& surfels
   }
   for (int k = 3 * used; k < 3 * stored; ++k) out[k] = Real(0);
   if (surfels.active_sh_degree == 0) return {Real(0), Real(0), Real(0)};
-  const Vec3<Real> by_direction =
+  const renderer::Vec3<Real> by_direction =
       sh_basis_adjoint(surfels.active_sh_degree, direction, by_basis);
-  const Real along = dot(by_direction, direction);
+  const Real along = renderer::dot(by_direction, direction);
   return {(by_direction.x - along * direction.x) * inverse_distance,
           (by_direction.y - along * direction.y) * inverse_distance,
           (by_direction.z - along * direction.z) * inverse_distance};
@@ -276,20 +283,21 @@ SEGSIM_HD inline Vec3<Real> colour_adjoint(const SurfelParameters<Real>& surfels
 /// @param width_px, height_px  Of the image: units of `screen`.
 template <class Real>
 SEGSIM_HD inline void write_gradients(const SurfelParameters<Real>& surfels, std::int64_t i,
-                                      const ProjectionCamera<Real>& camera, int width_px,
-                                      int height_px, const LocalGradient<Real>& local,
+                                      const renderer::ProjectionCamera<Real>& camera,
+                                      int width_px, int height_px,
+                                      const LocalGradient<Real>& local,
                                       const SurfelGradients<Real>& gradients) {
   const ActiveSurfel<Real> s = activate(surfels, i);
-  const Vec3<Real> u = scaled(s.t_u, s.scale_u_m), v = scaled(s.t_v, s.scale_v_m);
-  const detail::GeometryGradient<Real> by =
-      detail::projection_adjoint(camera, s.position_m, u, v, extent_squared(s.opacity), local);
-  const Vec3<Real> by_view =
+  const renderer::Vec3<Real> u = scaled(s.t_u, s.scale_u_m), v = scaled(s.t_v, s.scale_v_m);
+  const detail::GeometryGradient<Real> by = detail::projection_adjoint(
+      camera, s.position_m, u, v, renderer::extent_squared(s.opacity), local);
+  const renderer::Vec3<Real> by_view =
       detail::colour_adjoint(surfels, i, camera, local.colour, gradients.sh);
   gradients.position_m[3 * i] = by.position.x + by_view.x;
   gradients.position_m[3 * i + 1] = by.position.y + by_view.y;
   gradients.position_m[3 * i + 2] = by.position.z + by_view.z;
-  gradients.log_scale[2 * i] = dot(by.u, u);
-  gradients.log_scale[2 * i + 1] = dot(by.v, v);
+  gradients.log_scale[2 * i] = renderer::dot(by.u, u);
+  gradients.log_scale[2 * i + 1] = renderer::dot(by.v, v);
   const Real side = faces_away(s, camera) ? Real(-1) : Real(1);
   detail::rotation_adjoint(s, scaled(by.u, s.scale_u_m), scaled(by.v, s.scale_v_m),
                            scaled(local.normal, side), gradients.rotation + 4 * i);
@@ -316,4 +324,4 @@ SEGSIM_HD inline void write_zero_gradients(const SurfelParameters<Real>& surfels
   if (gradients.screen != nullptr) gradients.screen[i] = Real(0);
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

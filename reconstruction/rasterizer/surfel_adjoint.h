@@ -36,7 +36,7 @@
 #include "renderer/scene/render_options.h"
 #include "renderer/scene/surfel_geometry.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 /// m_j - m_i = kDistortionScale (1 / z_i - 1 / z_j), from near 0.2 m and far 100 m.
 inline constexpr double kDistortionScale = 0.2 * 100.0 / (100.0 - 0.2);
@@ -49,8 +49,8 @@ struct DrawnSurfel {
   Real z0_m, opacity, k2;
   Real e_min, e_max;  ///< inverse_depth_range()
   Real e_near;        ///< z0 / near; e_max equals it where the near plane cuts the disc.
-  Vec3<Real> colour;  ///< >= 0
-  Vec3<Real> normal;  ///< Unit, world frame, towards the camera.
+  renderer::Vec3<Real> colour;  ///< >= 0
+  renderer::Vec3<Real> normal;  ///< Unit, world frame, towards the camera.
 };
 
 enum class DepthLimit : unsigned char { kNone, kNear, kFar };
@@ -83,8 +83,8 @@ SEGSIM_HD inline bool meet_surfel(const DrawnSurfel<Real>& s, Real x_px, Real y_
   hit.low_pass = !on_disc || rho_low_pass * ee < qq;
   hit.rho = hit.low_pass ? rho_low_pass : qq / ee;
   const Real alpha = s.opacity * std::exp(Real(-0.5) * hit.rho);
-  hit.opaque = alpha > Real(kMaxAlpha);
-  hit.alpha = hit.opaque ? Real(kMaxAlpha) : alpha;
+  hit.opaque = alpha > Real(renderer::kMaxAlpha);
+  hit.alpha = hit.opaque ? Real(renderer::kMaxAlpha) : alpha;
   hit.limited = hit.e < s.e_min   ? DepthLimit::kFar
                 : hit.e > s.e_max ? DepthLimit::kNear
                                   : DepthLimit::kNone;
@@ -98,9 +98,9 @@ SEGSIM_HD inline bool meet_surfel(const DrawnSurfel<Real>& s, Real x_px, Real y_
 template <class Real>
 struct PixelSums {
   Real transmittance = Real(1);
-  Vec3<Real> rgb{Real(0), Real(0), Real(0)};
+  renderer::Vec3<Real> rgb{Real(0), Real(0), Real(0)};
   Real depth_m = Real(0);
-  Vec3<Real> normal{Real(0), Real(0), Real(0)};
+  renderer::Vec3<Real> normal{Real(0), Real(0), Real(0)};
   Real m1 = Real(0), m2 = Real(0);     ///< Of m from that of the first surfel.
   Real first_inverse_depth = Real(0);  ///< [1/m] of the first surfel; 0 = none yet.
   Real median_m = Real(0);
@@ -124,9 +124,9 @@ template <class Real>
 SEGSIM_HD inline Real blend_hit(const DrawnSurfel<Real>& s, const SurfelHit<Real>& hit,
                                 PixelSums<Real>& sums) {
   const Real left = sums.transmittance * (Real(1) - hit.alpha);
-  if (left < Real(kStopTransmittance)) return Real(-1);
+  if (left < Real(renderer::kStopTransmittance)) return Real(-1);
   const Real w = sums.transmittance * hit.alpha;
-  const Real half = Real(1) - Real(kMinSurfaceAlpha);
+  const Real half = Real(1) - Real(renderer::kMinSurfaceAlpha);
   if (sums.transmittance > half && left <= half) sums.median_m = hit.depth_m;
   if (sums.first_inverse_depth == Real(0)) sums.first_inverse_depth = Real(1) / hit.depth_m;
   const Real m = distortion_depth(sums.first_inverse_depth, hit.depth_m);
@@ -146,9 +146,9 @@ SEGSIM_HD inline Real blend_hit(const DrawnSurfel<Real>& s, const SurfelHit<Real
 /// Derivatives of the loss by the images at one pixel.
 template <class Real>
 struct PixelLoss {
-  Vec3<Real> rgb;
+  renderer::Vec3<Real> rgb;
   Real depth_m, alpha;
-  Vec3<Real> normal;
+  renderer::Vec3<Real> normal;
   Real distortion;
 };
 
@@ -158,16 +158,17 @@ struct PixelLoss {
 template <class Real>
 SEGSIM_HD inline Real remaining_value(const PixelLoss<Real>& loss, const PixelSums<Real>& all,
                                       const PixelSums<Real>& before) {
-  const auto minus = [](const Vec3<Real>& a, const Vec3<Real>& b) {
-    return Vec3<Real>{a.x - b.x, a.y - b.y, a.z - b.z};
+  const auto minus = [](const renderer::Vec3<Real>& a, const renderer::Vec3<Real>& b) {
+    return renderer::Vec3<Real>{a.x - b.x, a.y - b.y, a.z - b.z};
   };
   const Real alpha = before.transmittance - all.transmittance;
   const Real distortion = all.m2 * alpha +
                           (Real(1) - all.transmittance) * (all.m2 - before.m2) -
                           Real(2) * all.m1 * (all.m1 - before.m1);
-  return dot(loss.rgb, minus(all.rgb, before.rgb)) +
+  return renderer::dot(loss.rgb, minus(all.rgb, before.rgb)) +
          loss.depth_m * (all.depth_m - before.depth_m) + loss.alpha * alpha +
-         dot(loss.normal, minus(all.normal, before.normal)) + loss.distortion * distortion;
+         renderer::dot(loss.normal, minus(all.normal, before.normal)) +
+         loss.distortion * distortion;
 }
 
 /// A pixel on its way through the list, front to back.
@@ -209,8 +210,8 @@ SEGSIM_HD inline HitGradient<Real> unblend_hit(const DrawnSurfel<Real>& s,
   const Real w = pixel.transmittance * hit.alpha;
   const Real inverse_depth = Real(1) / hit.depth_m;
   const Real m = Real(kDistortionScale) * (pixel.first_inverse_depth - inverse_depth);
-  const Real value = dot(loss.rgb, s.colour) + loss.depth_m * hit.depth_m + loss.alpha +
-                     dot(loss.normal, s.normal) +
+  const Real value = renderer::dot(loss.rgb, s.colour) + loss.depth_m * hit.depth_m +
+                     loss.alpha + renderer::dot(loss.normal, s.normal) +
                      loss.distortion * (pixel.m2 + m * (pixel.alpha * m - Real(2) * pixel.m1));
   pixel.remaining -= w * value;
   HitGradient<Real> gradient;
@@ -231,7 +232,7 @@ struct LocalGradient {
   Real z0 = 0;
   Real reach = 0;  ///< By k |w|: where e_min or e_max gave the depth.
   Real log_opacity = 0;
-  Vec3<Real> colour{0, 0, 0}, normal{0, 0, 0};
+  renderer::Vec3<Real> colour{0, 0, 0}, normal{0, 0, 0};
 };
 
 /// Number of values of a LocalGradient, in the order of its members.
@@ -302,4 +303,4 @@ SEGSIM_HD inline void add_hit_gradient(const DrawnSurfel<Real>& s, const SurfelH
   sum.y0 -= by_dy - by_e * s.g1;
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -9,7 +9,7 @@
 
 #include <cstdint>
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 /// Parameters of `count` surfels. Real is float in training, double in gradient checks.
 template <class Real>
@@ -58,4 +58,4 @@ struct TrainingImages {
                                 ///< 100 m (2DGS eq. 13). May be null.
 };
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -12,7 +12,7 @@
 #include "core/check.h"
 #include "renderer/scene/depth_normal.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 constexpr float kSplitOffset = 0.6F, kSplitLong = 0.7F, kSplitShort = 0.9F;
@@ -119,7 +119,7 @@ void HoleFiller::add(const glm::vec3& position_m, const glm::vec3& normal, doubl
   pending_.rotation.insert(pending_.rotation.end(), {q.w, q.x, q.y, q.z});
   pending_.log_scale.insert(pending_.log_scale.end(), {log_size, log_size});
   pending_.opacity_logit.push_back(std::log(kNewOpacity / (1.0F - kNewOpacity)));
-  const glm::vec3 color = (glm::vec3(rgb.r, rgb.g, rgb.b) / 255.0F - 0.5F) / kShC0;
+  const glm::vec3 color = (glm::vec3(rgb.r, rgb.g, rgb.b) / 255.0F - 0.5F) / renderer::kShC0;
   pending_.sh.insert(pending_.sh.end(), {color.r, color.g, color.b});
   pending_.sh.resize(pending_.sh.size() + 3 * (coefficients - 1), 0.0F);
 }
@@ -149,7 +149,8 @@ void HoleFiller::add_view(const TrainingView& view, const core::CameraPose& T_wo
       if (!places_.insert(voxel_key(place_m, voxel_m_)).second) continue;
       if (normals.empty()) normals = {view.depth_m.width_px(), view.depth_m.height_px()};
       if (!row_is_known) {
-        depth_normal_rows(view.depth_m, intrinsics, T_world_camera, y, y + 1, normals);
+        renderer::depth_normal_rows(view.depth_m, intrinsics, T_world_camera, y, y + 1,
+                                    normals);
         row_is_known = true;
       }
       glm::vec3 normal = normals(x, y);
@@ -188,4 +189,4 @@ RawSurfels HoleFiller::take(std::int64_t most) {
   return taken;
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -19,7 +19,7 @@
 #include "reconstruction/training/training_config.h"
 #include "reconstruction/training/training_set.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 /// What is known of every surfel since the last change; all of one length.
 struct SurfelStatistics {
@@ -83,4 +83,4 @@ class HoleFiller {
   RawSurfels pending_;
 };
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -16,7 +16,7 @@
 #include "reconstruction/training/internal/training_poses.h"
 #include "reconstruction/training/internal/view_loss.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 using internal::SurfelTensors;
@@ -47,8 +47,8 @@ std::vector<core::CameraPose> recorded_poses(const TrainingSet& set) {
 
 class GeometryTrainer::Impl {
  public:
-  Impl(const TrainingSet& set, const SurfelCloud& start, const GeometryConfig& config,
-       std::uint64_t seed, const GeometryDevice& device)
+  Impl(const TrainingSet& set, const renderer::SurfelCloud& start,
+       const GeometryConfig& config, std::uint64_t seed, const GeometryDevice& device)
       : set_(set),
         config_(config),
         seed_(seed),
@@ -67,7 +67,7 @@ class GeometryTrainer::Impl {
   }
 
   [[nodiscard]] std::int64_t iteration() const { return iteration_; }
-  [[nodiscard]] SurfelCloud surfels() const {
+  [[nodiscard]] renderer::SurfelCloud surfels() const {
     return surfel_cloud(state_.tail(state_.count()));
   }
   [[nodiscard]] const std::vector<core::CameraPose>& poses() const { return poses_.now(); }
@@ -367,14 +367,14 @@ std::size_t view_of_iteration(std::int64_t iteration, std::size_t views, std::ui
   return order[i % views];
 }
 
-GeometryTrainer::GeometryTrainer(const TrainingSet& set, const SurfelCloud& start,
+GeometryTrainer::GeometryTrainer(const TrainingSet& set, const renderer::SurfelCloud& start,
                                  const GeometryConfig& config, std::uint64_t seed,
                                  const GeometryDevice& device)
     : impl_(std::make_unique<Impl>(set, start, config, seed, device)) {}
 GeometryTrainer::~GeometryTrainer() = default;
 std::int64_t GeometryTrainer::iteration() const { return impl_->iteration(); }
 GeometryStep GeometryTrainer::step() { return impl_->step(); }
-SurfelCloud GeometryTrainer::surfels() const { return impl_->surfels(); }
+renderer::SurfelCloud GeometryTrainer::surfels() const { return impl_->surfels(); }
 const std::vector<core::CameraPose>& GeometryTrainer::poses() const { return impl_->poses(); }
 std::vector<Exposure> GeometryTrainer::exposures() const { return impl_->exposures(); }
 void GeometryTrainer::save(const std::filesystem::path& file,
@@ -385,4 +385,4 @@ void GeometryTrainer::load(const std::filesystem::path& file, const std::string&
   impl_->load(file, identity);
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

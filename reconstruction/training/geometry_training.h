@@ -27,7 +27,7 @@
 #include "renderer/renderer_backend.h"
 #include "renderer/scene/surfels.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 /// What one iteration cost. Losses are times their weights; 0 where one takes no part.
 struct GeometryStep {
@@ -39,9 +39,10 @@ struct GeometryStep {
 };
 
 struct GeometryDevice {
-  Backend backend = Backend::kCpu;  ///< kAuto: the GPU if program, libtorch and machine can.
-  int threads = 0;                  ///< Of the CPU; 0 = all processors.
-  bool deterministic = true;        ///< On the GPU: sums in a fixed order.
+  renderer::Backend backend =
+      renderer::Backend::kCpu;  ///< kAuto: the GPU if program, libtorch and machine can.
+  int threads = 0;              ///< Of the CPU; 0 = all processors.
+  bool deterministic = true;    ///< On the GPU: sums in a fixed order.
 };
 
 /// @throws core::InputError if kCuda was asked for and the program or libtorch lacks it.
@@ -54,7 +55,7 @@ class GeometryTrainer {
  public:
   /// @param set  Must outlive this object.
   /// @param start  From lift(); its labels are not used.
-  GeometryTrainer(const TrainingSet& set, const SurfelCloud& start,
+  GeometryTrainer(const TrainingSet& set, const renderer::SurfelCloud& start,
                   const GeometryConfig& config, std::uint64_t seed,
                   const GeometryDevice& device = {});
   ~GeometryTrainer();
@@ -67,7 +68,7 @@ class GeometryTrainer {
   /// @throws core::InputError if the loss is not finite; the surfels are then unchanged.
   GeometryStep step();
 
-  [[nodiscard]] SurfelCloud surfels() const;
+  [[nodiscard]] renderer::SurfelCloud surfels() const;
   /// T_world_camera of the training views: as recorded, unless the configuration has rates for
   /// poses. The cameras' mean place and rotation stay as recorded.
   [[nodiscard]] const std::vector<core::CameraPose>& poses() const;
@@ -90,4 +91,4 @@ class GeometryTrainer {
 [[nodiscard]] std::size_t view_of_iteration(std::int64_t iteration, std::size_t views,
                                             std::uint64_t seed);
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

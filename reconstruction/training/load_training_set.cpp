@@ -10,7 +10,7 @@
 #include "reconstruction/training/training_set.h"
 #include "renderer/scene/parallel.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 constexpr std::size_t kBatch = 8;  ///< Frames between two reports.
@@ -94,7 +94,7 @@ class Duplicates {
 
   void remove(std::vector<TrainingView>& views) {
     std::vector<std::uint64_t> hashes(views.size());
-    internal::parallel_for_each(
+    renderer::internal::parallel_for_each(
         views.size(), 1, [&](std::size_t i) { hashes[i] = picture_hash(views[i].rgb); });
     std::vector<TrainingView> kept;
     kept.reserve(views.size());  // known_ keeps pointers to the pictures' memory.
@@ -187,4 +187,4 @@ TrainingSet load_training_set(
   return set;
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

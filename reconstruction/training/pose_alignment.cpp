@@ -9,7 +9,7 @@
 #include "reconstruction/training/internal/training_poses.h"
 #include "reconstruction/training/internal/view_loss.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 constexpr double kFinalRate = 0.05;  ///< Of the first: the way ends in small steps.
@@ -18,7 +18,8 @@ constexpr double kFinalRate = 0.05;  ///< Of the first: the way ends in small st
 
 std::vector<core::CameraPose> align_views(
     const std::vector<TrainingView>& views, const core::CameraIntrinsics& intrinsics,
-    const SurfelCloud& surfels, const GeometryConfig& config, const GeometryDevice& device,
+    const renderer::SurfelCloud& surfels, const GeometryConfig& config,
+    const GeometryDevice& device,
     const std::function<void(std::int64_t done, std::int64_t total)>& progress) {
   internal::RasterFunction raster(
       make_training_rasterizer(device),
@@ -81,4 +82,4 @@ PoseChange pose_change(std::span<const core::CameraPose> from,
   return change;
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

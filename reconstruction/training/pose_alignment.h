@@ -15,7 +15,7 @@
 #include "reconstruction/training/training_set.h"
 #include "renderer/scene/surfels.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 /// Steps of a view, and their lengths where the configuration has none: up to 4 cm and 2
 /// degrees of way, more than hand-held recordings are off by.
@@ -27,7 +27,8 @@ inline constexpr double kAlignmentRate_m = 2e-3, kAlignmentRate_rad = 2e-3;
 /// stays.
 [[nodiscard]] std::vector<core::CameraPose> align_views(
     const std::vector<TrainingView>& views, const core::CameraIntrinsics& intrinsics,
-    const SurfelCloud& surfels, const GeometryConfig& config, const GeometryDevice& device,
+    const renderer::SurfelCloud& surfels, const GeometryConfig& config,
+    const GeometryDevice& device,
     const std::function<void(std::int64_t done, std::int64_t total)>& progress = {});
 
 /// How far poses are from others.
@@ -39,4 +40,4 @@ struct PoseChange {
 [[nodiscard]] PoseChange pose_change(std::span<const core::CameraPose> from,
                                      std::span<const core::CameraPose> to);
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

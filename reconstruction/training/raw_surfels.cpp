@@ -6,7 +6,7 @@
 
 #include "core/check.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 constexpr float kLargestOpacity = 1.0F - 1e-6F, kSmallestOpacity = 1e-7F;
@@ -34,7 +34,7 @@ SurfelParameters<float> RawSurfels::parameters() const {
   return p;
 }
 
-RawSurfels raw_surfels(const SurfelCloud& surfels, int sh_degree) {
+RawSurfels raw_surfels(const renderer::SurfelCloud& surfels, int sh_degree) {
   SEGSIM_CHECK(sh_degree >= 0 && sh_degree <= 3, "SH degree " + std::to_string(sh_degree));
   RawSurfels raw;
   raw.sh_degree = sh_degree;
@@ -58,8 +58,8 @@ RawSurfels raw_surfels(const SurfelCloud& surfels, int sh_degree) {
   return raw;
 }
 
-SurfelCloud surfel_cloud(const RawSurfels& raw) {
-  SurfelCloud surfels;
+renderer::SurfelCloud surfel_cloud(const RawSurfels& raw) {
+  renderer::SurfelCloud surfels;
   surfels.sh_degree = raw.sh_degree;
   const auto count = static_cast<std::size_t>(raw.count());
   for (std::size_t i = 0; i < count; ++i) {
@@ -77,4 +77,4 @@ SurfelCloud surfel_cloud(const RawSurfels& raw) {
   return surfels;
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -8,7 +8,7 @@
 #include "reconstruction/rasterizer/surfel_parameters.h"
 #include "renderer/scene/surfels.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 /// Arrays in the layout of SurfelParameters.
 struct RawSurfels {
@@ -24,9 +24,9 @@ struct RawSurfels {
 
 /// Opacities of 1 become 1 - 1e-6: a logarithm of odds is finite.
 /// @param sh_degree  Of the result: higher coefficients are dropped, missing ones zero.
-[[nodiscard]] RawSurfels raw_surfels(const SurfelCloud& surfels, int sh_degree);
+[[nodiscard]] RawSurfels raw_surfels(const renderer::SurfelCloud& surfels, int sh_degree);
 
 /// Without labels and features.
-[[nodiscard]] SurfelCloud surfel_cloud(const RawSurfels& raw);
+[[nodiscard]] renderer::SurfelCloud surfel_cloud(const RawSurfels& raw);
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

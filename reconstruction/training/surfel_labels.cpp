@@ -9,25 +9,26 @@
 #include "reconstruction/lifting/lifting.h"
 #include "renderer/raster/label_resolve.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
-void label_surfels(const PanopticField& field, SurfelCloud& surfels) {
+void label_surfels(const renderer::PanopticField& field, renderer::SurfelCloud& surfels) {
   SEGSIM_CHECK(field.size() == surfels.size(), "a field of " + std::to_string(field.size()) +
                                                    " surfels for " +
                                                    std::to_string(surfels.size()));
   surfels.semantic_id.assign(surfels.size(), 0);
   surfels.instance_id.assign(surfels.size(), 0);
-  internal::ResolveScratch scratch;
+  renderer::internal::ResolveScratch scratch;
   for (std::size_t i = 0; i < surfels.size(); ++i) {
-    const std::array<internal::WeightedSurfel, 1> itself{
+    const std::array<renderer::internal::WeightedSurfel, 1> itself{
         {{1.0F, static_cast<std::uint32_t>(i)}}};
-    const internal::PixelLabel label = internal::resolve_panoptic(field, itself, scratch);
+    const renderer::internal::PixelLabel label =
+        renderer::internal::resolve_panoptic(field, itself, scratch);
     surfels.semantic_id[i] = label.semantic;
     surfels.instance_id[i] = label.instance;
   }
 }
 
-std::vector<core::SceneInstance> instances_of(const SurfelCloud& surfels,
+std::vector<core::SceneInstance> instances_of(const renderer::SurfelCloud& surfels,
                                               const std::vector<core::SceneClass>& classes) {
   std::map<std::uint16_t, std::map<std::uint16_t, std::size_t>> votes;  // Instance, class.
   for (std::size_t i = 0; i < surfels.instance_id.size(); ++i) {
@@ -51,4 +52,4 @@ std::vector<core::SceneInstance> instances_of(const SurfelCloud& surfels,
   return instance_boxes(surfels, instances);
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

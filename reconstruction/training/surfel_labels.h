@@ -10,14 +10,14 @@
 #include "renderer/scene/panoptic_field.h"
 #include "renderer/scene/surfels.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 /// Gives every surfel the labels that a pixel of it alone would show.
-void label_surfels(const PanopticField& field, SurfelCloud& surfels);
+void label_surfels(const renderer::PanopticField& field, renderer::SurfelCloud& surfels);
 
 /// The instances that surfels carry, ascending by id, with boxes and the class that most of
 /// their surfels have; "<class> <id>" is the name. Instances of stuff or void are left out.
 [[nodiscard]] std::vector<core::SceneInstance> instances_of(
-    const SurfelCloud& surfels, const std::vector<core::SceneClass>& classes);
+    const renderer::SurfelCloud& surfels, const std::vector<core::SceneClass>& classes);
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

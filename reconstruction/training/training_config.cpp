@@ -11,7 +11,7 @@
 #include "core/config.h"
 #include "reconstruction/training/internal/config_fields.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 using core::ConfigNode;
@@ -167,4 +167,4 @@ std::string training_config_text(const TrainingConfig& config) {
   return writer.text();
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -11,7 +11,7 @@
 
 #include "reconstruction/labels/panoptic_config.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 /// Shape and colour. Shares are of the iterations, so that a short run keeps the order of
 /// events. Sources are in defaults.yaml.
@@ -75,4 +75,4 @@ struct TrainingConfig {
 /// All keys with their values, as YAML; equal configurations give equal text.
 [[nodiscard]] std::string training_config_text(const TrainingConfig& config);
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -8,7 +8,7 @@
 #include "reconstruction/rasterizer/cuda/cuda_rasterizer.h"
 #endif
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 /// Empty, or why the GPU cannot train.
@@ -32,9 +32,9 @@ std::unique_ptr<DifferentiableRasterizer<float>> make_on_processors(
 }  // namespace
 
 bool trains_on_gpu(const GeometryDevice& device) {
-  if (device.backend == Backend::kCpu) return false;
+  if (device.backend == renderer::Backend::kCpu) return false;
   const std::string fault = gpu_fault();
-  if (!fault.empty() && device.backend == Backend::kCuda) {
+  if (!fault.empty() && device.backend == renderer::Backend::kCuda) {
     throw core::InputError::expected("--backend cuda", "a program and libtorch with CUDA",
                                      fault);
   }
@@ -51,4 +51,4 @@ std::unique_ptr<DifferentiableRasterizer<float>> make_training_rasterizer(
 #endif
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

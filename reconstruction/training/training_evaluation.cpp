@@ -13,7 +13,7 @@
 #include "reconstruction/evaluation/semantic_quality.h"
 #include "renderer/scene/depth_normal.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 /// The first training view after a frame.
@@ -110,9 +110,8 @@ std::string HeldOutQuality::text() const {
   return text;
 }
 
-Exposure exposure_between(const TrainingSet& set,
-                                    const std::vector<Exposure>& exposures,
-                                    std::size_t frame) {
+Exposure exposure_between(const TrainingSet& set, const std::vector<Exposure>& exposures,
+                          std::size_t frame) {
   SEGSIM_CHECK(!exposures.empty() && exposures.size() == set.training.size(),
                std::to_string(exposures.size()) + " exposures");
   const auto index =
@@ -150,7 +149,7 @@ HeldOutQuality held_out_quality(core::Renderer& renderer, const TrainingSet& set
     if (!view.depth_m.empty()) {
       quality.depth.add(frame.depth_m, view.depth_m);
       quality.normal.add(
-          frame.normal, depth_normals(view.depth_m, set.intrinsics, T_world_camera));
+          frame.normal, renderer::depth_normals(view.depth_m, set.intrinsics, T_world_camera));
       add_sensor_level(set, view, frame.depth_m, quality);
     }
     if (!view.masks.semantic.empty() && !frame.semantic.empty()) {
@@ -160,11 +159,9 @@ HeldOutQuality held_out_quality(core::Renderer& renderer, const TrainingSet& set
     progress.update(++done);
   }
   if (quality.labels.frame_count() > 0) {
-    quality.panoptic = panoptic_quality(quality.labels, set.classes,
-                                                  PanopticRules::strict());
-    quality.mean_iou = semantic_quality(quality.labels, set.classes,
-                                                  SemanticRules::pooled())
-                           .mean_iou;
+    quality.panoptic = panoptic_quality(quality.labels, set.classes, PanopticRules::strict());
+    quality.mean_iou =
+        semantic_quality(quality.labels, set.classes, SemanticRules::pooled()).mean_iou;
   }
   return quality;
 }
@@ -185,4 +182,4 @@ ContingencyTable trajectory_labels(
   return table;
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -15,7 +15,7 @@
 #include "reconstruction/evaluation/panoptic_quality.h"
 #include "reconstruction/training/training_set.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 struct HeldOutQuality {
   ColorQuality color;
@@ -34,7 +34,7 @@ struct HeldOutQuality {
   NormalQuality normal;          ///< Against the normals of the recorded depth.
   ContingencyTable labels;       ///< Without frames if there are no true labels.
   PanopticQuality panoptic;      ///< Strict rules, of the whole scene.
-  double mean_iou = 0.0;                   ///< Pooled over the views.
+  double mean_iou = 0.0;         ///< Pooled over the views.
 
   /// For the manifest: prefix + "psnr_db", ...; empty without held-out views.
   [[nodiscard]] std::vector<std::pair<std::string, double>> listing(
@@ -46,20 +46,19 @@ struct HeldOutQuality {
 /// What training found out about a recording beside its surfels.
 struct TrainedCamera {
   std::vector<core::CameraPose> held_out_poses;  ///< Empty: as recorded.
-  std::vector<Exposure> exposures;     ///< Of the training views; may be empty.
+  std::vector<Exposure> exposures;               ///< Of the training views; may be empty.
 };
 
 /// Draws every held-out view of the set.
-[[nodiscard]] HeldOutQuality held_out_quality(core::Renderer& renderer,
-                                              const TrainingSet& set,
+[[nodiscard]] HeldOutQuality held_out_quality(core::Renderer& renderer, const TrainingSet& set,
                                               const TrainedCamera& camera = {});
 
 /// For a frame that was not trained on: linear between those of the training views just
 /// before and after it; of the nearest one at an end.
 /// @param exposures  Of the training views, not empty.
-[[nodiscard]] Exposure exposure_between(
-    const TrainingSet& set, const std::vector<Exposure>& exposures,
-    std::size_t frame);
+[[nodiscard]] Exposure exposure_between(const TrainingSet& set,
+                                        const std::vector<Exposure>& exposures,
+                                        std::size_t frame);
 
 /// Labels of the views on the training trajectory against `truth`, view by view.
 /// @param truth  Exact labels of a training view, of the set's size.
@@ -67,4 +66,4 @@ struct TrainedCamera {
     core::Renderer& renderer, const TrainingSet& set,
     const std::function<core::FrameMasks(const TrainingView&)>& truth);
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

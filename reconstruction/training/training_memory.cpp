@@ -6,7 +6,7 @@
 
 #include "core/error.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 /// libtorch has one type for all errors of its CPU allocator, and another for the GPU's.
@@ -39,4 +39,4 @@ void with_memory_errors(const std::string& place, const std::function<std::strin
   }
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

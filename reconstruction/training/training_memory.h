@@ -6,7 +6,7 @@
 #include <functional>
 #include <string>
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 /// Runs the action. Memory that runs out, the host's or the GPU's, whoever asked for it,
 /// becomes an error of the input, for what fills it is chosen there.
@@ -17,4 +17,4 @@ namespace segsim::renderer {
 void with_memory_errors(const std::string& place, const std::function<std::string()>& advice,
                         const std::function<void()>& action);
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

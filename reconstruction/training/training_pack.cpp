@@ -12,7 +12,7 @@
 #include "core/file_io.h"
 #include "reconstruction/training/raw_surfels.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 constexpr std::array<char, 8> kMagic{'S', 'E', 'G', 'S', 'I', 'M', 'T', 'P'};
@@ -106,7 +106,7 @@ TrainingView get_view(PackReader& in, const core::CameraIntrinsics& camera) {
   return view;
 }
 
-SurfelCloud get_surfels(PackReader& in) {
+renderer::SurfelCloud get_surfels(PackReader& in) {
   const auto count =
       static_cast<std::size_t>(in.count<std::int64_t>("surfels", 1, kMostSurfels));
   RawSurfels raw;
@@ -125,7 +125,7 @@ SurfelCloud get_surfels(PackReader& in) {
 }  // namespace
 
 void write_training_pack(const std::filesystem::path& file, const TrainingSet& set,
-                         const SurfelCloud& start) {
+                         const renderer::SurfelCloud& start) {
   core::write_file_atomically(file, [&](std::ostream& out) {
     put(out, kMagic.data(), kMagic.size());
     put(out, kVersion);
@@ -188,4 +188,4 @@ TrainingPack read_training_pack(const std::filesystem::path& file) {
   return pack;
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -28,17 +28,17 @@
 #include "reconstruction/training/training_set.h"
 #include "renderer/scene/surfels.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 struct TrainingPack {
   TrainingSet set;
-  SurfelCloud start;  ///< SH degree 0, without labels.
+  renderer::SurfelCloud start;  ///< SH degree 0, without labels.
 };
 
 /// @throws core::ContractViolation for views without depth or masks.
 void write_training_pack(const std::filesystem::path& file, const TrainingSet& set,
-                         const SurfelCloud& start);
+                         const renderer::SurfelCloud& start);
 /// @throws core::InputError for a file that is missing, of another kind, or too short.
 [[nodiscard]] TrainingPack read_training_pack(const std::filesystem::path& file);
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

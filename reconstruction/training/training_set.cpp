@@ -5,7 +5,7 @@
 
 #include <glm/geometric.hpp>
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 constexpr double kExtentMargin = 1.1, kSmallestExtent_m = 0.5;
@@ -104,4 +104,4 @@ double TrainingSet::extent_m() const {
   return std::max(kExtentMargin * radius, kSmallestExtent_m);
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

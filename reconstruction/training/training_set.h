@@ -17,7 +17,7 @@
 #include "reconstruction/datasets/mask_files.h"
 #include "reconstruction/datasets/rgbd_sequence.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 /// One view. Images are of the set's size.
 struct TrainingView {
@@ -73,4 +73,4 @@ struct TrainingSet {
 /// The recording's own labels of a frame as masks of confidence 1.
 [[nodiscard]] core::FrameMasks exact_masks(const RgbdFrame& frame);
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

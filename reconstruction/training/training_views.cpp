@@ -10,7 +10,7 @@
 #include "reconstruction/training/internal/raster_function.h"
 #include "reconstruction/training/raw_surfels.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 using internal::Tensor;
@@ -18,7 +18,7 @@ using internal::Tensor;
 /// Draws a view only for its weights: images are memory that is written and not read.
 class TrainingViews final : public PanopticViews {
  public:
-  TrainingViews(const TrainingSet& set, const SurfelCloud& surfels,
+  TrainingViews(const TrainingSet& set, const renderer::SurfelCloud& surfels,
                 const GeometryDevice& device, std::vector<core::CameraPose> poses)
       : set_(set),
         poses_(std::move(poses)),
@@ -126,10 +126,10 @@ class TrainingViews final : public PanopticViews {
 }  // namespace
 
 std::unique_ptr<PanopticViews> make_training_views(const TrainingSet& set,
-                                                   const SurfelCloud& surfels,
+                                                   const renderer::SurfelCloud& surfels,
                                                    const GeometryDevice& device,
                                                    std::vector<core::CameraPose> poses) {
   return std::make_unique<TrainingViews>(set, surfels, device, std::move(poses));
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

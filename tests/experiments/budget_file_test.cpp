@@ -34,7 +34,7 @@ max_age_ms: {value: 400, on_exceed: zero_command}
 )";
 
 TEST(BudgetFile, TheExampleOfTheDesignIsRead) {
-  const sim::LatencyBudget budget = parse_budget(kExample, "edge.yaml").budget;
+  const sim::LatencyBudget budget = specs::parse_budget(kExample, "edge.yaml").budget;
   EXPECT_EQ(budget.id, "edge-orin-v1");
   EXPECT_EQ(budget.resources.at("cpu"), 2);
   ASSERT_EQ(budget.stages.size(), 7U);
@@ -54,7 +54,7 @@ TEST(BudgetFile, TheExampleOfTheDesignIsRead) {
 TEST(BudgetFile, TheShippedBudgetsAreRead) {
   int read = 0;
   for (const auto& entry : std::filesystem::directory_iterator(SEGSIM_BUDGETS)) {
-    EXPECT_EQ(read_budget_file(entry.path()).budget.id, entry.path().stem().string());
+    EXPECT_EQ(specs::read_budget_file(entry.path()).budget.id, entry.path().stem().string());
     ++read;
   }
   EXPECT_GE(read, 3);
@@ -64,7 +64,7 @@ TEST(BudgetFile, TheShippedBudgetsAreRead) {
 std::string error_after(const std::string& from, const std::string& to) {
   std::string text = kExample;
   text.replace(text.find(from), from.size(), to);
-  return input_error_of([&] { (void)parse_budget(text, "edge.yaml"); });
+  return input_error_of([&] { (void)specs::parse_budget(text, "edge.yaml"); });
 }
 
 TEST(BudgetFile, ErrorsNameLineAndKey) {
@@ -98,12 +98,12 @@ TEST(TraceFile, RoundTripAndBadLines) {
   trace.add("detect", 1, 5);
   trace.add("policy", 0, 0);
   const auto file = folder.path() / "trace.csv";
-  write_trace_csv(file, trace);
-  EXPECT_EQ(read_trace_csv(file), trace);
+  specs::write_trace_csv(file, trace);
+  EXPECT_EQ(specs::read_trace_csv(file), trace);
 
   const auto error = [&](const std::string& text) {
     std::ofstream(file) << text;
-    return input_error_of([&] { (void)read_trace_csv(file); });
+    return input_error_of([&] { (void)specs::read_trace_csv(file); });
   };
   EXPECT_THAT(error("stage,ms\n"), HasSubstr("trace.csv:1"));
   EXPECT_THAT(error("stage,index,duration_ns\ndetect,1,5\ndetect,x,5\n"),
@@ -113,13 +113,13 @@ TEST(TraceFile, RoundTripAndBadLines) {
   EXPECT_THAT(error("stage,index,duration_ns\n"), HasSubstr("durations"));
 
   // A budget that plays it; the file lies beside the budget.
-  write_trace_csv(file, trace);
+  specs::write_trace_csv(file, trace);
   const std::string text =
       "schema: segsim.budget/1\nid: t\nstages:\n  detect: {trace: trace.csv}\n";
-  const BudgetFile budget = parse_budget(text, folder.path() / "t.yaml");
+  const specs::BudgetFile budget = specs::parse_budget(text, folder.path() / "t.yaml");
   EXPECT_EQ(budget.budget.find("detect")->duration.draw("detect", 0, 3, 0), 1234567890123);
   EXPECT_THAT(input_error_of([&] {
-                (void)parse_budget(
+                (void)specs::parse_budget(
                     "schema: segsim.budget/1\nid: t\nstages:\n  map: {trace: trace.csv}\n",
                     folder.path() / "t.yaml");
               }),
@@ -133,16 +133,16 @@ TEST(ClockSpec, ReadsAndRefuses) {
     return folder.path() / node.as_text();
   };
   const auto read = [&](const std::string& text) {
-    return read_clock_spec(core::ConfigNode::parse(text, "spec.yaml"), expand);
+    return specs::read_clock_spec(core::ConfigNode::parse(text, "spec.yaml"), expand);
   };
   EXPECT_EQ(read("name: x\n").mode, sim::ClockMode::kLockstep);
-  const ClockSpec clock = read(
+  const specs::ClockSpec clock = read(
       "clock:\n  mode: virtual\n  budget: edge.yaml\n  camera: {period_ms: 50, jitter_ms: 2}\n"
       "  registration: use\n");
   EXPECT_EQ(clock.mode, sim::ClockMode::kVirtual);
   EXPECT_EQ(clock.camera.period_ns, 50'000'000);
   EXPECT_EQ(clock.registration, sim::Registration::kUse);
-  EXPECT_EQ(clock_in_words(clock), "virtual time, budget edge-orin-v1");
+  EXPECT_EQ(specs::clock_in_words(clock), "virtual time, budget edge-orin-v1");
   EXPECT_THAT(input_error_of([&] { (void)read("clock:\n  mode: virtuel\n"); }),
               testing::AllOf(HasSubstr("spec.yaml:2"), HasSubstr("near: virtual")));
   EXPECT_THAT(
@@ -153,18 +153,18 @@ TEST(ClockSpec, ReadsAndRefuses) {
 
   const auto arm = [&](const std::string& text) {
     const auto node = core::ConfigNode::parse(text, "spec.yaml");
-    const ArmClockSpec arm_clock = read_arm_clock(node, expand);
-    check_arm_clock(clock, arm_clock, node);
-    return trial_clock(clock, arm_clock);
+    const specs::ArmClockSpec arm_clock = specs::read_arm_clock(node, expand);
+    specs::check_arm_clock(clock, arm_clock, node);
+    return specs::trial_clock(clock, arm_clock);
   };
   EXPECT_EQ(arm("add_ms: {detect: 200}").budget.find("detect")->duration.added_ms, 200.0);
   EXPECT_THAT(input_error_of([&] { (void)arm("add_ms: {detekt: 200}"); }),
               HasSubstr("near: detect"));
   EXPECT_THAT(input_error_of([&] {
                 const auto node = core::ConfigNode::parse("name: a", "spec.yaml");
-                ClockSpec without;
+                specs::ClockSpec without;
                 without.mode = sim::ClockMode::kVirtual;
-                check_arm_clock(without, {}, node);
+                specs::check_arm_clock(without, {}, node);
               }),
               HasSubstr("a budget"));
 }

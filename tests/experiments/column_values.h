@@ -17,7 +17,7 @@
 
 namespace segsim::experiments {
 
-inline void set_value(const Column& column, int number, std::string& text) {
+inline void set_value(const records::Column& column, int number, std::string& text) {
   // Words that the store knows, since it refuses all others: two for each column.
   using Words = std::array<const char*, 2>;
   static const std::map<std::string_view, Words> kWords = {
@@ -28,17 +28,18 @@ inline void set_value(const Column& column, int number, std::string& text) {
   text = words == kWords.end() ? column.name + std::string("#") + std::to_string(number)
                                : words->second[number < 1000 ? 0 : 1];
 }
-inline void set_value(const Column& /*column*/, int number, double& value) {
+inline void set_value(const records::Column& /*column*/, int number, double& value) {
   value = number + 0.1;
 }
-inline void set_value(const Column& /*column*/, int number, std::optional<double>& value) {
+inline void set_value(const records::Column& /*column*/, int number,
+                      std::optional<double>& value) {
   value = number + 0.3;
 }
-inline void set_value(const Column& /*column*/, int /*number*/, bool& value) {
+inline void set_value(const records::Column& /*column*/, int /*number*/, bool& value) {
   value = !value;
 }
 template <std::integral Integer>
-void set_value(const Column& column, int number, Integer& value) {
+void set_value(const records::Column& column, int number, Integer& value) {
   value = static_cast<Integer>(number);
   // Larger than SQLite's signed integers.
   if (column.hexadecimal) value = static_cast<Integer>(0xfedcba9800000000U + value);
@@ -49,13 +50,14 @@ template <class Row>
 [[nodiscard]] Row with_distinct_values() {
   Row row;
   int number = 101;
-  visit_columns(
-      row, [&](const Column& column, auto& value) { set_value(column, number++, value); });
+  visit_columns(row, [&](const records::Column& column, auto& value) {
+    set_value(column, number++, value);
+  });
   return row;
 }
 
 inline std::string as_text(const std::string& text) { return text; }
-inline std::string as_text(double value) { return print("%a", value); }
+inline std::string as_text(double value) { return support::print("%a", value); }
 inline std::string as_text(const std::optional<double>& value) {
   return value ? as_text(*value) : "none";
 }
@@ -68,7 +70,7 @@ std::string as_text(Integer value) {
 template <class Row>
 [[nodiscard]] std::map<std::string, std::string> values_of(const Row& row) {
   std::map<std::string, std::string> values;
-  visit_columns(row, [&](const Column& column, const auto& value) {
+  visit_columns(row, [&](const records::Column& column, const auto& value) {
     values[column.name] = as_text(value);
   });
   return values;

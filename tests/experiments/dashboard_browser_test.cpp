@@ -43,10 +43,10 @@ class DashboardInABrowser : public testing::Test {
     if (!tests::has_browser()) return;
     folder_ = new TemporaryFolder("dashboard_browser");
     TinyScene().write(folder_->path() / "tiny");
-    RunOptions options;
+    runs::RunOptions options;
     options.folders = {folder_->path(), folder_->path() / "out" / "work"};
     options.workers = 1;
-    (void)run_experiment(tiny_spec(options.folders, 2), options);
+    (void)runs::run_experiment(tiny_spec(options.folders, 2), options);
     served_ = new ServedFolder(folder_->path() / "out");
     run_ = served_->only_run();
   }
@@ -129,7 +129,7 @@ TEST_F(DashboardInABrowser, ScreenshotsAreNotBlank) {
 
 TEST_F(DashboardInABrowser, APageFollowsARunThatIsWritten) {
   const TemporaryFolder work("dashboard_follow");
-  Store store(work.path() / "results.sqlite");
+  records::Store store(work.path() / "results.sqlite");
   const std::int64_t id = begin_made_up_run(store, 10);
   store.add_trial(id, made_up_trial(0, "before"));
   store.add_trial(id, made_up_trial(0, "after"));
@@ -137,7 +137,8 @@ TEST_F(DashboardInABrowser, APageFollowsARunThatIsWritten) {
   std::atomic<bool> stop{false};
   std::thread writer([&] {
     // Only once the page has asked for the first time: the marker says so.
-    while (!fs::exists(work.path() / kLiveFolder / kLiveMarker) && !stop) ::usleep(5'000);
+    while (!fs::exists(work.path() / trials::kLiveFolder / trials::kLiveMarker) && !stop)
+      ::usleep(5'000);
     for (int k = 1; k < 9 && !stop; ++k) {
       for (const char* arm : {"before", "after"}) store.add_trial(id, made_up_trial(k, arm));
     }
@@ -152,17 +153,17 @@ TEST_F(DashboardInABrowser, APageFollowsARunThatIsWritten) {
 }
 
 TEST_F(DashboardInABrowser, ShowsWhatAWorkerOfARunningRunSees) {
-  RunOptions options;
+  runs::RunOptions options;
   options.folders = {folder_->path(), folder_->path() / "running"};
   options.workers = 1;
   options.prepare_only = true;
-  const ExperimentSpec spec = tiny_spec(options.folders, 40);
-  (void)run_experiment(spec, options);
+  const specs::ExperimentSpec spec = tiny_spec(options.folders, 40);
+  (void)runs::run_experiment(spec, options);
   const ServedFolder served(folder_->path() / "running");
   const std::string key = served.only_run();  // Asks for pictures by looking.
   std::thread run([&] {
     options.prepare_only = false;
-    (void)run_experiment(spec, options);
+    (void)runs::run_experiment(spec, options);
   });
   const char* keep = std::getenv("SEGSIM_SCREENSHOTS");
   const Browsed browsed =
@@ -171,7 +172,7 @@ TEST_F(DashboardInABrowser, ShowsWhatAWorkerOfARunningRunSees) {
     (void)browse(served.address("/run.html?run=" + key), folder_->path(), kManyPolls_ms,
                  fs::path(keep) / "live.png", "1400,1400");
   }
-  StopOnSignal::request();
+  support::StopOnSignal::request();
   run.join();
   EXPECT_THAT(browsed.dom, HasSubstr("camera.jpg?tick=")) << browsed.dom;
   EXPECT_THAT(browsed.dom, HasSubstr("panoptic.jpg?tick="));

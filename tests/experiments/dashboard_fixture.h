@@ -97,23 +97,24 @@ class ServedFolder {
   }
 
  private:
-  static DashboardOptions options(const std::filesystem::path& root, const std::string& token,
-                                  const std::string& host) {
-    DashboardOptions of;
+  static dashboard::DashboardOptions options(const std::filesystem::path& root,
+                                             const std::string& token,
+                                             const std::string& host) {
+    dashboard::DashboardOptions of;
     of.roots = {root};
     of.host = host;
     of.port = 0;
     of.token = token;
     return of;
   }
-  Dashboard dashboard_;
+  dashboard::Dashboard dashboard_;
   std::thread thread_;
 };
 
 /// Trials of two arms whose rows are made up: "after" succeeds in four of five, "before" in
 /// one of five.
-inline TrialRow made_up_trial(int episode, const std::string& arm) {
-  TrialRow trial;
+inline records::TrialRow made_up_trial(int episode, const std::string& arm) {
+  records::TrialRow trial;
   trial.arm = arm;
   trial.scene = "room";
   trial.goal_class = "couch";
@@ -124,8 +125,8 @@ inline TrialRow made_up_trial(int episode, const std::string& arm) {
   return trial;
 }
 
-inline std::int64_t begin_made_up_run(Store& store, int episodes) {
-  RunRow run;
+inline std::int64_t begin_made_up_run(records::Store& store, int episodes) {
+  records::RunRow run;
   run.name = "demo";
   run.title = "Demo <b>&";
   run.success_profile = "segsim-object: STOP";
@@ -135,9 +136,9 @@ inline std::int64_t begin_made_up_run(Store& store, int episodes) {
 }
 
 /// Two rooms, one couch; a trial takes some 0.1 s.
-inline ExperimentSpec tiny_spec(SpecFolders& folders, int episodes) {
+inline specs::ExperimentSpec tiny_spec(specs::SpecFolders& folders, int episodes) {
   const TinySpec text{.episodes = episodes, .more = "title: Two rooms\n"};
-  return parse_spec(text.text(), "tiny.yaml", folders);
+  return specs::parse_spec(text.text(), "tiny.yaml", folders);
 }
 
 }  // namespace segsim::experiments

@@ -31,7 +31,7 @@ TEST(Dashboard, FollowsAStoreThatIsBeingWritten) {
   constexpr int kEpisodes = 40;
   std::atomic<bool> seen{false};
   std::thread writer([&] {
-    Store store(folder.path() / "deep" / "work" / "results.sqlite");
+    records::Store store(folder.path() / "deep" / "work" / "results.sqlite");
     const std::int64_t id = begin_made_up_run(store, kEpisodes);
     for (int k = 0; k < kEpisodes; ++k) {
       for (const char* arm : {"before", "after"}) store.add_trial(id, made_up_trial(k, arm));
@@ -72,7 +72,7 @@ TEST(Dashboard, FollowsAStoreThatIsBeingWritten) {
 
 TEST(Dashboard, AnUnfinishedRunIsInterim) {
   const TemporaryFolder folder;
-  Store store(folder.path() / "results.sqlite");
+  records::Store store(folder.path() / "results.sqlite");
   const std::int64_t id = begin_made_up_run(store, 4);
   store.add_trial(id, made_up_trial(0, "before"));
   const ServedFolder served(folder.path() / "results.sqlite");
@@ -91,10 +91,11 @@ TEST(Dashboard, ShardsAreOneRun) {
   const TemporaryFolder folder;
   const fs::path work = folder.path() / "work";
   constexpr int kEpisodes = 10;
-  Store whole(work / "results.sqlite");
+  records::Store whole(work / "results.sqlite");
   const std::int64_t merged = begin_made_up_run(whole, kEpisodes);
   for (int part = 0; part < 2; ++part) {
-    Store store(work / "shards" / (std::to_string(part) + "-of-2") / "results.sqlite");
+    records::Store store(work / "shards" / (std::to_string(part) + "-of-2") /
+                         "results.sqlite");
     const std::int64_t id = begin_made_up_run(store, kEpisodes);
     for (int k = part; k < kEpisodes - 1; k += 2) {
       for (const char* arm : {"before", "after"}) store.add_trial(id, made_up_trial(k, arm));
@@ -127,10 +128,10 @@ TEST(Dashboard, ShardsAreOneRun) {
 
 TEST(DashboardShards, FinishedTrialsComeBeforeFailedOnes) {
   const auto part = [](const char* folder, int episode, bool failed) {
-    auto run = std::make_shared<internal::RunSnapshot>();
+    auto run = std::make_shared<dashboard::internal::RunSnapshot>();
     run->stored.folder = folder;
     run->stored.run.started = "2026-01-31T12:00:00Z";
-    TrialRow trial = made_up_trial(episode, "after");
+    records::TrialRow trial = made_up_trial(episode, "after");
     trial.trial_id = 7;
     trial.log = "logs/x.json.gz";
     if (failed) trial.outcome = "error";
@@ -138,7 +139,7 @@ TEST(DashboardShards, FinishedTrialsComeBeforeFailedOnes) {
     run->finish_times = {"2026-01-31T12:00:0" + std::to_string(episode) + "Z"};
     return run;
   };
-  const internal::RunPointer both = internal::combined_run(
+  const dashboard::internal::RunPointer both = dashboard::internal::combined_run(
       "/work", nullptr,
       {part("/work/shards/0-of-3", 1, true), part("/work/shards/1-of-3", 1, false),
        part("/work/shards/2-of-3", 2, true)});
@@ -152,7 +153,7 @@ TEST(DashboardShards, FinishedTrialsComeBeforeFailedOnes) {
 
 TEST(Dashboard, OlderDatabasesAreLeftAsTheyAre) {
   const TemporaryFolder folder;
-  { const Store store(folder.path() / "results.sqlite"); }
+  { const records::Store store(folder.path() / "results.sqlite"); }
   sqlite3* db = nullptr;
   ASSERT_EQ(sqlite3_open((folder.path() / "results.sqlite").c_str(), &db), SQLITE_OK);
   ASSERT_EQ(sqlite3_exec(db, "UPDATE meta SET schema_version = 1", nullptr, nullptr, nullptr),
@@ -162,12 +163,14 @@ TEST(Dashboard, OlderDatabasesAreLeftAsTheyAre) {
   const ServedFolder served(folder.path());
   EXPECT_THAT(served.get("/api/runs").json()["problems"].dump(),
               HasSubstr("found version 1 (`segsim table` brings it up to date)"));
-  EXPECT_THROW((void)Store::for_reading(folder.path() / "other.sqlite"), core::InputError);
-  EXPECT_THROW((void)Store::for_reading(folder.path() / "none.sqlite"), core::InputError);
+  EXPECT_THROW((void)records::Store::for_reading(folder.path() / "other.sqlite"),
+               core::InputError);
+  EXPECT_THROW((void)records::Store::for_reading(folder.path() / "none.sqlite"),
+               core::InputError);
 }
 
 TEST(DashboardPace, IsThatOfTheLastTrialsWithoutPauses) {
-  using internal::pace_of;
+  using dashboard::internal::pace_of;
   const auto at = [](int minute, int second) {
     char text[32];
     std::snprintf(text, sizeof text, "2026-01-31T12:%02d:%02dZ", minute, second);
@@ -206,11 +209,11 @@ TEST(DashboardLive, FilesThatAreNoneAreLeftOut) {
   write(".good.tmp1.live", good + "\nabcde");
   write("good.txt", good + "\nabcde");
   std::vector<std::string> names;
-  for (const auto& file : internal::read_live_files({folder.path()}))
+  for (const auto& file : dashboard::internal::read_live_files({folder.path()}))
     names.push_back(file.worker);
   EXPECT_THAT(names, ElementsAre("good", "odd", "short"));
   const auto part = [&](const std::string& worker, const std::string& name) {
-    return internal::read_live_part({folder.path()}, worker, name).value_or("none");
+    return dashboard::internal::read_live_part({folder.path()}, worker, name).value_or("none");
   };
   EXPECT_EQ(part("good", "camera.jpg"), "abc");
   EXPECT_EQ(part("good", "cells.png"), "de");
@@ -219,13 +222,13 @@ TEST(DashboardLive, FilesThatAreNoneAreLeftOut) {
   EXPECT_EQ(part("odd", "camera.jpg"), "none");
   EXPECT_EQ(part("../live/good", "camera.jpg"), "none");
   EXPECT_EQ(part("none", "camera.jpg"), "none");
-  EXPECT_TRUE(internal::ask_for_live_files(folder.path()));
-  EXPECT_FALSE(internal::ask_for_live_files(folder.path() / "none" / "none"));
+  EXPECT_TRUE(dashboard::internal::ask_for_live_files(folder.path()));
+  EXPECT_FALSE(dashboard::internal::ask_for_live_files(folder.path() / "none" / "none"));
 }
 
 TEST(DashboardPoints, AreThinnedEvenly) {
   const TinyScene scene;
-  const std::string bytes = internal::point_bytes(scene.surfels(), 100);
+  const std::string bytes = dashboard::internal::point_bytes(scene.surfels(), 100);
   EXPECT_EQ(bytes.size(), 4U + 100U * 18U);
   std::uint32_t count = 0;
   std::memcpy(&count, bytes.data(), sizeof count);
@@ -238,7 +241,7 @@ TEST(DashboardPoints, AreThinnedEvenly) {
   EXPECT_EQ(xyz[1], scene.surfels().position_m[last].y);
   renderer::SurfelCloud faint = scene.surfels();
   for (float& opacity : faint.opacity) opacity = 0.01F;
-  EXPECT_EQ(internal::point_bytes(faint).size(), 4U);
+  EXPECT_EQ(dashboard::internal::point_bytes(faint).size(), 4U);
 }
 
 }  // namespace

@@ -26,10 +26,10 @@ class DashboardOfARun : public testing::Test {
   static void SetUpTestSuite() {
     folder_ = new TemporaryFolder("dashboard_run");
     TinyScene().write(folder_->path() / "tiny");
-    RunOptions options;
+    runs::RunOptions options;
     options.folders = {folder_->path(), folder_->path() / "out" / "work"};
     options.workers = 1;
-    (void)run_experiment(tiny_spec(options.folders, 1), options);
+    (void)runs::run_experiment(tiny_spec(options.folders, 1), options);
     std::ofstream(folder_->path() / "out" / "secret.txt") << "root:secret";
     std::ofstream(folder_->path() / "out" / "work" / "secret.txt") << "root:secret";
     served_ = new ServedFolder(folder_->path() / "out");
@@ -251,23 +251,23 @@ TEST(Dashboard, ATokenIsAskedFor) {
 }
 
 TEST(Dashboard, TokensAreComparedWhole) {
-  EXPECT_TRUE(internal::equal_tokens("abc", "abc"));
-  EXPECT_TRUE(internal::equal_tokens("", ""));
+  EXPECT_TRUE(dashboard::internal::equal_tokens("abc", "abc"));
+  EXPECT_TRUE(dashboard::internal::equal_tokens("", ""));
   for (const char* other : {"", "a", "ab", "abd", "xbc", "abca", "abcabc"}) {
-    EXPECT_FALSE(internal::equal_tokens(other, "abc")) << other;
-    EXPECT_FALSE(internal::equal_tokens("abc", other)) << other;
+    EXPECT_FALSE(dashboard::internal::equal_tokens(other, "abc")) << other;
+    EXPECT_FALSE(dashboard::internal::equal_tokens("abc", other)) << other;
   }
   for (const char* host : {"127.0.0.1", "127.1.2.3", "localhost", "::1"}) {
-    EXPECT_TRUE(internal::is_loopback(host)) << host;
+    EXPECT_TRUE(dashboard::internal::is_loopback(host)) << host;
   }
   for (const char* host : {"0.0.0.0", "::", "192.168.0.1", "128.0.0.1", "example.org", ""}) {
-    EXPECT_FALSE(internal::is_loopback(host)) << host;
+    EXPECT_FALSE(dashboard::internal::is_loopback(host)) << host;
   }
 }
 
-std::string refusal_of(const DashboardOptions& options) {
+std::string refusal_of(const dashboard::DashboardOptions& options) {
   try {
-    const Dashboard dashboard(options);
+    const dashboard::Dashboard dashboard(options);
   } catch (const core::InputError& error) {
     return error.what();
   }
@@ -276,7 +276,7 @@ std::string refusal_of(const DashboardOptions& options) {
 
 TEST(Dashboard, BadOptionsAreRefused) {
   const TemporaryFolder folder;
-  DashboardOptions options;
+  dashboard::DashboardOptions options;
   options.port = 0;
   options.roots = {folder.path()};
   EXPECT_EQ(refusal_of(options), "served");

@@ -24,8 +24,8 @@ using testing::HasSubstr;
 constexpr int kImages = 60;
 
 /// Two classes; 'before' finds an object with probability 0.3, 'after' with 0.8.
-SetComparison random_set() {
-  SetComparison set;
+detection::SetComparison random_set() {
+  detection::SetComparison set;
   set.name = "views";
   set.json = "labels.json";
   set.dataset.class_names = {"chair", "couch", "bed"};
@@ -65,20 +65,20 @@ SetComparison random_set() {
   return set;
 }
 
-const ComparisonRow& row(const SetComparison& set, const std::string& group,
-                         const std::string& name) {
-  for (const ComparisonRow& r : set.rows) {
+const detection::ComparisonRow& row(const detection::SetComparison& set,
+                                    const std::string& group, const std::string& name) {
+  for (const detection::ComparisonRow& r : set.rows) {
     if (r.group == group && r.name == name) return r;
   }
   throw std::runtime_error("no row " + group + " " + name);
 }
 
 TEST(DetectorComparison, ValuesAreCocosAndIntervalsHoldThem) {
-  SetComparison set = random_set();
-  compare_results({}, set);
+  detection::SetComparison set = random_set();
+  detection::compare_results({}, set);
   const auto images = perception::evaluation_images(set.after_results);
   const perception::CocoSummary summary = perception::coco_summary(images, 3);
-  const ComparisonRow& all = row(set, "all", "");
+  const detection::ComparisonRow& all = row(set, "all", "");
   EXPECT_NEAR(all.after[0].value, summary.ap, 1e-12);
   EXPECT_NEAR(all.after[1].value, summary.ap50, 1e-12);
   EXPECT_NEAR(all.after[2].value, summary.ar_1, 1e-12);
@@ -86,8 +86,8 @@ TEST(DetectorComparison, ValuesAreCocosAndIntervalsHoldThem) {
   EXPECT_NEAR(all.after[4].value, summary.ar_100, 1e-12);
   EXPECT_NEAR(row(set, "size", "small").after[0].value, summary.ap_small, 1e-12);
   EXPECT_NEAR(row(set, "size", "medium").after[4].value, summary.ar_medium, 1e-12);
-  for (const ComparisonRow& r : set.rows) {
-    for (const Estimate& e : {r.before[1], r.after[1], r.difference[1]}) {
+  for (const detection::ComparisonRow& r : set.rows) {
+    for (const detection::Estimate& e : {r.before[1], r.after[1], r.difference[1]}) {
       EXPECT_LE(e.interval.low, e.value + 1e-12) << r.group << r.name;
       EXPECT_GE(e.interval.high, e.value - 1e-12) << r.group << r.name;
     }
@@ -98,7 +98,7 @@ TEST(DetectorComparison, ValuesAreCocosAndIntervalsHoldThem) {
   EXPECT_EQ(row(set, "class", "chair").objects + row(set, "class", "couch").objects,
             all.objects);
   int near_and_far = 0;
-  for (const ComparisonRow& r : set.rows)
+  for (const detection::ComparisonRow& r : set.rows)
     near_and_far += r.group == "distance" ? r.objects : 0;
   EXPECT_EQ(near_and_far, all.objects);
 }
@@ -106,7 +106,7 @@ TEST(DetectorComparison, ValuesAreCocosAndIntervalsHoldThem) {
 TEST(DetectorComparison, IntervalsOfARateAgreeWithItsBinomialSpread) {
   // One object an image, found or not, no false detection: recall is a rate of independent
   // trials, whose normal interval is known.
-  SetComparison set;
+  detection::SetComparison set;
   set.name = "trials";
   set.dataset.class_names = {"chair"};
   constexpr int kTrials = 400, kFound = 120;
@@ -119,10 +119,10 @@ TEST(DetectorComparison, IntervalsOfARateAgreeWithItsBinomialSpread) {
     set.before_results.push_back(result);
     set.after_results.push_back(result);
   }
-  compare_results({.rounds = 2000}, set);
+  detection::compare_results({.rounds = 2000}, set);
   const double p = static_cast<double>(kFound) / kTrials;
   const double half = 1.96 * std::sqrt(p * (1.0 - p) / kTrials);
-  const Estimate& recall = row(set, "all", "").before[4];
+  const detection::Estimate& recall = row(set, "all", "").before[4];
   EXPECT_DOUBLE_EQ(recall.value, p);
   EXPECT_NEAR(recall.interval.low, p - half, 0.006);
   EXPECT_NEAR(recall.interval.high, p + half, 0.006);
@@ -132,17 +132,17 @@ TEST(DetectorComparison, IntervalsOfARateAgreeWithItsBinomialSpread) {
 }
 
 TEST(DetectorComparison, SeedDecides) {
-  SetComparison a = random_set(), b = random_set(), c = random_set();
-  compare_results({.rounds = 50, .seed = 1}, a);
-  compare_results({.rounds = 50, .seed = 1}, b);
-  compare_results({.rounds = 50, .seed = 2}, c);
+  detection::SetComparison a = random_set(), b = random_set(), c = random_set();
+  detection::compare_results({.rounds = 50, .seed = 1}, a);
+  detection::compare_results({.rounds = 50, .seed = 1}, b);
+  detection::compare_results({.rounds = 50, .seed = 2}, c);
   EXPECT_EQ(a.rows[0].after[0].interval.low, b.rows[0].after[0].interval.low);
   EXPECT_NE(a.rows[0].after[0].interval.low, c.rows[0].after[0].interval.low);
 }
 
 TEST(DetectorComparison, FilesHoldTheSameNumbers) {
   const TemporaryFolder folder("comparison_files");
-  ComparisonReport report;
+  detection::ComparisonReport report;
   report.options.before = folder.path() / "before";
   report.options.after = folder.path() / "after";
   std::ofstream(report.options.before) << "b";
@@ -155,8 +155,8 @@ TEST(DetectorComparison, FilesHoldTheSameNumbers) {
     perception::write_image(folder.path() / image.file,
                             core::Image<core::Rgb8>(200, 150, {90, 120, 150}));
   }
-  compare_results(report.options, report.sets[0]);
-  write_comparison(folder.path() / "out", report);
+  detection::compare_results(report.options, report.sets[0]);
+  detection::write_comparison(folder.path() / "out", report);
 
   const auto json = nlohmann::json::parse(core::read_file(folder.path() / "out/compare.json"));
   const double ap50 = json["sets"][0]["rows"][0]["AP50"]["after"]["value"];
@@ -176,17 +176,17 @@ TEST(DetectorComparison, FilesHoldTheSameNumbers) {
 }
 
 /// A camera at the origin that looks along +x, 1 m above the floor; f = 50 px.
-renderer::RgbdFrame frame_ahead(float depth_m) {
-  renderer::RgbdFrame frame;
+reconstruction::RgbdFrame frame_ahead(float depth_m) {
+  reconstruction::RgbdFrame frame;
   frame.name = "00001";
   frame.T_world_camera = core::look_at({0.0, 0.0, 1.0}, {1.0, 0.0, 1.0});
   frame.depth_m = core::Image<float>(100, 100, depth_m);
   return frame;
 }
 
-renderer::AnnotatedBox box_at(std::uint16_t id, const glm::dvec3& center_m,
-                              const glm::dvec3& size_m, double yaw_rad = 0.0) {
-  renderer::AnnotatedBox box;
+reconstruction::AnnotatedBox box_at(std::uint16_t id, const glm::dvec3& center_m,
+                                    const glm::dvec3& size_m, double yaw_rad = 0.0) {
+  reconstruction::AnnotatedBox box;
   box.id = id;
   box.class_name = "chair";
   box.box = {center_m, size_m, yaw_rad};
@@ -201,37 +201,44 @@ TEST(CastBoxes, NearBoxesHideFarOnes) {
   const auto camera = core::CameraIntrinsics::from_fov(100, 100, 1.5707963267948966);
   constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
   // Near faces at 2 m and 4 m: 50 px of a metre wide box are 25 and 12.5 px.
-  const std::vector<renderer::AnnotatedBox> boxes{box_at(1, {2.5, 0.0, 1.0}, {1.0, 1.0, 1.0}),
-                                                  box_at(2, {4.5, 1.0, 1.0}, {1.0, 1.0, 1.0})};
-  const PhotoLabels labels = cast_boxes(frame_ahead(kNone), camera, boxes, 0.15);
+  const std::vector<reconstruction::AnnotatedBox> boxes{
+      box_at(1, {2.5, 0.0, 1.0}, {1.0, 1.0, 1.0}),
+      box_at(2, {4.5, 1.0, 1.0}, {1.0, 1.0, 1.0})};
+  const detection::PhotoLabels labels =
+      detection::cast_boxes(frame_ahead(kNone), camera, boxes, 0.15);
   EXPECT_NEAR(count_of(labels.instance, 1), 25 * 25, 60);
   EXPECT_EQ(labels.visible_fraction.at(1), 1.0);
   EXPECT_LT(labels.visible_fraction.at(2), 0.7);
   EXPECT_GT(labels.visible_fraction.at(2), 0.01);
   EXPECT_NEAR(labels.depth_m(50, 50), 2.0, 1e-5);
   // A quarter turn of a square box changes nothing.
-  const PhotoLabels turned =
-      cast_boxes(frame_ahead(kNone), camera,
-                 {box_at(1, {2.5, 0.0, 1.0}, {1.0, 1.0, 1.0}, 1.5707963267948966)}, 0.15);
+  const detection::PhotoLabels turned = detection::cast_boxes(
+      frame_ahead(kNone), camera,
+      {box_at(1, {2.5, 0.0, 1.0}, {1.0, 1.0, 1.0}, 1.5707963267948966)}, 0.15);
   // Only pixels whose centres lie on the outline may differ.
   EXPECT_NEAR(count_of(turned.instance, 1), count_of(labels.instance, 1), 4 * 25);
 }
 
 TEST(CastBoxes, MeasuredDepthDecidesWhereItIsThere) {
   const auto camera = core::CameraIntrinsics::from_fov(100, 100, 1.5707963267948966);
-  const std::vector<renderer::AnnotatedBox> boxes{box_at(1, {2.5, 0.0, 1.0}, {1.0, 1.0, 1.0})};
-  EXPECT_EQ(count_of(cast_boxes(frame_ahead(1.0F), camera, boxes, 0.15).instance, 1), 0);
-  EXPECT_EQ(count_of(cast_boxes(frame_ahead(9.0F), camera, boxes, 0.15).instance, 1), 0);
+  const std::vector<reconstruction::AnnotatedBox> boxes{
+      box_at(1, {2.5, 0.0, 1.0}, {1.0, 1.0, 1.0})};
+  EXPECT_EQ(
+      count_of(detection::cast_boxes(frame_ahead(1.0F), camera, boxes, 0.15).instance, 1), 0);
+  EXPECT_EQ(
+      count_of(detection::cast_boxes(frame_ahead(9.0F), camera, boxes, 0.15).instance, 1), 0);
   // A surface on the near face; deeper in, rays near the edges would have left the box.
-  EXPECT_GT(count_of(cast_boxes(frame_ahead(2.0F), camera, boxes, 0.15).instance, 1), 550);
+  EXPECT_GT(
+      count_of(detection::cast_boxes(frame_ahead(2.0F), camera, boxes, 0.15).instance, 1),
+      550);
 }
 
 TEST(CastBoxes, PartsReplaceTheBox) {
   const auto camera = core::CameraIntrinsics::from_fov(100, 100, 1.5707963267948966);
   auto table = box_at(1, {2.5, 0.0, 1.0}, {1.0, 1.0, 1.0});
   table.parts = {{{2.5, 0.0, 1.45}, {1.0, 1.0, 0.1}, 0.0}};
-  const PhotoLabels labels =
-      cast_boxes(frame_ahead(std::numeric_limits<float>::quiet_NaN()), camera, {table}, 0.15);
+  const detection::PhotoLabels labels = detection::cast_boxes(
+      frame_ahead(std::numeric_limits<float>::quiet_NaN()), camera, {table}, 0.15);
   EXPECT_EQ(labels.instance(50, 50), 0);  // Below the top there is air.
   EXPECT_GT(count_of(labels.instance, 1), 40);
 }

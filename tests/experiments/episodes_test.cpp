@@ -37,8 +37,8 @@ class EpisodesTest : public testing::Test {
     delete folder_;
   }
 
-  static EpisodeRules rules() {
-    EpisodeRules rules;
+  static episodes::EpisodeRules rules() {
+    episodes::EpisodeRules rules;
     rules.goals = {"couch", "chair"};
     rules.count = 8;
     rules.seed = 5;
@@ -48,12 +48,12 @@ class EpisodesTest : public testing::Test {
     rules.min_start_m = 1.0;
     return rules;
   }
-  static EpisodeSet generate(const EpisodeRules& with) {
-    return generate_episodes("tiny", *bundle_, *world_, *renderer_, with);
+  static episodes::EpisodeSet generate(const episodes::EpisodeRules& with) {
+    return episodes::generate_episodes("tiny", *bundle_, *world_, *renderer_, with);
   }
-  static std::string text_of(const EpisodeSet& set) {
+  static std::string text_of(const episodes::EpisodeSet& set) {
     const auto file = folder_->path() / "set.jsonl";
-    write_episodes(file, set);
+    episodes::write_episodes(file, set);
     return core::read_file(file);
   }
 
@@ -69,13 +69,13 @@ core::Renderer* EpisodesTest::renderer_ = nullptr;
 
 TEST_F(EpisodesTest, EqualArgumentsGiveEqualEpisodes) {
   EXPECT_EQ(text_of(generate(rules())), text_of(generate(rules())));
-  EpisodeRules other = rules();
+  episodes::EpisodeRules other = rules();
   other.seed = 6;
   EXPECT_NE(text_of(generate(rules())), text_of(generate(other)));
 }
 
 TEST_F(EpisodesTest, EveryEpisodeKeepsTheRules) {
-  const EpisodeSet set = generate(rules());
+  const episodes::EpisodeSet set = generate(rules());
   ASSERT_EQ(set.episodes.size(), 8U);
   std::map<std::string, int> per_class;
   std::set<std::string> ids;
@@ -105,7 +105,7 @@ TEST_F(EpisodesTest, EveryEpisodeKeepsTheRules) {
 }
 
 TEST_F(EpisodesTest, FromEveryViewPointTheRobotSeesTheGoal) {
-  const EpisodeSet set = generate(rules());
+  const episodes::EpisodeSet set = generate(rules());
   const auto T_robot_camera = core::mast_camera(1.0, 0.2);
   for (const sim::Episode& episode : set.episodes) {
     const bool couch = episode.class_name == "couch";
@@ -125,23 +125,23 @@ TEST_F(EpisodesTest, FromEveryViewPointTheRobotSeesTheGoal) {
 }
 
 TEST_F(EpisodesTest, AClassThatTheSceneLacksIsCounted) {
-  EpisodeRules with_bed = rules();
+  episodes::EpisodeRules with_bed = rules();
   with_bed.goals.emplace_back("bed");
-  const EpisodeSet set = generate(with_bed);
+  const episodes::EpisodeSet set = generate(with_bed);
   EXPECT_EQ(set.rejections.goals_without_instance, 1);
   EXPECT_EQ(set.episodes.size(), 8U);
-  EpisodeRules only_bed = rules();
+  episodes::EpisodeRules only_bed = rules();
   only_bed.goals = {"bed"};
   EXPECT_THROW((void)generate(only_bed), core::InputError);
 }
 
 TEST_F(EpisodesTest, AFileGivesBackWhatWasWritten) {
-  const EpisodeSet set = generate(rules());
+  const episodes::EpisodeSet set = generate(rules());
   const auto file = folder_->path() / "set.jsonl";
-  write_episodes(file, set);
-  const EpisodeSet read = read_episodes(file);
+  episodes::write_episodes(file, set);
+  const episodes::EpisodeSet read = episodes::read_episodes(file);
   EXPECT_EQ(read.scene_sha256, bundle_->scene_sha256);
-  EXPECT_EQ(read.rules_sha256, rules_hash(rules(), "jackal-gentle"));
+  EXPECT_EQ(read.rules_sha256, episodes::rules_hash(rules(), "jackal-gentle"));
   ASSERT_EQ(read.episodes.size(), set.episodes.size());
   for (std::size_t i = 0; i < set.episodes.size(); ++i) {
     EXPECT_EQ(read.episodes[i].id, set.episodes[i].id);
@@ -153,14 +153,15 @@ TEST_F(EpisodesTest, AFileGivesBackWhatWasWritten) {
 }
 
 TEST_F(EpisodesTest, TheHeaderSaysWhatItWasMadeFor) {
-  EpisodeSet set = generate(rules());
-  set.oracle = OracleRecord{7, 8, 0.625, "habitat-hm3d"};
+  episodes::EpisodeSet set = generate(rules());
+  set.oracle = episodes::OracleRecord{7, 8, 0.625, "habitat-hm3d"};
   const auto file = folder_->path() / "set.jsonl";
-  write_episodes(file, set);
-  const EpisodeSet read = read_episodes(file);
+  episodes::write_episodes(file, set);
+  const episodes::EpisodeSet read = episodes::read_episodes(file);
   EXPECT_THAT(read.generator, HasSubstr("segsim "));
   EXPECT_EQ(read.seed, 5U);
-  EXPECT_EQ(read.navmesh_sha256, navmesh_settings_hash(sim::RobotModel::jackal_gentle()));
+  EXPECT_EQ(read.navmesh_sha256,
+            episodes::navmesh_settings_hash(sim::RobotModel::jackal_gentle()));
   EXPECT_NE(read.navmesh_sha256.size(), 0U);
   ASSERT_TRUE(read.viewer && read.oracle);
   EXPECT_EQ(read.viewer->camera.width_px, 96);
@@ -174,7 +175,7 @@ TEST_F(EpisodesTest, TheHeaderSaysWhatItWasMadeFor) {
 }
 
 TEST_F(EpisodesTest, ViewPointsKnowTheirInstanceAndHowWellTheySee) {
-  const EpisodeSet set = generate(rules());
+  const episodes::EpisodeSet set = generate(rules());
   const auto T_robot_camera = core::mast_camera(1.0, 0.2);
   for (const sim::Episode& episode : set.episodes) {
     const bool couch = episode.class_name == "couch";
@@ -215,13 +216,13 @@ TEST_F(EpisodesTest, AFileOfTheFirstSchemaIsRead) {
   }
   const auto file = folder_->path() / "first.jsonl";
   std::ofstream(file) << text;
-  const EpisodeSet set = read_episodes(file);
+  const episodes::EpisodeSet set = episodes::read_episodes(file);
   EXPECT_EQ(set.episodes.size(), 8U);
   EXPECT_EQ(set.generator, "");
 }
 
 TEST_F(EpisodesTest, AnIslandThatIsTooSmallIsRefused) {
-  EpisodeRules wide = rules();
+  episodes::EpisodeRules wide = rules();
   wide.min_island_radius_m = 1.5;
   EXPECT_EQ(generate(wide).episodes.size(), 8U);
   wide.min_island_radius_m = 4.0;  // 50 m2; the rooms have 40.
@@ -229,25 +230,27 @@ TEST_F(EpisodesTest, AnIslandThatIsTooSmallIsRefused) {
 }
 
 TEST_F(EpisodesTest, StraightStartsAreThinnedOut) {
-  EpisodeRules strict = rules();
+  episodes::EpisodeRules strict = rules();
   strict.min_ratio = 1.3;
-  const EpisodeSet set = generate(strict);
+  const episodes::EpisodeSet set = generate(strict);
   EXPECT_GT(set.rejections.starts.too_straight, 0);
   EXPECT_EQ(generate(rules()).rejections.starts.too_straight, 0);
 }
 
 /// The states that binding finds, by episode.
-std::vector<EpisodeState> states_of(EpisodeSet& set, const core::SceneBundle& bundle,
-                                    const sim::World& world) {
-  std::vector<EpisodeState> states;
-  for (const EpisodeFinding& f : bind_episodes(set, "set.jsonl", bundle, world)) {
+std::vector<episodes::EpisodeState> states_of(episodes::EpisodeSet& set,
+                                              const core::SceneBundle& bundle,
+                                              const sim::World& world) {
+  std::vector<episodes::EpisodeState> states;
+  for (const episodes::EpisodeFinding& f :
+       episodes::bind_episodes(set, "set.jsonl", bundle, world)) {
     states.push_back(f.state);
   }
   return states;
 }
 
 TEST_F(EpisodesTest, BindingFindsWhatCannotBeDone) {
-  EpisodeSet set = generate(rules());
+  episodes::EpisodeSet set = generate(rules());
   set.episodes.resize(6);
   const double l_m = set.episodes[0].shortest_path_m;
   set.episodes[1].start = {40.0, 0.0, 0.0};
@@ -255,11 +258,11 @@ TEST_F(EpisodesTest, BindingFindsWhatCannotBeDone) {
   set.episodes[3].view_points_m = {{set.episodes[3].start.x_m, set.episodes[3].start.y_m}};
   set.episodes[4].shortest_path_m += 1.0;
   set.episodes[5].view_points_m.clear();
-  EXPECT_EQ(
-      states_of(set, *bundle_, *world_),
-      (std::vector<EpisodeState>{EpisodeState::kFine, EpisodeState::kOffNavmesh,
-                                 EpisodeState::kUnreachable, EpisodeState::kTrivial,
-                                 EpisodeState::kWrongLength, EpisodeState::kUnreachable}));
+  EXPECT_EQ(states_of(set, *bundle_, *world_),
+            (std::vector<episodes::EpisodeState>{
+                episodes::EpisodeState::kFine, episodes::EpisodeState::kOffNavmesh,
+                episodes::EpisodeState::kUnreachable, episodes::EpisodeState::kTrivial,
+                episodes::EpisodeState::kWrongLength, episodes::EpisodeState::kUnreachable}));
   EXPECT_EQ(set.episodes[0].shortest_path_m, l_m);
   EXPECT_FALSE(std::isfinite(set.episodes[1].shortest_path_m));
   EXPECT_FALSE(std::isfinite(set.episodes[2].shortest_path_m));
@@ -267,7 +270,7 @@ TEST_F(EpisodesTest, BindingFindsWhatCannotBeDone) {
 }
 
 TEST_F(EpisodesTest, BindingRefusesAnotherBundleAndUnknownClasses) {
-  EpisodeSet set = generate(rules());
+  episodes::EpisodeSet set = generate(rules());
   set.episodes[2].class_name = "coach";
   try {
     (void)states_of(set, *bundle_, *world_);
@@ -281,28 +284,29 @@ TEST_F(EpisodesTest, BindingRefusesAnotherBundleAndUnknownClasses) {
   EXPECT_THROW((void)states_of(set, *bundle_, *world_), core::InputError);
   set.scene_sha256.clear();  // Imported without a bundle: nothing to compare.
   EXPECT_EQ(states_of(set, *bundle_, *world_),
-            std::vector<EpisodeState>(8, EpisodeState::kFine));
+            std::vector<episodes::EpisodeState>(8, episodes::EpisodeState::kFine));
 }
 
 TEST_F(EpisodesTest, EveryRuleIsInTheHash) {
-  std::set<std::string> hashes{rules_hash(rules(), "a"), rules_hash(rules(), "b")};
+  std::set<std::string> hashes{episodes::rules_hash(rules(), "a"),
+                               episodes::rules_hash(rules(), "b")};
   const auto vary = [&](auto change) {
-    EpisodeRules varied = rules();
+    episodes::EpisodeRules varied = rules();
     change(varied);
-    hashes.insert(rules_hash(varied, "a"));
+    hashes.insert(episodes::rules_hash(varied, "a"));
   };
-  vary([](EpisodeRules& r) { r.goals = {"chair", "couch"}; });
-  vary([](EpisodeRules& r) { r.count = 9; });
-  vary([](EpisodeRules& r) { r.seed = 6; });
-  vary([](EpisodeRules& r) { r.camera.fx_px += 1e-9; });
-  vary([](EpisodeRules& r) { r.camera_height_m = 1.1; });
-  vary([](EpisodeRules& r) { r.view_radius_m = 1.1; });
-  vary([](EpisodeRules& r) { r.min_visible_pixels = 41; });
-  vary([](EpisodeRules& r) { r.max_start_m = 14; });
-  vary([](EpisodeRules& r) { r.allow_visible_start = true; });
-  vary([](EpisodeRules& r) { r.view_lattice_m = 0.1; });
-  vary([](EpisodeRules& r) { r.min_ratio = 1.05; });
-  vary([](EpisodeRules& r) { r.min_island_radius_m = 1.5; });
+  vary([](episodes::EpisodeRules& r) { r.goals = {"chair", "couch"}; });
+  vary([](episodes::EpisodeRules& r) { r.count = 9; });
+  vary([](episodes::EpisodeRules& r) { r.seed = 6; });
+  vary([](episodes::EpisodeRules& r) { r.camera.fx_px += 1e-9; });
+  vary([](episodes::EpisodeRules& r) { r.camera_height_m = 1.1; });
+  vary([](episodes::EpisodeRules& r) { r.view_radius_m = 1.1; });
+  vary([](episodes::EpisodeRules& r) { r.min_visible_pixels = 41; });
+  vary([](episodes::EpisodeRules& r) { r.max_start_m = 14; });
+  vary([](episodes::EpisodeRules& r) { r.allow_visible_start = true; });
+  vary([](episodes::EpisodeRules& r) { r.view_lattice_m = 0.1; });
+  vary([](episodes::EpisodeRules& r) { r.min_ratio = 1.05; });
+  vary([](episodes::EpisodeRules& r) { r.min_island_radius_m = 1.5; });
   EXPECT_EQ(hashes.size(), 14U);
 }
 
@@ -310,7 +314,7 @@ TEST_F(EpisodesTest, EveryRuleIsInTheHash) {
 std::string refusal(const std::filesystem::path& file, const std::string& text) {
   std::ofstream(file) << text;
   try {
-    (void)read_episodes(file);
+    (void)episodes::read_episodes(file);
   } catch (const core::InputError& error) {
     return error.what();
   }

@@ -20,8 +20,8 @@ using testing::HasSubstr;
 
 /// Twenty seconds: looks around, sees the couch at 6 s, is told of a wrong one at 8 s and of
 /// the right one at 9 s, drives to the wrong one from 12 s on.
-TrialLog a_log() {
-  TrialLog log;
+records::TrialLog a_log() {
+  records::TrialLog log;
   log.scene_title = "Two rooms";
   log.arm = "before";
   log.bundle = "scenes/tiny";
@@ -59,8 +59,8 @@ TrialLog a_log() {
   return log;
 }
 
-TrialRow a_row() {
-  TrialRow row;
+records::TrialRow a_row() {
+  records::TrialRow row;
   row.trial_id = 17;
   row.arm = "before";
   row.scene = "tiny";
@@ -88,9 +88,9 @@ TrialRow a_row() {
 TEST(TrialLogFile, GivesBackWhatWasWritten) {
   const TemporaryFolder folder("log");
   const auto file = folder.path() / "t.json.gz";
-  const TrialLog log = a_log();
-  write_trial_log(file, log);
-  const TrialLog again = read_trial_log(file);
+  const records::TrialLog log = a_log();
+  records::write_trial_log(file, log);
+  const records::TrialLog again = records::read_trial_log(file);
   EXPECT_EQ(again.scene_title, log.scene_title);
   EXPECT_EQ(again.bundle, log.bundle);
   EXPECT_DOUBLE_EQ(again.camera.fx_px, log.camera.fx_px);
@@ -116,13 +116,13 @@ TEST(TrialLogFile, BadFilesAreRefused) {
   const TemporaryFolder folder("badlog");
   const auto file = folder.path() / "t.json.gz";
   const auto refusal = [&](const std::string& text) {
-    write_gzip(file, text);
-    return tests::input_error_of([&] { (void)read_trial_log(file); });
+    support::write_gzip(file, text);
+    return tests::input_error_of([&] { (void)records::read_trial_log(file); });
   };
   EXPECT_THAT(refusal("{"), HasSubstr("t.json.gz"));
   EXPECT_THAT(refusal("{}"), HasSubstr("schema"));
-  write_trial_log(file, a_log());
-  const std::string good = read_gzip(file);
+  records::write_trial_log(file, a_log());
+  const std::string good = support::read_gzip(file);
   EXPECT_EQ(refusal(good), "no error");
   std::string other = good;
   other.replace(other.find("trial_log/1"), 11, "trial_log/9");
@@ -138,7 +138,7 @@ TEST(TrialLogFile, BadFilesAreRefused) {
 }
 
 TEST(Explanation, MomentsAreInOrderAndMerged) {
-  const std::vector<KeyMoment> moments = key_moments(a_row(), a_log());
+  const std::vector<results::KeyMoment> moments = results::key_moments(a_row(), a_log());
   ASSERT_EQ(moments.size(), 5U);
   EXPECT_EQ(moments[0].tick, 6);
   EXPECT_EQ(moments[0].what, "first in view");
@@ -149,13 +149,13 @@ TEST(Explanation, MomentsAreInOrderAndMerged) {
   EXPECT_EQ(moments[3].tick, 12);
   EXPECT_EQ(moments[3].what, "turning point");
   EXPECT_EQ(moments[4].tick, 19);
-  TrialRow at_once = a_row();
+  records::TrialRow at_once = a_row();
   at_once.why.first_true_tick = 6;
-  EXPECT_EQ(key_moments(at_once, a_log())[0].what, "first in view, first detected");
+  EXPECT_EQ(results::key_moments(at_once, a_log())[0].what, "first in view, first detected");
 }
 
 TEST(Explanation, TheStoryTellsWhatHappened) {
-  const std::vector<std::string> lines = tell_story(a_row(), a_log());
+  const std::vector<std::string> lines = results::tell_story(a_row(), a_log());
   EXPECT_THAT(lines.front(), HasSubstr("Trial 17: tiny/couch/00, arm before: FAILED"));
   for (const char* part :
        {"find a couch in Two rooms", "false_positive: it took something else",
@@ -180,22 +180,22 @@ TEST(Explanation, TheStoryTellsWhatHappened) {
 }
 
 TEST(Explanation, ASuccessHasNoCause) {
-  TrialRow row = a_row();
+  records::TrialRow row = a_row();
   row.success = true;
   row.outcome = "success";
   row.why.cause = "did_not_fail";
   row.why.inevitable_tick = row.why.decisive_tick = -1;
-  const std::vector<std::string> lines = tell_story(row, a_log());
+  const std::vector<std::string> lines = results::tell_story(row, a_log());
   EXPECT_THAT(lines.front(), HasSubstr("SUCCESS"));
   EXPECT_THAT(lines, testing::Not(Contains(HasSubstr("  cause "))));
 }
 
 TEST(Explanation, LongStoriesAreShortened) {
-  TrialLog log = a_log();
+  records::TrialLog log = a_log();
   for (std::size_t k = 0; k + 1 < log.track.size(); ++k) {
     log.track[k].mode = k % 2 == 0 ? core::PolicyMode::kExplore : core::PolicyMode::kRecover;
   }
-  EXPECT_THAT(tell_story(a_row(), log), Contains(HasSubstr("(7 more changes")));
+  EXPECT_THAT(results::tell_story(a_row(), log), Contains(HasSubstr("(7 more changes")));
 }
 
 TEST(Explanation, PicturesShowTheRoomAndTheMoments) {
@@ -204,16 +204,18 @@ TEST(Explanation, PicturesShowTheRoomAndTheMoments) {
       core::load_bundle(TinyScene().write(folder.path() / "tiny"));
   const auto surfels = std::make_shared<renderer::SurfelCloud>(TinyScene().surfels());
   const auto renderer = renderer::make_cpu_renderer(surfels, {});
-  const FloorPlan plan = make_floor_plan(*surfels);
-  const core::Image<core::Rgb8> map = draw_story_map(a_row(), a_log(), bundle.manifest, plan);
-  TrialRow other = a_row();
+  const drawing::FloorPlan plan = drawing::make_floor_plan(*surfels);
+  const core::Image<core::Rgb8> map =
+      results::draw_story_map(a_row(), a_log(), bundle.manifest, plan);
+  records::TrialRow other = a_row();
   other.why.decisive_tick = 2;  // Another mark.
   EXPECT_GT(map.width_px(), 700);
-  const core::Image<core::Rgb8> moved = draw_story_map(other, a_log(), bundle.manifest, plan);
+  const core::Image<core::Rgb8> moved =
+      results::draw_story_map(other, a_log(), bundle.manifest, plan);
   ASSERT_EQ(map.size(), moved.size());
   EXPECT_FALSE(std::equal(map.pixels().begin(), map.pixels().end(), moved.pixels().begin()));
   const core::Image<core::Rgb8> frames =
-      draw_story_frames(a_row(), a_log(), bundle.manifest, *renderer);
+      results::draw_story_frames(a_row(), a_log(), bundle.manifest, *renderer);
   EXPECT_GE(frames.width_px(), 3 * 480);  // Three columns of pictures 480 wide.
   EXPECT_GE(frames.height_px(), 2 * 360);
 }

@@ -20,7 +20,7 @@ class GzipTest : public testing::Test {
   void put(const std::string& bytes) const { std::ofstream(file_, std::ios::binary) << bytes; }
   [[nodiscard]] std::string refusal(std::size_t most = std::size_t{1} << 30U) const {
     try {
-      (void)read_gzip(file_, most);
+      (void)support::read_gzip(file_, most);
     } catch (const core::InputError& error) {
       return error.what();
     }
@@ -37,24 +37,24 @@ TEST_F(GzipTest, GivesBackWhatWasWritten) {
   for (int k = 0; k < 300000; ++k) noise += static_cast<char>(random.index(256));
   for (const std::string& text :
        {std::string(), std::string("a"), std::string(1000000, 'z'), noise}) {
-    write_gzip(file_, text);
-    EXPECT_EQ(read_gzip(file_), text) << text.size();
+    support::write_gzip(file_, text);
+    EXPECT_EQ(support::read_gzip(file_), text) << text.size();
   }
 }
 
 TEST_F(GzipTest, EqualTextsGiveEqualFiles) {
-  write_gzip(file_, "hello");
+  support::write_gzip(file_, "hello");
   const std::string first = core::read_file(file_);
-  write_gzip(file_, "hello");
+  support::write_gzip(file_, "hello");
   EXPECT_EQ(core::read_file(file_), first);
 }
 
 TEST_F(GzipTest, MembersFollowOneAnother) {
-  write_gzip(file_, "one ");
+  support::write_gzip(file_, "one ");
   const std::string first = core::read_file(file_);
-  write_gzip(file_, "two");
+  support::write_gzip(file_, "two");
   put(first + core::read_file(file_));
-  EXPECT_EQ(read_gzip(file_), "one two");
+  EXPECT_EQ(support::read_gzip(file_), "one two");
 }
 
 TEST_F(GzipTest, DamageIsNamed) {
@@ -63,7 +63,7 @@ TEST_F(GzipTest, DamageIsNamed) {
   EXPECT_THAT(refusal(), HasSubstr("empty"));
   put("{\"episodes\": []}");
   EXPECT_THAT(refusal(), HasSubstr("whole gzip file"));
-  write_gzip(file_, std::string(5000, 'q') + "end");
+  support::write_gzip(file_, std::string(5000, 'q') + "end");
   const std::string good = core::read_file(file_);
   put(good.substr(0, good.size() - 9));
   EXPECT_THAT(refusal(), HasSubstr("cut short"));
@@ -76,7 +76,7 @@ TEST_F(GzipTest, DamageIsNamed) {
 }
 
 TEST_F(GzipTest, ABombIsRefused) {
-  write_gzip(file_, std::string(1000000, '\0'));
+  support::write_gzip(file_, std::string(1000000, '\0'));
   EXPECT_THAT(refusal(10000), HasSubstr("10000"));
 }
 

@@ -25,25 +25,26 @@ using testing::HasSubstr;
 constexpr double kPi = std::numbers::pi;
 
 TEST(HabitatFrames, AxesAndHeadings) {
-  EXPECT_EQ(source_from_habitat({1, 2, 3}), glm::dvec3(1, -3, 2));
-  EXPECT_EQ(habitat_from_source(source_from_habitat({1, 2, 3})), glm::dvec3(1, 2, 3));
+  EXPECT_EQ(episodes::source_from_habitat({1, 2, 3}), glm::dvec3(1, -3, 2));
+  EXPECT_EQ(episodes::habitat_from_source(episodes::source_from_habitat({1, 2, 3})),
+            glm::dvec3(1, 2, 3));
   // Unturned, the agent looks along -z of Habitat, which is +y here.
-  EXPECT_NEAR(yaw_from_habitat({1, 0, 0, 0}), kPi / 2, 1e-12);
+  EXPECT_NEAR(episodes::yaw_from_habitat({1, 0, 0, 0}), kPi / 2, 1e-12);
   // A quarter turn about +y (left): -x.
   const double h = std::sqrt(0.5);
-  EXPECT_NEAR(std::abs(yaw_from_habitat({h, 0, h, 0})), kPi, 1e-12);
+  EXPECT_NEAR(std::abs(episodes::yaw_from_habitat({h, 0, h, 0})), kPi, 1e-12);
   // To the right: +x.
-  EXPECT_NEAR(yaw_from_habitat({h, 0, -h, 0}), 0.0, 1e-12);
+  EXPECT_NEAR(episodes::yaw_from_habitat({h, 0, -h, 0}), 0.0, 1e-12);
   for (double yaw = -3.0; yaw < 3.1; yaw += 0.37) {
-    EXPECT_NEAR(yaw_from_habitat(habitat_from_yaw(yaw)), yaw, 1e-12);
+    EXPECT_NEAR(episodes::yaw_from_habitat(episodes::habitat_from_yaw(yaw)), yaw, 1e-12);
   }
 }
 
 TEST(HabitatFrames, TurningIsTheSameInBothFrames) {
   // A step forward in Habitat and the same step here end at the same place.
-  const glm::dquat R = habitat_from_yaw(0.7);
+  const glm::dquat R = episodes::habitat_from_yaw(0.7);
   const glm::dvec3 step_habitat = R * glm::dvec3(0, 0, -1);
-  const glm::dvec3 step = source_from_habitat(step_habitat);
+  const glm::dvec3 step = episodes::source_from_habitat(step_habitat);
   EXPECT_NEAR(step.x, std::cos(0.7), 1e-12);
   EXPECT_NEAR(step.y, std::sin(0.7), 1e-12);
   EXPECT_NEAR(step.z, 0.0, 1e-12);
@@ -54,11 +55,11 @@ TEST(HabitatNames, GoalsOfHm3d) {
       {"chair", "chair"},   {"bed", "bed"},       {"plant", "potted plant"},
       {"toilet", "toilet"}, {"tv_monitor", "tv"}, {"sofa", "couch"}};
   for (const auto& [habitat, ours] : words) {
-    EXPECT_EQ(class_of_habitat_category(habitat), ours);
-    EXPECT_EQ(habitat_category_of_class(ours), habitat);
+    EXPECT_EQ(episodes::class_of_habitat_category(habitat), ours);
+    EXPECT_EQ(episodes::habitat_category_of_class(ours), habitat);
   }
-  EXPECT_EQ(habitat_category_of_class("dining table"), "dining_table");
-  EXPECT_EQ(class_of_habitat_category("dining_table"), "dining table");
+  EXPECT_EQ(episodes::habitat_category_of_class("dining table"), "dining_table");
+  EXPECT_EQ(episodes::class_of_habitat_category("dining_table"), "dining table");
 }
 
 /// A set of one scene with a chair, its view point and one episode.
@@ -80,10 +81,10 @@ Json small_content() {
 
 class HabitatFileTest : public testing::Test {
  protected:
-  void put(const Json& json) const { write_gzip(file_, json.dump()); }
+  void put(const Json& json) const { support::write_gzip(file_, json.dump()); }
   [[nodiscard]] std::string refusal() const {
     try {
-      (void)read_habitat(file_);
+      (void)episodes::read_habitat(file_);
     } catch (const core::InputError& error) {
       return error.what();
     }
@@ -95,18 +96,19 @@ class HabitatFileTest : public testing::Test {
 
 TEST_F(HabitatFileTest, ReadsOneScene) {
   put(small_content());
-  const HabitatDataset dataset = read_habitat(file_);
+  const episodes::HabitatDataset dataset = episodes::read_habitat(file_);
   EXPECT_EQ(dataset.split, "val");
   ASSERT_EQ(dataset.scenes.size(), 1U);
-  const HabitatScene& scene = dataset.scenes[0];
+  const episodes::HabitatScene& scene = dataset.scenes[0];
   EXPECT_EQ(scene.name, "Room");
   EXPECT_EQ(scene.scene_id, "a/b/Room.basis.glb");
   ASSERT_EQ(scene.episodes.size(), 1U);
   EXPECT_EQ(scene.goals.at("chair").at(0).object_id, 12);
   EXPECT_DOUBLE_EQ(*scene.episodes[0].geodesic_m, 4.2);
 
-  HabitatImportCounts counts;
-  const EpisodeSet set = episodes_from_habitat(scene, "val", std::nullopt, 1, &counts);
+  episodes::HabitatImportCounts counts;
+  const episodes::EpisodeSet set =
+      episodes::episodes_from_habitat(scene, "val", std::nullopt, 1, &counts);
   ASSERT_EQ(set.episodes.size(), 1U);
   const sim::Episode& episode = set.episodes[0];
   EXPECT_EQ(episode.id, "Room/chair/0000");
@@ -124,15 +126,15 @@ TEST_F(HabitatFileTest, ViewPointsOfAnotherFloorAreLeftOut) {
   Json content = small_content();
   content["episodes"][0]["start_position"] = {1, 3.0, 2};
   put(content);
-  HabitatImportCounts counts;
-  const EpisodeSet set =
-      episodes_from_habitat(read_habitat(file_).scenes[0], "val", std::nullopt, 1, &counts);
+  episodes::HabitatImportCounts counts;
+  const episodes::EpisodeSet set = episodes::episodes_from_habitat(
+      episodes::read_habitat(file_).scenes[0], "val", std::nullopt, 1, &counts);
   EXPECT_EQ(counts.other_floor, 1);
   EXPECT_EQ(counts.view_points_of_other_floors, 1);
   EXPECT_FALSE(std::isfinite(set.episodes[0].shortest_path_m));
   // Such an episode survives the file, so that a run can count it.
-  write_episodes(folder_.path() / "set.jsonl", set);
-  const EpisodeSet again = read_episodes(folder_.path() / "set.jsonl");
+  episodes::write_episodes(folder_.path() / "set.jsonl", set);
+  const episodes::EpisodeSet again = episodes::read_episodes(folder_.path() / "set.jsonl");
   EXPECT_FALSE(std::isfinite(again.episodes[0].shortest_path_m));
   EXPECT_TRUE(again.episodes[0].view_points_m.empty());
 }
@@ -167,9 +169,9 @@ Json content_of_two_floors() {
 
 TEST_F(HabitatFileTest, ViewPointsAreCountedOncePerGoal) {
   put(content_of_two_floors());
-  HabitatImportCounts counts;
-  const EpisodeSet set =
-      episodes_from_habitat(read_habitat(file_).scenes[0], "val", std::nullopt, 1, &counts);
+  episodes::HabitatImportCounts counts;
+  const episodes::EpisodeSet set = episodes::episodes_from_habitat(
+      episodes::read_habitat(file_).scenes[0], "val", std::nullopt, 1, &counts);
   EXPECT_EQ(counts.episodes, 6);
   EXPECT_EQ(counts.view_points, 9);                  // 3 + 3 + 1 of chairs, 2 of the bed.
   EXPECT_EQ(counts.view_points_of_other_floors, 3);  // At 9.0 m, and both of the bed.
@@ -191,21 +193,21 @@ TEST_F(HabitatFileTest, OlderFilesKeepGoalsInEpisodes) {
   content["episodes"][0]["goals"] = content["goals_by_category"]["Room.basis.glb_chair"];
   content.erase("goals_by_category");
   put(content);
-  EXPECT_EQ(read_habitat(file_).scenes[0].goals.at("chair").size(), 1U);
+  EXPECT_EQ(episodes::read_habitat(file_).scenes[0].goals.at("chair").size(), 1U);
 }
 
 TEST_F(HabitatFileTest, EqualIdsGetDifferentEpisodes) {
   Json content = small_content();
   content["episodes"].push_back(content["episodes"][0]);
   put(content);
-  const EpisodeSet set =
-      episodes_from_habitat(read_habitat(file_).scenes[0], "val", std::nullopt, 1);
+  const episodes::EpisodeSet set = episodes::episodes_from_habitat(
+      episodes::read_habitat(file_).scenes[0], "val", std::nullopt, 1);
   EXPECT_NE(set.episodes[0].id, set.episodes[1].id);
   EXPECT_NE(set.episodes[0].seed, set.episodes[1].seed);
 }
 
 TEST_F(HabitatFileTest, BadFilesAreRefusedWithTheirPlace) {
-  write_gzip(file_, "not json");
+  support::write_gzip(file_, "not json");
   EXPECT_THAT(refusal(), HasSubstr("JSON"));
   put(Json::array());
   EXPECT_THAT(refusal(), HasSubstr("\"episodes\""));
@@ -235,16 +237,17 @@ TEST_F(HabitatFileTest, BadFilesAreRefusedWithTheirPlace) {
 /// Our own episodes, written for Habitat and read again.
 class HabitatRoundTrip : public testing::Test {
  protected:
-  static EpisodeSet generate(const core::SceneBundle& bundle, const sim::World& world) {
+  static episodes::EpisodeSet generate(const core::SceneBundle& bundle,
+                                       const sim::World& world) {
     const auto eye = renderer::make_cpu_renderer(
         std::make_shared<renderer::SurfelCloud>(TinyScene().surfels()), {});
-    EpisodeRules rules;
+    episodes::EpisodeRules rules;
     rules.goals = {"couch", "chair"};
     rules.count = 4;
     rules.camera = core::CameraIntrinsics::from_fov(96, 72, 1.2);
     rules.camera_height_m = 1.0;
     rules.min_start_m = 1.0;
-    return generate_episodes("tiny", bundle, world, *eye, rules);
+    return episodes::generate_episodes("tiny", bundle, world, *eye, rules);
   }
 };
 
@@ -253,21 +256,23 @@ TEST_F(HabitatRoundTrip, GivesBackTheSameTasks) {
   const core::SceneBundle bundle =
       core::load_bundle(TinyScene().write(folder.path() / "tiny"));
   const sim::World world = sim::World::load(bundle, sim::RobotModel::jackal_gentle());
-  const EpisodeSet set = generate(bundle, world);
+  const episodes::EpisodeSet set = generate(bundle, world);
 
   // A levelled bundle: the source lies 0.3 m lower, and turned about the vertical.
   core::SceneLevelling levelling;
   levelling.R_world_source = glm::angleAxis(0.4, glm::dvec3(0, 0, 1));
   levelling.p_world_source_m = {1.0, -2.0, 0.3};
-  (void)write_habitat(folder.path() / "out", "mini", "x/tiny.glb", set, bundle, levelling);
+  (void)episodes::write_habitat(folder.path() / "out", "mini", "x/tiny.glb", set, bundle,
+                                levelling);
 
-  const HabitatDataset dataset = read_habitat(folder.path() / "out" / "mini.json.gz");
+  const episodes::HabitatDataset dataset =
+      episodes::read_habitat(folder.path() / "out" / "mini.json.gz");
   EXPECT_EQ(dataset.split, "mini");
   ASSERT_EQ(dataset.scenes.size(), 1U);
-  const HabitatBinding binding{&bundle, &levelling, &world};
-  HabitatImportCounts counts;
-  const EpisodeSet again =
-      episodes_from_habitat(dataset.scenes[0], "mini", binding, set.seed, &counts);
+  const episodes::HabitatBinding binding{&bundle, &levelling, &world};
+  episodes::HabitatImportCounts counts;
+  const episodes::EpisodeSet again =
+      episodes::episodes_from_habitat(dataset.scenes[0], "mini", binding, set.seed, &counts);
   ASSERT_EQ(again.episodes.size(), set.episodes.size());
   EXPECT_EQ(counts.other_floor + counts.unreachable + counts.blocked_start, 0);
   for (std::size_t i = 0; i < set.episodes.size(); ++i) {
@@ -291,7 +296,7 @@ TEST_F(HabitatRoundTrip, GoalsAreThoseOfAllEpisodesOfACategory) {
       core::load_bundle(TinyScene().write(folder.path() / "tiny"));
   const sim::World world = sim::World::load(bundle, sim::RobotModel::jackal_gentle());
   // The first couch episode knows one view point, the second that one and another.
-  EpisodeSet set = generate(bundle, world);
+  episodes::EpisodeSet set = generate(bundle, world);
   std::erase_if(set.episodes, [](const sim::Episode& e) { return e.class_name != "couch"; });
   ASSERT_GE(set.episodes.size(), 2U);
   set.episodes.resize(2);
@@ -302,10 +307,11 @@ TEST_F(HabitatRoundTrip, GoalsAreThoseOfAllEpisodesOfACategory) {
     episode.view_point_instance.resize(n + 1);
     episode.view_point_iou.resize(n + 1);
   }
-  (void)write_habitat(folder.path() / "out", "mini", "x/tiny.glb", set, bundle, {});
-  const HabitatDataset dataset = read_habitat(folder.path() / "out" / "mini.json.gz");
+  (void)episodes::write_habitat(folder.path() / "out", "mini", "x/tiny.glb", set, bundle, {});
+  const episodes::HabitatDataset dataset =
+      episodes::read_habitat(folder.path() / "out" / "mini.json.gz");
   std::size_t points = 0;
-  for (const HabitatGoal& goal : dataset.scenes[0].goals.at("sofa")) {
+  for (const episodes::HabitatGoal& goal : dataset.scenes[0].goals.at("sofa")) {
     points += goal.view_points.size();
   }
   EXPECT_EQ(points, 2U);
@@ -320,12 +326,12 @@ TEST_F(HabitatRoundTrip, WhatTheSceneLacksIsRefused) {
   content["episodes"][0]["object_category"] = "toilet";
   content["goals_by_category"] = {
       {"Room.basis.glb_toilet", small_content()["goals_by_category"]["Room.basis.glb_chair"]}};
-  write_gzip(folder.path() / "val.json.gz", content.dump());
+  support::write_gzip(folder.path() / "val.json.gz", content.dump());
   const core::SceneLevelling level;
-  const HabitatBinding binding{&bundle, &level, &world};
+  const episodes::HabitatBinding binding{&bundle, &level, &world};
   try {
-    (void)episodes_from_habitat(read_habitat(folder.path() / "val.json.gz").scenes[0], "val",
-                                binding, 1);
+    (void)episodes::episodes_from_habitat(
+        episodes::read_habitat(folder.path() / "val.json.gz").scenes[0], "val", binding, 1);
     FAIL() << "a class that the bundle lacks was accepted";
   } catch (const core::InputError& error) {
     EXPECT_THAT(error.what(), HasSubstr("\"toilet\""));
@@ -337,28 +343,28 @@ TEST(HabitatValMini, TheRealFilesLoad) {
   if (data == nullptr) GTEST_SKIP() << "SEGSIM_DATA is not set";
   const fs::path file = fs::path(data) / "hm3d_objectnav_val_mini" / "val_mini.json.gz";
   if (!fs::exists(file)) GTEST_SKIP() << "no val_mini files";
-  const HabitatDataset dataset = read_habitat(file);
+  const episodes::HabitatDataset dataset = episodes::read_habitat(file);
   EXPECT_EQ(dataset.split, "val_mini");
   ASSERT_EQ(dataset.scenes.size(), 2U);
   EXPECT_EQ(dataset.scenes[0].name, "TEEsavR23oF");
   EXPECT_EQ(dataset.scenes[1].name, "wcojb4TFT35");
   int episodes = 0;
   // Counted by a script of a few lines in another language.
-  const std::array<HabitatImportCounts, 2> expected{
+  const std::array<episodes::HabitatImportCounts, 2> expected{
       {{15, 0, 0, 0, 6191, 1156, 6}, {15, 0, 0, 0, 6117, 807, 7}}};
   for (std::size_t n = 0; n < dataset.scenes.size(); ++n) {
-    const HabitatScene& scene = dataset.scenes[n];
+    const episodes::HabitatScene& scene = dataset.scenes[n];
     EXPECT_EQ(scene.episodes.size(), 15U);
-    HabitatImportCounts counts;
-    const EpisodeSet set =
-        episodes_from_habitat(scene, dataset.split, std::nullopt, 1, &counts);
+    episodes::HabitatImportCounts counts;
+    const episodes::EpisodeSet set =
+        episodes::episodes_from_habitat(scene, dataset.split, std::nullopt, 1, &counts);
     EXPECT_EQ(counts.other_floor, expected[n].other_floor);
     EXPECT_EQ(counts.view_points, expected[n].view_points);
     EXPECT_EQ(counts.view_points_of_other_floors, expected[n].view_points_of_other_floors);
     EXPECT_EQ(counts.goal_sets, expected[n].goal_sets);
     for (std::size_t i = 0; i < set.episodes.size(); ++i) {
       const sim::Episode& episode = set.episodes[i];
-      const HabitatEpisode& from = scene.episodes[i];
+      const episodes::HabitatEpisode& from = scene.episodes[i];
       ++episodes;
       // Lengths agree with the file, and the start is where the file says, seen from above.
       if (std::isfinite(episode.shortest_path_m)) {
@@ -368,10 +374,10 @@ TEST(HabitatValMini, TheRealFilesLoad) {
       EXPECT_DOUBLE_EQ(episode.start.y_m, -from.start_habitat_m.z);
       // What lies on the start's floor, sought for each episode by itself.
       std::vector<glm::dvec2> on_floor_m;
-      for (const HabitatGoal& goal : scene.goals.at(from.category)) {
-        for (const HabitatViewPoint& point : goal.view_points) {
+      for (const episodes::HabitatGoal& goal : scene.goals.at(from.category)) {
+        for (const episodes::HabitatViewPoint& point : goal.view_points) {
           if (std::abs(point.p_habitat_m.y - from.start_habitat_m.y) > 0.5) continue;
-          on_floor_m.emplace_back(source_from_habitat(point.p_habitat_m));
+          on_floor_m.emplace_back(episodes::source_from_habitat(point.p_habitat_m));
         }
       }
       EXPECT_EQ(episode.view_points_m, on_floor_m) << episode.id;

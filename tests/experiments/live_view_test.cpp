@@ -48,15 +48,15 @@ class LiveViewFiles : public testing::Test {
     frame_.intrinsics.height_px = 48;
     frame_.stats.render_ms = 7.0;
   }
-  void tick(LiveView& live, double x_m) {
+  void tick(trials::LiveView& live, double x_m) {
     sim::TickRecord record;
     record.pose.x_m = x_m;
     record.mode = core::PolicyMode::kExplore;
     const std::vector<core::Detection> detections{{0, 0.5F, {1, 2, 3, 4}}};
     live.add(record, frame_, detections, policy_);
   }
-  [[nodiscard]] LiveTrial trial() const {
-    LiveTrial of;
+  [[nodiscard]] trials::LiveTrial trial() const {
+    trials::LiveTrial of;
     of.scene = "room";
     of.goal_class = "couch";
     of.episode = "room/\xff/1";  // No UTF-8.
@@ -71,23 +71,23 @@ class LiveViewFiles : public testing::Test {
 
 TEST_F(LiveViewFiles, AreOnlyThereWhileSomebodyWatches) {
   {
-    LiveView live(folder_.path());
+    trials::LiveView live(folder_.path());
     live.begin(trial());
     for (int k = 0; k < 100; ++k) tick(live, k);
-    EXPECT_FALSE(fs::exists(folder_.path() / kLiveFolder));
+    EXPECT_FALSE(fs::exists(folder_.path() / trials::kLiveFolder));
     EXPECT_EQ(live.spent_s(), 0.0);
   }
-  ASSERT_TRUE(internal::ask_for_live_files(folder_.path()));
+  ASSERT_TRUE(dashboard::internal::ask_for_live_files(folder_.path()));
   fs::path file;
   {
-    LiveView live(folder_.path());
+    trials::LiveView live(folder_.path());
     live.begin(trial());
-    TimedPolicy timed(policy_, live);
+    trials::TimedPolicy timed(policy_, live);
     (void)timed.decide({}, {});
     tick(live, 0.0);
     file = live.file();
     ASSERT_TRUE(fs::exists(file));
-    const auto workers = internal::read_live_files({folder_.path()});
+    const auto workers = dashboard::internal::read_live_files({folder_.path()});
     ASSERT_EQ(workers.size(), 1U);
     const auto json = nlohmann::json::parse(workers[0].header);
     EXPECT_EQ(json["trial"]["goal_class"], "couch");
@@ -97,7 +97,8 @@ TEST_F(LiveViewFiles, AreOnlyThereWhileSomebodyWatches) {
     EXPECT_EQ(json["stages"][0][2], 7.0);
     EXPECT_GE(json["stages"][0][4], 3.0);  // The policy slept so long.
     const auto part = [&](const char* name) {
-      return internal::read_live_part({folder_.path()}, workers[0].worker, name).value_or("");
+      return dashboard::internal::read_live_part({folder_.path()}, workers[0].worker, name)
+          .value_or("");
     };
     EXPECT_THAT(part("camera.jpg"), StartsWith("\xff\xd8\xff"));
     EXPECT_THAT(part("panoptic.jpg"), StartsWith("\xff\xd8\xff"));
@@ -107,18 +108,18 @@ TEST_F(LiveViewFiles, AreOnlyThereWhileSomebodyWatches) {
 }
 
 TEST_F(LiveViewFiles, EndWithTheWatching) {
-  ASSERT_TRUE(internal::ask_for_live_files(folder_.path()));
-  fs::last_write_time(folder_.path() / kLiveFolder / kLiveMarker,
+  ASSERT_TRUE(dashboard::internal::ask_for_live_files(folder_.path()));
+  fs::last_write_time(folder_.path() / trials::kLiveFolder / trials::kLiveMarker,
                       fs::file_time_type::clock::now() - std::chrono::seconds(60));
-  LiveView live(folder_.path());
+  trials::LiveView live(folder_.path());
   live.begin(trial());
   for (int k = 0; k < 100; ++k) tick(live, k);
   EXPECT_FALSE(fs::exists(live.file()));
 }
 
 TEST_F(LiveViewFiles, AFolderThatCannotBeWrittenToIsNoError) {
-  ASSERT_TRUE(internal::ask_for_live_files(folder_.path()));
-  LiveView live(folder_.path());
+  ASSERT_TRUE(dashboard::internal::ask_for_live_files(folder_.path()));
+  trials::LiveView live(folder_.path());
   live.begin(trial());
   // A folder in the file's place: nobody can rename a file over it, not even root.
   fs::create_directories(live.file() / "in_the_way");
@@ -127,11 +128,11 @@ TEST_F(LiveViewFiles, AFolderThatCannotBeWrittenToIsNoError) {
 }
 
 TEST_F(LiveViewFiles, CostLessThanAHundredthOfTheTime) {
-  ASSERT_TRUE(internal::ask_for_live_files(folder_.path()));
+  ASSERT_TRUE(dashboard::internal::ask_for_live_files(folder_.path()));
   frame_.rgb = core::Image<core::Rgb8>(640, 480, {10, 20, 30});
   frame_.semantic = core::Image<std::uint16_t>(640, 480, 1);
   frame_.instance = core::Image<std::uint16_t>(640, 480, 0);
-  LiveView live(folder_.path());
+  trials::LiveView live(folder_.path());
   live.begin(trial());
   const Clock::time_point start = Clock::now();
   int writes = 0;
@@ -159,14 +160,14 @@ TEST(LiveViewOfARun, ChangesNoResult) {
   const TemporaryFolder folder("live_run");
   TinyScene().write(folder.path() / "tiny");
   const auto hashes = [&](const std::string& work, bool watched) {
-    RunOptions options;
+    runs::RunOptions options;
     options.folders = {folder.path(), folder.path() / work};
     options.workers = 2;
     fs::create_directories(options.folders.work);
-    EXPECT_TRUE(!watched || internal::ask_for_live_files(options.folders.work));
-    (void)run_experiment(tiny_spec(options.folders, 3), options);
+    EXPECT_TRUE(!watched || dashboard::internal::ask_for_live_files(options.folders.work));
+    (void)runs::run_experiment(tiny_spec(options.folders, 3), options);
     std::vector<std::uint64_t> all;
-    for (const TrialRow& row : load_run(options.folders.work).trials) {
+    for (const records::TrialRow& row : results::load_run(options.folders.work).trials) {
       EXPECT_FALSE(row.failed()) << row.error;
       all.push_back(row.state_hash);
     }
@@ -174,9 +175,9 @@ TEST(LiveViewOfARun, ChangesNoResult) {
   };
   const std::vector<std::uint64_t> plain = hashes("plain", false);
   EXPECT_EQ(plain.size(), 6U);
-  EXPECT_FALSE(fs::exists(folder.path() / "plain" / kLiveFolder));
+  EXPECT_FALSE(fs::exists(folder.path() / "plain" / trials::kLiveFolder));
   EXPECT_EQ(hashes("watched", true), plain);
-  EXPECT_TRUE(internal::read_live_files({folder.path() / "watched"}).empty());
+  EXPECT_TRUE(dashboard::internal::read_live_files({folder.path() / "watched"}).empty());
 }
 
 }  // namespace

@@ -13,17 +13,17 @@ using testing::HasSubstr;
 using testing::Not;
 
 /// Eight of ten only after, one both, one neither; the oracle solves all.
-ResultTable a_result() {
-  RunRow run;
+results::ResultTable a_result() {
+  records::RunRow run;
   run.run_id = 2;
   run.name = "room";
   run.title = "Room";
   run.planned_trials = 30;
   run.success_profile = "segsim-object: STOP";
-  std::vector<TrialRow> trials;
+  std::vector<records::TrialRow> trials;
   for (int k = 0; k < 10; ++k) {
     for (const std::string& arm : std::vector<std::string>{"before", "after", "oracle"}) {
-      TrialRow t;
+      records::TrialRow t;
       t.arm = arm;
       t.scene = "room";
       t.goal_class = "couch";
@@ -33,20 +33,21 @@ ResultTable a_result() {
       trials.push_back(t);
     }
   }
-  return summarise(run, {{"room", "Break room", "s", "e", 10}},
-                   {{"before", "a.bin", "c", "", -1, {}},
-                    {"after", "b.bin", "d", "room", -1, {}},
-                    {"oracle", "oracle", "", "", -1, {}}},
-                   trials);
+  return results::summarise(run, {{"room", "Break room", "s", "e", 10}},
+                            {{"before", "a.bin", "c", "", -1, {}},
+                             {"after", "b.bin", "d", "room", -1, {}},
+                             {"oracle", "oracle", "", "", -1, {}}},
+                            trials);
 }
 
-std::vector<NavigationEntry> entries() {
+std::vector<results::NavigationEntry> entries() {
   return {{"Laboratory Room", "Break room", a_result(), {}},
           {"House", "House", std::nullopt, "make it with segsim run"}};
 }
 
 TEST(NavigationTable, StandsBesideThePapersRowsAndTheirMissingNumber) {
-  const std::string text = format_navigation_table(entries(), TableFormat::kMarkdown);
+  const std::string text =
+      results::format_navigation_table(entries(), support::TableFormat::kMarkdown);
   EXPECT_THAT(text,
               HasSubstr("| Laboratory Room | 20 % | 100 % | not given | Break room | 10 | "
                         "1/10  10 % [2, 40] | 9/10  90 % [60, 98] | +80 [+37, +92] | "
@@ -57,19 +58,20 @@ TEST(NavigationTable, StandsBesideThePapersRowsAndTheirMissingNumber) {
 }
 
 TEST(NavigationTable, WhatIsNotKnownIsUnknown) {
-  std::vector<NavigationEntry> runs = entries();
-  ArmRow& after = runs[0].result->arm_rows[1];
+  std::vector<results::NavigationEntry> runs = entries();
+  records::ArmRow& after = runs[0].result->arm_rows[1];
   after.tuned_on.clear();
-  after.exposure = SceneExposure{.known = TrainingDataKnown::kNothing};
-  EXPECT_THAT(format_navigation_table(runs, TableFormat::kMarkdown),
+  after.exposure = records::SceneExposure{.known = records::TrainingDataKnown::kNothing};
+  EXPECT_THAT(results::format_navigation_table(runs, support::TableFormat::kMarkdown),
               HasSubstr("10/10  100 % [72, 100] | unknown |"));
-  const auto json = nlohmann::json::parse(format_navigation_table(runs, TableFormat::kJson));
+  const auto json = nlohmann::json::parse(
+      results::format_navigation_table(runs, support::TableFormat::kJson));
   EXPECT_EQ(json["rows"][0]["leakage"], "unknown");
 }
 
 TEST(NavigationTable, EveryFormSaysTheSame) {
-  const auto json =
-      nlohmann::json::parse(format_navigation_table(entries(), TableFormat::kJson));
+  const auto json = nlohmann::json::parse(
+      results::format_navigation_table(entries(), support::TableFormat::kJson));
   EXPECT_EQ(json["rows"].size(), 2U);
   EXPECT_EQ(json["rows"][0]["before"]["successes"], 1);
   EXPECT_EQ(json["rows"][0]["after"]["successes"], 9);
@@ -77,22 +79,25 @@ TEST(NavigationTable, EveryFormSaysTheSame) {
   EXPECT_EQ(json["rows"][0]["leakage"], "scene");
   EXPECT_TRUE(json["rows"][0]["paper"]["episodes"].is_null());
   EXPECT_EQ(json["rows"][1]["missing"], "make it with segsim run");
-  const std::string latex = format_navigation_table(entries(), TableFormat::kLatex);
+  const std::string latex =
+      results::format_navigation_table(entries(), support::TableFormat::kLatex);
   EXPECT_THAT(latex,
               HasSubstr(R"(Laboratory Room & 20 \% & 100 \% & not given & Break room)"));
   EXPECT_THAT(latex, HasSubstr(R"(\begin{tabular}{lccccccccccccc})"));
-  const std::string csv = format_navigation_table(entries(), TableFormat::kCsv);
+  const std::string csv =
+      results::format_navigation_table(entries(), support::TableFormat::kCsv);
   EXPECT_THAT(csv, HasSubstr("Laboratory Room,20 %,100 %,not given,Break room,10,"));
   EXPECT_THAT(csv, HasSubstr("\"1/10  10 % [2, 40]\""));
 }
 
 TEST(NavigationTable, ScenesThatThePaperHasNotHaveNoPaperFigures) {
-  const std::vector<NavigationEntry> own{{"", "Flat", a_result(), {}}};
-  const std::string text = format_navigation_table(own, TableFormat::kMarkdown);
+  const std::vector<results::NavigationEntry> own{{"", "Flat", a_result(), {}}};
+  const std::string text =
+      results::format_navigation_table(own, support::TableFormat::kMarkdown);
   EXPECT_THAT(text, HasSubstr("| - | - | - | - | Break room | 10 |"));
   EXPECT_THAT(text, Not(HasSubstr("not given")));
-  const std::vector<NavigationEntry> wrong{{"Kitchen", "x", std::nullopt, "y"}};
-  EXPECT_THROW((void)format_navigation_table(wrong, TableFormat::kText),
+  const std::vector<results::NavigationEntry> wrong{{"Kitchen", "x", std::nullopt, "y"}};
+  EXPECT_THROW((void)results::format_navigation_table(wrong, support::TableFormat::kText),
                core::ContractViolation);
 }
 

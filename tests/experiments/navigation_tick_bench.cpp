@@ -44,8 +44,8 @@ constexpr std::size_t kTicks = 1000, kSmokeTicks = 40, kReplayed = 500;
 
 /// A scene with its episodes, as a run has them in memory.
 struct Place {
-  ExperimentSpec spec;
-  std::unique_ptr<LoadedScene> scene;
+  specs::ExperimentSpec spec;
+  std::unique_ptr<trials::LoadedScene> scene;
   std::size_t ticks = kTicks;
 };
 
@@ -58,23 +58,23 @@ const fs::path& work_folder() {
 
 std::unique_ptr<Place> make_flat() {
   auto place = std::make_unique<Place>();
-  SpecFolders folders{{}, work_folder() / "flat"};
-  place->spec = load_spec(fs::path(SEGSIM_SPECS) / "policies.yaml", folders);
-  const SceneSpec& scene = place->spec.scenes.front();
-  const fs::path bundle = prepare_scene(place->spec, scene, folders.work);
-  place->scene =
-      std::make_unique<LoadedScene>(load_scene(place->spec, scene, bundle, folders.work));
+  specs::SpecFolders folders{{}, work_folder() / "flat"};
+  place->spec = specs::load_spec(fs::path(SEGSIM_SPECS) / "policies.yaml", folders);
+  const specs::SceneSpec& scene = place->spec.scenes.front();
+  const fs::path bundle = runs::prepare_scene(place->spec, scene, folders.work);
+  place->scene = std::make_unique<trials::LoadedScene>(
+      trials::load_scene(place->spec, scene, bundle, folders.work));
   return place;
 }
 
 /// Two rooms of a few surfels: the benchmark's own test.
 std::unique_ptr<Place> make_tiny() {
   auto place = std::make_unique<Place>();
-  SpecFolders folders{work_folder(), work_folder() / "tiny_work"};
+  specs::SpecFolders folders{work_folder(), work_folder() / "tiny_work"};
   const fs::path bundle = TinyScene().write(work_folder() / "tiny");
-  place->spec = parse_spec(TinySpec().text(), "tiny.yaml", folders);
-  place->scene = std::make_unique<LoadedScene>(
-      load_scene(place->spec, place->spec.scenes.front(), bundle, folders.work));
+  place->spec = specs::parse_spec(TinySpec().text(), "tiny.yaml", folders);
+  place->scene = std::make_unique<trials::LoadedScene>(
+      trials::load_scene(place->spec, place->spec.scenes.front(), bundle, folders.work));
   place->ticks = kSmokeTicks;
   return place;
 }
@@ -190,8 +190,8 @@ std::uint64_t run_trials(const Place& place, const core::CameraIntrinsics& camer
   render.threads = 1;
   const auto renderer =
       renderer::make_cpu_renderer(place.scene->surfels, render, place.scene->labels);
-  sim::TrialOptions options =
-      base_trial_options(place.spec, place.spec.scenes.front().camera_height_m, nullptr);
+  sim::TrialOptions options = trials::base_trial_options(
+      place.spec, place.spec.scenes.front().camera_height_m, nullptr);
   options.camera = camera;
   std::uint64_t hash = 0;
   for (const sim::Episode& episode : place.scene->episodes.episodes) {

@@ -12,7 +12,7 @@ namespace {
 
 TEST(OdomPlacement, TheRobotLiesWhereItIsAndTheWayBackIsExact) {
   const core::Pose2 truth{2.0, -1.0, 1.2}, estimate{1.5, 0.5, 0.7};
-  const OdomPlacement placement(truth, estimate);
+  const drawing::OdomPlacement placement(truth, estimate);
   const glm::dvec2 robot_m = placement.to_world({estimate.x_m, estimate.y_m});
   EXPECT_DOUBLE_EQ(robot_m.x, truth.x_m);
   EXPECT_DOUBLE_EQ(robot_m.y, truth.y_m);
@@ -28,8 +28,9 @@ TEST(OdomPlacement, TheRobotLiesWhereItIsAndTheWayBackIsExact) {
 
 TEST(OdomPlacement, PerfectLocalisationChangesNoBit) {
   const core::Pose2 pose{0.1, 0.2, 0.3};
-  EXPECT_EQ(OdomPlacement(pose, pose).to_world({0.7, 1.0 / 3.0}), glm::dvec2(0.7, 1.0 / 3.0));
-  EXPECT_EQ(OdomPlacement().to_odom({0.7, 1.0 / 3.0}), glm::dvec2(0.7, 1.0 / 3.0));
+  EXPECT_EQ(drawing::OdomPlacement(pose, pose).to_world({0.7, 1.0 / 3.0}),
+            glm::dvec2(0.7, 1.0 / 3.0));
+  EXPECT_EQ(drawing::OdomPlacement().to_odom({0.7, 1.0 / 3.0}), glm::dvec2(0.7, 1.0 / 3.0));
 }
 
 /// Centre of the pixels that differ between two pictures.
@@ -47,7 +48,7 @@ cv::Point2d centre_of_change(const cv::Mat& a, const cv::Mat& b) {
 }
 
 TEST(MapCanvas, DrawsADriftedMapWhereItLiesInWorld) {
-  FloorPlan plan;
+  drawing::FloorPlan plan;
   plan.rgb = core::Image<core::Rgb8>(400, 400, {200, 200, 200});
   plan.px_per_m = 100.0;  // World [0, 4] x [0, 4].
   core::PolicyView view;
@@ -59,10 +60,10 @@ TEST(MapCanvas, DrawsADriftedMapWhereItLiesInWorld) {
   view.cells(16, 16) = 0;
   // Half a turn: Odom's (1, 1) is World's (3, 2).
   const double pi = std::acos(-1.0);
-  const OdomPlacement placement({4.0, 3.0, pi}, {0.0, 0.0, 0.0});
-  const cv::Mat blank = MapCanvas(plan, 1.0).image();
-  MapCanvas objects(plan, 1.0), cells(plan, 1.0);
-  for (MapCanvas* map : {&objects, &cells}) map->place_views(placement);
+  const drawing::OdomPlacement placement({4.0, 3.0, pi}, {0.0, 0.0, 0.0});
+  const cv::Mat blank = drawing::MapCanvas(plan, 1.0).image();
+  drawing::MapCanvas objects(plan, 1.0), cells(plan, 1.0);
+  for (drawing::MapCanvas* map : {&objects, &cells}) map->place_views(placement);
   objects.draw_objects(view, 0);
   cells.draw_knowledge(view);
   const cv::Point2d object = centre_of_change(objects.image(), blank);

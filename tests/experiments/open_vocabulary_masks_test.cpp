@@ -21,7 +21,7 @@ TEST(OpenVocabularyMasks, TheSurestIsOnTop) {
   const std::vector<core::SceneClass> classes{{4, "chair", true}, {9, "wall", false}};
   const std::vector<core::Detection> found{
       {1, 0.4F, {}}, {0, 0.6F, {}}, {0, 0.8F, {}}, {1, 0.2F, {}}, {0, 0.1F, {}}};
-  const auto masks = compose_masks(
+  const auto masks = detection::compose_masks(
       8, 2, found, {columns(0, 4), columns(2, 6), columns(5, 7), columns(7, 8), columns(0, 3)},
       classes);
   const std::uint16_t semantic[8] = {9, 9, 4, 4, 4, 4, 4, 9};
@@ -38,22 +38,24 @@ TEST(OpenVocabularyMasks, TheSurestIsOnTop) {
 }
 
 TEST(OpenVocabularyMasks, NothingFoundIsVoid) {
-  const auto masks = compose_masks(8, 2, {}, {}, {});
+  const auto masks = detection::compose_masks(8, 2, {}, {}, {});
   EXPECT_TRUE(masks.segments.empty());
   EXPECT_EQ(masks.semantic(0, 0), 0);
 }
 
 TEST(OpenVocabularyMasks, PhrasesTakeTheClassesOfTheRecording) {
   const std::vector<core::SceneClass> recorded{{3, "wall", false}, {7, "chair", true}};
-  const auto known = prompt_classes({"chair", "wall"}, {}, recorded, "--prompt");
+  const auto known = detection::prompt_classes({"chair", "wall"}, {}, recorded, "--prompt");
   EXPECT_EQ(known[0].id, 7);
   EXPECT_FALSE(known[1].thing);
-  const auto fresh = prompt_classes({"lamp", "floor"}, {"floor"}, {}, "--prompt");
+  const auto fresh = detection::prompt_classes({"lamp", "floor"}, {"floor"}, {}, "--prompt");
   EXPECT_EQ(fresh[1].id, 2);
   EXPECT_TRUE(fresh[0].thing);
   EXPECT_FALSE(fresh[1].thing);
-  EXPECT_THROW((void)prompt_classes({"lamp"}, {}, recorded, "--prompt"), core::InputError);
-  EXPECT_THROW((void)prompt_classes({"lamp"}, {"wall"}, {}, "--prompt"), core::InputError);
+  EXPECT_THROW((void)detection::prompt_classes({"lamp"}, {}, recorded, "--prompt"),
+               core::InputError);
+  EXPECT_THROW((void)detection::prompt_classes({"lamp"}, {"wall"}, {}, "--prompt"),
+               core::InputError);
 }
 
 }  // namespace

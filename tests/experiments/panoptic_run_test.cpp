@@ -21,35 +21,35 @@ namespace {
 
 namespace fs = std::filesystem;
 
-PanopticRunOptions tiny_options(const fs::path& work) {
-  PanopticRunOptions options;
-  options.scenes = panoptic_scenes("flat-3", "").scenes;
+panoptic::PanopticRunOptions tiny_options(const fs::path& work) {
+  panoptic::PanopticRunOptions options;
+  options.scenes = panoptic::panoptic_scenes("flat-3", "").scenes;
   options.heads = {"query", "panoptic-lifting"};
   options.mask_level = 1.0;
   options.device.threads = 1;
   options.work = work;
-  make_quick(options);
+  panoptic::make_quick(options);
   options.config.panoptic.iterations = 40;
   return options;
 }
 
-std::string table_text(const std::vector<SceneFigures>& results) {
-  PanopticTable table;
+std::string table_text(const std::vector<panoptic::SceneFigures>& results) {
+  panoptic::PanopticTable table;
   table.results = results;
-  table.rules = panoptic_rule_names();
+  table.rules = panoptic::panoptic_rule_names();
   table.planned = static_cast<int>(results.size());
-  return format_panoptic_table(table, TableFormat::kJson);
+  return panoptic::format_panoptic_table(table, support::TableFormat::kJson);
 }
 
 TEST(PanopticRun, KilledAndResumedGivesTheSameTable) {
   const TemporaryFolder folder("panoptic_run");
-  PanopticRunOptions options = tiny_options(folder.path() / "killed");
+  panoptic::PanopticRunOptions options = tiny_options(folder.path() / "killed");
   const fs::path first = options.work / "flat-3" / "query.json";
   // The child first: a fork must not happen beside threads.
   const pid_t child = ::fork();
   ASSERT_GE(child, 0);
   if (child == 0) {
-    (void)run_panoptic_scenes(options);
+    (void)panoptic::run_panoptic_scenes(options);
     ::_exit(0);
   }
   int status = 0;
@@ -67,23 +67,23 @@ TEST(PanopticRun, KilledAndResumedGivesTheSameTable) {
   const auto surfels = fs::last_write_time(options.work / "flat-3" / "surfels.ply");
 
   int reported = 0;
-  options.on_result = [&](const std::vector<SceneFigures>& results) {
+  options.on_result = [&](const std::vector<panoptic::SceneFigures>& results) {
     EXPECT_EQ(results.size(), 2U);  // The one of before the kill is there.
     ++reported;
   };
-  const std::vector<SceneFigures> resumed = run_panoptic_scenes(options);
+  const std::vector<panoptic::SceneFigures> resumed = panoptic::run_panoptic_scenes(options);
   EXPECT_LE(reported, 1);
   EXPECT_EQ(fs::last_write_time(first), kept);
   EXPECT_EQ(fs::last_write_time(options.work / "flat-3" / "surfels.ply"), surfels);
 
-  const std::vector<SceneFigures> whole =
-      run_panoptic_scenes(tiny_options(folder.path() / "whole"));
+  const std::vector<panoptic::SceneFigures> whole =
+      panoptic::run_panoptic_scenes(tiny_options(folder.path() / "whole"));
   EXPECT_EQ(table_text(resumed), table_text(whole));
 
   ASSERT_EQ(whole.size(), 2U);
   EXPECT_EQ(whole[0].head, "query");
   EXPECT_EQ(whole[1].head, "panoptic-lifting");
-  for (const SceneFigures& f : whole) {
+  for (const panoptic::SceneFigures& f : whole) {
     EXPECT_EQ(f.find("strict")->views, 8);  // Every fourth of 32.
     EXPECT_EQ(f.find("trajectory")->views, 24);
     EXPECT_GT(f.statistic("held_out_psnr_db"), 12.0);  // Before holes are filled: 8 dB.
@@ -100,10 +100,10 @@ TEST(PanopticRun, KilledAndResumedGivesTheSameTable) {
   }
 
   // Another configuration is another result, on the same surfels.
-  PanopticRunOptions changed = tiny_options(folder.path() / "killed");
+  panoptic::PanopticRunOptions changed = tiny_options(folder.path() / "killed");
   changed.heads = {"query"};
   changed.config.panoptic.loss.dice = 0.5;
-  (void)run_panoptic_scenes(changed);
+  (void)panoptic::run_panoptic_scenes(changed);
   EXPECT_NE(fs::last_write_time(first), kept);
   EXPECT_EQ(fs::last_write_time(options.work / "flat-3" / "surfels.ply"), surfels);
 }
@@ -111,9 +111,9 @@ TEST(PanopticRun, KilledAndResumedGivesTheSameTable) {
 TEST(PanopticRun, AFolderThatIsNoRecordingIsRefused) {
   const TemporaryFolder folder("panoptic_run_bad");
   fs::create_directories(folder.path() / "empty");
-  PanopticRunOptions options = tiny_options(folder.path() / "work");
-  options.scenes = panoptic_scenes((folder.path() / "empty").string(), "").scenes;
-  EXPECT_THROW((void)run_panoptic_scenes(options), core::InputError);
+  panoptic::PanopticRunOptions options = tiny_options(folder.path() / "work");
+  options.scenes = panoptic::panoptic_scenes((folder.path() / "empty").string(), "").scenes;
+  EXPECT_THROW((void)panoptic::run_panoptic_scenes(options), core::InputError);
 }
 
 }  // namespace

@@ -55,22 +55,22 @@ TEST(PanopticTable, ThePapersRowsAreThoseOfItsSource) {
     }
   }
   std::vector<double> ours;
-  for (const PaperRow& row : paper_table1()) {
+  for (const panoptic::PaperRow& row : panoptic::paper_table1()) {
     for (const double value : {row.pq, row.sq, row.rq, row.mean_iou, row.mean_accuracy,
                                row.coverage, row.weighted_coverage}) {
       ours.push_back(value);
     }
   }
   EXPECT_EQ(ours, numbers);
-  ASSERT_EQ(paper_table1().size(), 14U);
-  EXPECT_STREQ(paper_table1()[12].data, "ScanNet");
-  EXPECT_STREQ(paper_table1()[12].head, "query");
-  EXPECT_STREQ(paper_table1()[13].data, "ScanNet++");
+  ASSERT_EQ(panoptic::paper_table1().size(), 14U);
+  EXPECT_STREQ(panoptic::paper_table1()[12].data, "ScanNet");
+  EXPECT_STREQ(panoptic::paper_table1()[12].head, "query");
+  EXPECT_STREQ(panoptic::paper_table1()[13].data, "ScanNet++");
 }
 
-SceneFigures figures(const std::string& scene, const std::string& data,
-                     const std::string& head, double pq) {
-  SceneFigures f;
+panoptic::SceneFigures figures(const std::string& scene, const std::string& data,
+                               const std::string& head, double pq) {
+  panoptic::SceneFigures f;
   f.scene = scene;
   f.title = "Scene " + scene;
   f.data = data;
@@ -78,8 +78,8 @@ SceneFigures figures(const std::string& scene, const std::string& data,
   f.masks = "exact labels";
   f.recipe = "made up";
   f.version = "1.2.3";
-  for (const std::string& rules : panoptic_rule_names()) {
-    RuleFigures r;
+  for (const std::string& rules : panoptic::panoptic_rule_names()) {
+    panoptic::RuleFigures r;
     r.rules = rules;
     r.views = 7;
     r.pq = pq, r.sq = 0.5, r.rq = 0.25, r.pq_things = 0.1, r.pq_stuff = 0.2;
@@ -93,8 +93,8 @@ SceneFigures figures(const std::string& scene, const std::string& data,
   return f;
 }
 
-PanopticTable table() {
-  PanopticTable t;
+panoptic::PanopticTable table() {
+  panoptic::PanopticTable t;
   t.results = {figures("a", "procedural", "query", 0.5),
                figures("b", "procedural", "query", 0.75),
                figures("c", "Gazebo", "query", 0.25)};
@@ -105,7 +105,8 @@ PanopticTable table() {
 }
 
 TEST(PanopticTable, JsonHasRowsMeansAndThePaper) {
-  const auto json = nlohmann::json::parse(format_panoptic_table(table(), TableFormat::kJson));
+  const auto json = nlohmann::json::parse(
+      panoptic::format_panoptic_table(table(), support::TableFormat::kJson));
   EXPECT_EQ(json["schema"], "segsim.table1/1");
   EXPECT_EQ(json["unit"], "percent");
   EXPECT_EQ(json["planned"], 4);
@@ -135,29 +136,31 @@ TEST(PanopticTable, JsonHasRowsMeansAndThePaper) {
 }
 
 TEST(PanopticTable, TextMarkdownAndCsvSayTheSame) {
-  const std::string text = format_panoptic_table(table(), TableFormat::kText);
+  const std::string text =
+      panoptic::format_panoptic_table(table(), support::TableFormat::kText);
   EXPECT_THAT(text, AllOf(HasSubstr("Scene a"), HasSubstr("62.50"), HasSubstr("74.12"),
                           HasSubstr("INTERIM: 3 of 4"), HasSubstr("needs --data DIR"),
                           HasSubstr("24.50")));
-  EXPECT_THAT(format_panoptic_table(table(), TableFormat::kMarkdown),
+  EXPECT_THAT(panoptic::format_panoptic_table(table(), support::TableFormat::kMarkdown),
               HasSubstr("| query | procedural | mean of 2 | 62.50 | 50.00 | 25.00 |"));
-  const std::string csv = format_panoptic_table(table(), TableFormat::kCsv);
+  const std::string csv = panoptic::format_panoptic_table(table(), support::TableFormat::kCsv);
   EXPECT_THAT(csv, HasSubstr("strict,scene,query,procedural,Scene a,50,50,25,62.5,75,12.5,"
                              "87.5\n"));
   EXPECT_THAT(csv, HasSubstr("zju,paper,paper: PVLFF,ScanNet,,30.11,"));
-  PanopticTable comma = table();
+  panoptic::PanopticTable comma = table();
   comma.results[0].title = "a, \"b\"";
-  EXPECT_THAT(format_panoptic_table(comma, TableFormat::kCsv),
+  EXPECT_THAT(panoptic::format_panoptic_table(comma, support::TableFormat::kCsv),
               HasSubstr("procedural,\"a, \"\"b\"\"\",50"));
 }
 
 TEST(PanopticTable, AFinishedTableIsNotInterim) {
-  PanopticTable t = table();
+  panoptic::PanopticTable t = table();
   t.planned = 3;
-  EXPECT_THAT(format_panoptic_table(t, TableFormat::kText),
+  EXPECT_THAT(panoptic::format_panoptic_table(t, support::TableFormat::kText),
               AllOf(Not(HasSubstr("INTERIM")), Not(HasSubstr("QUICK"))));
   t.quick = true;
-  EXPECT_THAT(format_panoptic_table(t, TableFormat::kText), HasSubstr("QUICK"));
+  EXPECT_THAT(panoptic::format_panoptic_table(t, support::TableFormat::kText),
+              HasSubstr("QUICK"));
 }
 
 std::string error_of(const std::function<void()>& call) {
@@ -170,23 +173,27 @@ std::string error_of(const std::function<void()>& call) {
 }
 
 TEST(PanopticTable, UnknownWordsAreNamed) {
-  EXPECT_THAT(parse_rules("all"),
+  EXPECT_THAT(panoptic::parse_rules("all"),
               ElementsAre("strict", "trajectory", "zju", "lifting", "coco"));
-  EXPECT_THAT(parse_rules("zju,strict"), ElementsAre("zju", "strict"));
-  EXPECT_THAT(error_of([] { (void)parse_rules("stict"); }),
+  EXPECT_THAT(panoptic::parse_rules("zju,strict"), ElementsAre("zju", "strict"));
+  EXPECT_THAT(error_of([] { (void)panoptic::parse_rules("stict"); }),
               AllOf(HasSubstr("--rules: expected strict | "), HasSubstr("near: strict")));
-  EXPECT_THAT(error_of([] { (void)parse_rules(""); }), HasSubstr("--rules: expected"));
-  EXPECT_THAT(parse_heads("panoptic-lifting,query"), ElementsAre("panoptic-lifting", "query"));
-  EXPECT_THAT(error_of([] { (void)parse_heads("query,query"); }), HasSubstr("each once"));
-  EXPECT_THAT(error_of([] { (void)parse_heads("nerf"); }),
+  EXPECT_THAT(error_of([] { (void)panoptic::parse_rules(""); }),
+              HasSubstr("--rules: expected"));
+  EXPECT_THAT(panoptic::parse_heads("panoptic-lifting,query"),
+              ElementsAre("panoptic-lifting", "query"));
+  EXPECT_THAT(error_of([] { (void)panoptic::parse_heads("query,query"); }),
+              HasSubstr("each once"));
+  EXPECT_THAT(error_of([] { (void)panoptic::parse_heads("nerf"); }),
               AllOf(HasSubstr("--heads: expected query | "), HasSubstr("found \"nerf\"")));
   for (const char* scene : {"flat", "flat-", "flat-x", "flat-3x", "kitchen"}) {
-    EXPECT_THAT(error_of([&] { (void)panoptic_scenes(scene, ""); }),
+    EXPECT_THAT(error_of([&] { (void)panoptic::panoptic_scenes(scene, ""); }),
                 AllOf(HasSubstr("--scenes: expected flat-N"), HasSubstr(scene)));
   }
-  EXPECT_THAT(error_of([] { (void)panoptic_scenes("flat-3,flat-3", ""); }),
+  EXPECT_THAT(error_of([] { (void)panoptic::panoptic_scenes("flat-3,flat-3", ""); }),
               HasSubstr("flat-3 again"));
-  EXPECT_THAT(error_of([] { (void)panoptic_scenes("house", ""); }), HasSubstr("--data DIR"));
+  EXPECT_THAT(error_of([] { (void)panoptic::panoptic_scenes("house", ""); }),
+              HasSubstr("--data DIR"));
 }
 
 class SceneFiles : public ::testing::Test {
@@ -220,9 +227,9 @@ scenes:
     data: ScanNet++
     source: {type: rgbd, folder: "${data}/scans/two"}
 )");
-  const PanopticScenes list = panoptic_scenes(file, folder_);
+  const panoptic::PanopticScenes list = panoptic::panoptic_scenes(file, folder_);
   ASSERT_EQ(list.scenes.size(), 1U);
-  const PanopticScene& one = list.scenes[0];
+  const panoptic::PanopticScene& one = list.scenes[0];
   EXPECT_EQ(one.source.folder, folder_ / "scans" / "one");
   EXPECT_EQ(one.source.frame_step, 3);
   EXPECT_EQ(one.label_map, folder_ / "labels.yaml");
@@ -233,12 +240,13 @@ scenes:
   EXPECT_THAT(list.missing[0].title, HasSubstr("The second"));
   EXPECT_THAT(list.missing[0].why, HasSubstr("scans/two"));
 
-  EXPECT_THAT(error_of([&] { (void)panoptic_scenes(file, folder_ / "elsewhere"); }),
+  EXPECT_THAT(error_of([&] { (void)panoptic::panoptic_scenes(file, folder_ / "elsewhere"); }),
               HasSubstr("a scene whose data is there"));
-  EXPECT_THAT(error_of([&] { (void)panoptic_scenes(write("schema: other\n"), folder_); }),
-              HasSubstr("segsim.table1/1"));
+  EXPECT_THAT(
+      error_of([&] { (void)panoptic::panoptic_scenes(write("schema: other\n"), folder_); }),
+      HasSubstr("segsim.table1/1"));
   EXPECT_THAT(error_of([&] {
-                (void)panoptic_scenes(
+                (void)panoptic::panoptic_scenes(
                     write("schema: segsim.table1/1\nscenes:\n  - name: x\n    data: y\n"
                           "    source: {type: flat}\n    shrnk: 2\n"),
                     folder_);
@@ -247,26 +255,28 @@ scenes:
 }
 
 TEST_F(SceneFiles, ThePapersScenesAreListedAndNeedTheirData) {
-  const std::string message = error_of(
-      [] { (void)panoptic_scenes(SEGSIM_SCENE_LISTS "/table1_paper.yaml", "nowhere"); });
+  const std::string message = error_of([] {
+    (void)panoptic::panoptic_scenes(SEGSIM_SCENE_LISTS "/table1_paper.yaml", "nowhere");
+  });
   EXPECT_THAT(message, HasSubstr("ScanNet scene0087_02"));
-  const PanopticScenes list = panoptic_scenes("flat-5", "");
+  const panoptic::PanopticScenes list = panoptic::panoptic_scenes("flat-5", "");
   ASSERT_EQ(list.scenes.size(), 1U);
   EXPECT_EQ(list.scenes[0].source.seed, 5U);
   EXPECT_DOUBLE_EQ(list.scenes[0].zju_min_iou(), 0.3);
   EXPECT_THAT(list.missing.back().title, HasSubstr("5748ce6f01"));
   // A folder is recognised by its layout.
-  const PanopticScenes scan = panoptic_scenes((folder_ / "scans" / "one").string(), "");
+  const panoptic::PanopticScenes scan =
+      panoptic::panoptic_scenes((folder_ / "scans" / "one").string(), "");
   EXPECT_EQ(scan.scenes.at(0).data, "ScanNet");
   EXPECT_EQ(scan.scenes.at(0).source.frame_step, 3);
 }
 
 TEST_F(SceneFiles, FiguresComeBackAsTheyWere) {
-  SceneFigures written = figures("a", "procedural", "query", 1.0 / 3.0);
+  panoptic::SceneFigures written = figures("a", "procedural", "query", 1.0 / 3.0);
   written.statistics.emplace_back("held_out_ssim", std::numeric_limits<double>::infinity());
   const fs::path file = folder_ / "a.json";
-  write_scene_figures(file, written);
-  const SceneFigures read = read_scene_figures(file);
+  panoptic::write_scene_figures(file, written);
+  const panoptic::SceneFigures read = panoptic::read_scene_figures(file);
   EXPECT_EQ(read.recipe, written.recipe);
   EXPECT_EQ(read.statistics, written.statistics);
   EXPECT_EQ(read.mask_quality, written.mask_quality);
@@ -279,9 +289,9 @@ TEST_F(SceneFiles, FiguresComeBackAsTheyWere) {
   EXPECT_EQ(read.find("other"), nullptr);
 
   fs::resize_file(file, fs::file_size(file) / 2);
-  EXPECT_THROW((void)read_scene_figures(file), core::InputError);
+  EXPECT_THROW((void)panoptic::read_scene_figures(file), core::InputError);
   std::ofstream(file, std::ios::trunc) << R"({"schema": "segsim.table1.scene/1"})";
-  EXPECT_THROW((void)read_scene_figures(file), core::InputError);
+  EXPECT_THROW((void)panoptic::read_scene_figures(file), core::InputError);
 }
 
 }  // namespace

@@ -26,11 +26,11 @@ constexpr core::Rgb8 kExplore{30, 116, 196}, kNavigate{240, 120, 30}, kGreen{10,
 
 /// A made-up trial: through the passage from left to right.
 struct Drawn {
-  FloorPlan plan = make_floor_plan(TinyScene().surfels(), 1.8, 40.0);
+  drawing::FloorPlan plan = drawing::make_floor_plan(TinyScene().surfels(), 1.8, 40.0);
   core::SceneManifest manifest;
   sim::Episode episode;
   sim::TrialResult result;
-  TrialScene scene;
+  drawing::TrialScene scene;
 
   Drawn() {
     manifest.classes = {{3, "couch", true}};
@@ -63,7 +63,7 @@ struct Drawn {
 
 TEST(FloorPlan, CoversTheSceneInItsColours) {
   const Drawn drawn;
-  const FloorPlan& plan = drawn.plan;
+  const drawing::FloorPlan& plan = drawn.plan;
   EXPECT_NEAR(plan.rgb.width_px() / plan.px_per_m, 8.4 + 0.8, 0.3);
   EXPECT_NEAR(plan.rgb.height_px() / plan.px_per_m, 5.4 + 0.8, 0.3);
   const auto at = [&](double x_m, double y_m) {
@@ -78,12 +78,12 @@ TEST(FloorPlan, CoversTheSceneInItsColours) {
 }
 
 TEST(FloorPlan, AnEmptySceneIsNoError) {
-  EXPECT_FALSE(make_floor_plan(renderer::SurfelCloud{}).rgb.empty());
+  EXPECT_FALSE(drawing::make_floor_plan(renderer::SurfelCloud{}).rgb.empty());
 }
 
 TEST(TrialPicture, ShowsPathGoalAndOutcome) {
   Drawn drawn;
-  const core::Image<core::Rgb8> success = draw_trial(drawn.scene, drawn.result, 700);
+  const core::Image<core::Rgb8> success = drawing::draw_trial(drawn.scene, drawn.result, 700);
   EXPECT_GE(success.width_px(), 700);
   EXPECT_GT(count_color(success, kExplore, 24), 400);
   EXPECT_GT(count_color(success, kNavigate, 24), 250);
@@ -94,17 +94,17 @@ TEST(TrialPicture, ShowsPathGoalAndOutcome) {
   drawn.result.success = false;
   drawn.result.contacts = 2;
   drawn.result.distance_to_goal_m = std::numeric_limits<double>::infinity();
-  const core::Image<core::Rgb8> failure = draw_trial(drawn.scene, drawn.result, 700);
+  const core::Image<core::Rgb8> failure = drawing::draw_trial(drawn.scene, drawn.result, 700);
   EXPECT_LT(count_color(failure, kGreen, 24), count_color(success, kGreen, 24) - 300);
   drawn.result.track.clear();
   drawn.result.final_view = {};
-  EXPECT_FALSE(draw_trial(drawn.scene, drawn.result, 300).empty());
+  EXPECT_FALSE(drawing::draw_trial(drawn.scene, drawn.result, 300).empty());
 }
 
 TEST(TrialPicture, EqualTrialsGiveEqualPictures) {
   const Drawn drawn;
-  EXPECT_EQ(draw_trial(drawn.scene, drawn.result, 400).pixels(),
-            draw_trial(drawn.scene, drawn.result, 400).pixels());
+  EXPECT_EQ(drawing::draw_trial(drawn.scene, drawn.result, 400).pixels(),
+            drawing::draw_trial(drawn.scene, drawn.result, 400).pixels());
 }
 
 TEST(TrialVideo, IsWrittenWhole) {
@@ -117,7 +117,7 @@ TEST(TrialVideo, IsWrittenWhole) {
   frame.instance = core::Image<std::uint16_t>(80, 60, 1);
   const std::vector<core::Detection> detections{{0, 0.8F, {10, 10, 40, 50}}};
   {
-    TrialVideo video(file, drawn.scene, {"couch"}, 20.0);
+    video::TrialVideo video(file, drawn.scene, {"couch"}, 20.0);
     for (int k = 0; k < 10; ++k) {
       video.add(drawn.result.track[static_cast<std::size_t>(5 * k)], frame, detections,
                 drawn.result.final_view);
@@ -130,7 +130,7 @@ TEST(TrialVideo, IsWrittenWhole) {
 
   const auto abandoned = folder.path() / "abandoned.mp4";
   {
-    TrialVideo video(abandoned, drawn.scene, {"couch"}, 20.0);
+    video::TrialVideo video(abandoned, drawn.scene, {"couch"}, 20.0);
     video.add(drawn.result.track[0], frame, detections, drawn.result.final_view);
   }
   // Nothing half done stays behind: only "sub" is left.

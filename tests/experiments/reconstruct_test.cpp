@@ -26,7 +26,7 @@ namespace fs = std::filesystem;
 using ::testing::StartsWith;
 
 /// A recording in memory: the surfel room, seen with exact depth and labels.
-class RoomRecording : public renderer::RgbdSequence {
+class RoomRecording : public reconstruction::RgbdSequence {
  public:
   explicit RoomRecording(const glm::dquat& R, const glm::dvec3& t_m) {
     auto surfels = std::make_shared<renderer::SurfelCloud>(surfel_room());
@@ -38,7 +38,7 @@ class RoomRecording : public renderer::RgbdSequence {
       poses_.push_back(T_moved_room * pose);
       const core::Frame drawn =
           renderer->render(poses_.back(), intrinsics_, core::Channels::kAll);
-      renderer::RgbdFrame frame;
+      reconstruction::RgbdFrame frame;
       frame.name = "view " + std::to_string(frames_.size());
       frame.rgb = drawn.rgb;
       frame.depth_m = drawn.depth_m;
@@ -56,7 +56,7 @@ class RoomRecording : public renderer::RgbdSequence {
   std::size_t frame_count() const override { return frames_.size(); }
   const std::string& frame_name(std::size_t i) const override { return frames_[i].name; }
   const core::CameraPose& pose(std::size_t i) const override { return poses_[i]; }
-  renderer::RgbdFrame load(std::size_t i) const override { return frames_[i]; }
+  reconstruction::RgbdFrame load(std::size_t i) const override { return frames_[i]; }
   bool has_masks() const override { return true; }
   const std::vector<core::SceneClass>& classes() const override { return classes_; }
   const std::vector<core::SceneInstance>& instances() const override { return instances_; }
@@ -67,7 +67,7 @@ class RoomRecording : public renderer::RgbdSequence {
   std::string name_ = "room";
   core::CameraIntrinsics intrinsics_;
   std::vector<core::CameraPose> poses_;
-  std::vector<renderer::RgbdFrame> frames_;
+  std::vector<reconstruction::RgbdFrame> frames_;
   std::vector<core::SceneClass> classes_;
   std::vector<core::SceneInstance> instances_;
   std::vector<std::string> nothing_;
@@ -82,7 +82,7 @@ class ReconstructTest : public ::testing::Test {
     options_.name = "room";
     options_.lift.voxel_m = 0.04;
     options_.lift.min_observations = 2;
-    TrainingOptions training;
+    training::TrainingOptions training;
     training.config.geometry.iterations = 4;
     training.config.panoptic.iterations = 30;
     training.config.panoptic.sampling.pixels = 512;
@@ -93,7 +93,7 @@ class ReconstructTest : public ::testing::Test {
   ~ReconstructTest() override { fs::remove_all(folder_); }
 
   fs::path folder_;
-  ReconstructOptions options_;
+  scenes::ReconstructOptions options_;
 };
 
 double statistic(const core::SceneManifest& manifest, const std::string& name) {
@@ -107,7 +107,7 @@ TEST_F(ReconstructTest, TrainedBundleIsLevelledAndKeepsItsLabels) {
   const glm::dquat R = glm::angleAxis(0.02, glm::dvec3(0.0, 1.0, 0.0));
   const glm::dvec3 t_m(0.0, 0.0, 0.05);
   const core::SceneBundle bundle =
-      reconstruct_bundle(RoomRecording(R, t_m), options_, folder_ / "bundle");
+      scenes::reconstruct_bundle(RoomRecording(R, t_m), options_, folder_ / "bundle");
   const core::BundleParts parts = core::load_bundle_parts(bundle.folder);
   EXPECT_EQ(parts.version, 2);
   EXPECT_THAT(parts.mesh_source, StartsWith("fused depth of"));
@@ -131,7 +131,7 @@ TEST_F(ReconstructTest, TrainedBundleIsLevelledAndKeepsItsLabels) {
   }
 
   // The surfels went along: their floor is at z = 0 as well.
-  const SceneSurfels scene = load_scene_surfels(bundle);
+  const scenes::SceneSurfels scene = scenes::load_scene_surfels(bundle);
   ASSERT_NE(scene.labels, nullptr);
   EXPECT_EQ(scene.labels->size(), scene.surfels->size());
   std::vector<float> heights;
@@ -164,20 +164,20 @@ TEST_F(ReconstructTest, TrainedBundleIsLevelledAndKeepsItsLabels) {
 
 TEST_F(ReconstructTest, LiftedBundleHasIdsAlone) {
   options_.training.reset();
-  const core::SceneBundle bundle =
-      reconstruct_bundle(RoomRecording({1, 0, 0, 0}, {}), options_, folder_ / "bundle");
+  const core::SceneBundle bundle = scenes::reconstruct_bundle(RoomRecording({1, 0, 0, 0}, {}),
+                                                              options_, folder_ / "bundle");
   const core::BundleParts parts = core::load_bundle_parts(bundle.folder);
   EXPECT_EQ(parts.mesh_source, "lifted points");
   EXPECT_TRUE(parts.labels.name.empty());
   EXPECT_EQ(parts.levelling.p_world_source_m, glm::dvec3(0.0));
-  EXPECT_EQ(load_scene_surfels(bundle).labels, nullptr);
+  EXPECT_EQ(scenes::load_scene_surfels(bundle).labels, nullptr);
 }
 
 TEST_F(ReconstructTest, SourceOfTheMeshCanBeChosen) {
   options_.training.reset();
-  options_.mesh = MeshSource::kDepth;
-  const core::SceneBundle bundle =
-      reconstruct_bundle(RoomRecording({1, 0, 0, 0}, {}), options_, folder_ / "bundle");
+  options_.mesh = scenes::MeshSource::kDepth;
+  const core::SceneBundle bundle = scenes::reconstruct_bundle(RoomRecording({1, 0, 0, 0}, {}),
+                                                              options_, folder_ / "bundle");
   EXPECT_THAT(core::load_bundle_parts(bundle.folder).mesh_source,
               StartsWith("fused depth of 36"));
 }

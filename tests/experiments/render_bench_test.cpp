@@ -21,15 +21,15 @@ namespace {
 using testing::HasSubstr;
 using testing::Not;
 
-BenchScene small_scene(int views = 2) {
-  BenchSceneOptions options;
+benchmarks::BenchScene small_scene(int views = 2) {
+  benchmarks::BenchSceneOptions options;
   options.surfels = 4000;
   options.views = views;
-  return load_bench_scene(options);
+  return benchmarks::load_bench_scene(options);
 }
 
-BenchCase small_case(int top_k = 4) {
-  BenchCase setup;
+benchmarks::BenchCase small_case(int top_k = 4) {
+  benchmarks::BenchCase setup;
   setup.width_px = 80;
   setup.height_px = 56;
   setup.options.top_k = top_k;
@@ -38,8 +38,8 @@ BenchCase small_case(int top_k = 4) {
 }
 
 /// Machine figures that are not measured, so that expectations can be computed by hand.
-BenchProvenance made_up_machine() {
-  BenchProvenance provenance;
+benchmarks::BenchProvenance made_up_machine() {
+  benchmarks::BenchProvenance provenance;
   provenance.version = "0.0 (test)";
   provenance.cpu = "a processor";
   provenance.simd = "AVX2";
@@ -51,8 +51,8 @@ BenchProvenance made_up_machine() {
   return provenance;
 }
 
-BenchResult made_up_result() {
-  BenchResult result;
+benchmarks::BenchResult made_up_result() {
+  benchmarks::BenchResult result;
   result.setup = small_case();
   result.times = {20.0, 30.0, 40.0, 10.0, 12};
   result.stats = {1000, 4000, 2500, 1e6, 5e5, 2e4};
@@ -63,7 +63,7 @@ BenchResult made_up_result() {
 TEST(RenderBench, FrameTimesAreQuantiles) {
   std::vector<double> values;
   for (int i = 0; i <= 100; ++i) values.push_back(100 - i);
-  const FrameTimes times = summarise_times(values);
+  const benchmarks::FrameTimes times = benchmarks::summarise_times(values);
   EXPECT_DOUBLE_EQ(times.median_ms, 50);
   EXPECT_DOUBLE_EQ(times.p95_ms, 95);
   EXPECT_DOUBLE_EQ(times.p99_ms, 99);
@@ -77,20 +77,20 @@ TEST(RenderBench, AgreementCountsLabelledPixels) {
   a.instance = core::Image<std::uint16_t>(5, 1);
   b.semantic = a.semantic;
   b.instance = a.instance;
-  EXPECT_DOUBLE_EQ(label_agreement(a, b), 1.0);
+  EXPECT_DOUBLE_EQ(benchmarks::label_agreement(a, b), 1.0);
   a.semantic.pixels() = {1, 1, 1, 0, 0};
   b.semantic.pixels() = {1, 1, 2, 1, 0};
   a.instance.pixels() = {3, 4, 0, 0, 0};
   b.instance.pixels() = {3, 5, 0, 0, 0};
-  EXPECT_DOUBLE_EQ(label_agreement(a, b), 0.25);  // One of four labelled pixels.
+  EXPECT_DOUBLE_EQ(benchmarks::label_agreement(a, b), 0.25);  // One of four labelled pixels.
 }
 
 TEST(RenderBench, RunsEveryCaseOnEveryView) {
-  const BenchScene scene = small_scene();
-  const std::vector<BenchCase> cases{small_case(renderer::kAllSurfels), small_case(1),
-                                     small_case(renderer::kAllSurfels)};
+  const benchmarks::BenchScene scene = small_scene();
+  const std::vector<benchmarks::BenchCase> cases{
+      small_case(renderer::kAllSurfels), small_case(1), small_case(renderer::kAllSurfels)};
   int last = 0, total = 0;
-  const auto results = run_cases(scene, cases, 3, [&](int done, int all) {
+  const auto results = benchmarks::run_cases(scene, cases, 3, [&](int done, int all) {
     EXPECT_EQ(done, last + 1);
     last = done;
     total = all;
@@ -98,7 +98,7 @@ TEST(RenderBench, RunsEveryCaseOnEveryView) {
   EXPECT_EQ(last, total);
   EXPECT_EQ(total, 2 * 3 * 4);
   ASSERT_EQ(results.size(), 3U);
-  for (const BenchResult& result : results) {
+  for (const benchmarks::BenchResult& result : results) {
     EXPECT_EQ(result.times.frames, 6);
     EXPECT_GT(result.times.min_ms, 0.0);
     EXPECT_LE(result.times.min_ms, result.times.median_ms);
@@ -115,8 +115,8 @@ TEST(RenderBench, RunsEveryCaseOnEveryView) {
 }
 
 TEST(RenderBench, RooflineIsCountersTimesUnitCosts) {
-  const BenchResult result = made_up_result();
-  const Roofline roof = roofline(result, {1, "AVX2", 100.0, 10.0});
+  const benchmarks::BenchResult result = made_up_result();
+  const benchmarks::Roofline roof = benchmarks::roofline(result, {1, "AVX2", 100.0, 10.0});
   EXPECT_DOUBLE_EQ(roof.work.flops, 1000 * 250.0 + 1e6 * 18.0 + 5e5 * 26.0);
   const double pixel_bytes = 4 + 3 + 4 + 12 + 12;
   EXPECT_DOUBLE_EQ(roof.work.bytes, 1000 * 96.0 + 4000 * 16.0 + 2500 * 64.0 + 2e4 * 4.0 +
@@ -127,21 +127,21 @@ TEST(RenderBench, RooflineIsCountersTimesUnitCosts) {
 }
 
 TEST(RenderBench, ReportsHaveFiguresAndProvenance) {
-  const BenchProvenance provenance = made_up_machine();
-  const std::vector<BenchResult> results{made_up_result()};
-  const std::string text = bench_text(provenance, results);
+  const benchmarks::BenchProvenance provenance = made_up_machine();
+  const std::vector<benchmarks::BenchResult> results{made_up_result()};
+  const std::string text = benchmarks::bench_text(provenance, results);
   for (const char* part : {"80x56", "20.00", "30.00", "50.0", "100 GFLOP/s", "10.0 GB/s",
                            "a processor", "0.0 (test)", "made up"}) {
     EXPECT_THAT(text, HasSubstr(part));
   }
-  const auto json = nlohmann::json::parse(bench_json(provenance, results));
+  const auto json = nlohmann::json::parse(benchmarks::bench_json(provenance, results));
   EXPECT_EQ(json["provenance"]["simd"], "AVX2");
   EXPECT_EQ(json["results"][0]["median_ms"], 20.0);
   EXPECT_EQ(json["results"][0]["fps"], 50.0);
   EXPECT_EQ(json["results"][0]["pairs_per_s"], 4000 * 50.0);
   EXPECT_EQ(json["results"][0]["channels"], "rgb+depth+normal+labels");
 
-  const std::string csv = bench_csv(provenance, results);
+  const std::string csv = benchmarks::bench_csv(provenance, results);
   const std::string header = csv.substr(0, csv.find('\n'));
   const std::string line = csv.substr(csv.find('\n') + 1);
   EXPECT_EQ(std::count(header.begin(), header.end(), ','),
@@ -150,7 +150,7 @@ TEST(RenderBench, ReportsHaveFiguresAndProvenance) {
 }
 
 TEST(Ablation, StandsBesideThePapersFigures) {
-  const std::vector<AblationRow> rows = ablation_rows(small_case());
+  const std::vector<benchmarks::AblationRow> rows = benchmarks::ablation_rows(small_case());
   ASSERT_EQ(rows.size(), 7U);
   EXPECT_EQ(rows[0].setup.options.bounds, renderer::TileBounds::kAabb);
   EXPECT_EQ(rows[0].setup.options.top_k, renderer::kAllSurfels);
@@ -162,37 +162,41 @@ TEST(Ablation, StandsBesideThePapersFigures) {
   }
   EXPECT_TRUE(rows[6].setup.options.skip_hidden);
 
-  const std::vector<BenchResult> results(rows.size(), made_up_result());
-  const BenchProvenance provenance = made_up_machine();
-  const std::string text = ablation_table(provenance, rows, results, TableFormat::kText);
+  const std::vector<benchmarks::BenchResult> results(rows.size(), made_up_result());
+  const benchmarks::BenchProvenance provenance = made_up_machine();
+  const std::string text =
+      benchmarks::ablation_table(provenance, rows, results, support::TableFormat::kText);
   for (const char* part : {"74.75", "74.12", "6.1 M", "1230", "(D')", "75.00"}) {
     EXPECT_THAT(text, HasSubstr(part));
   }
   const std::string markdown =
-      ablation_table(provenance, rows, results, TableFormat::kMarkdown);
+      benchmarks::ablation_table(provenance, rows, results, support::TableFormat::kMarkdown);
   EXPECT_THAT(markdown, HasSubstr("| (A) | aabb, all surfels |"));
-  const auto json =
-      nlohmann::json::parse(ablation_table(provenance, rows, results, TableFormat::kJson));
+  const auto json = nlohmann::json::parse(
+      benchmarks::ablation_table(provenance, rows, results, support::TableFormat::kJson));
   EXPECT_EQ(json["rows"][3]["paper"]["fps"], 45.0);
   EXPECT_FALSE(json["rows"][4].contains("paper"));
-  const std::string csv = ablation_table(provenance, rows, results, TableFormat::kCsv);
+  const std::string csv =
+      benchmarks::ablation_table(provenance, rows, results, support::TableFormat::kCsv);
   EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 8);
   EXPECT_EQ(std::count(csv.begin(), csv.end(), ','), 8 * 16);
 
-  std::vector<BenchResult> unlabelled = results;
-  for (BenchResult& r : unlabelled) r.agreement = std::nan("");
-  EXPECT_THAT(ablation_table(provenance, rows, unlabelled, TableFormat::kJson),
-              Not(HasSubstr("nan")));
+  std::vector<benchmarks::BenchResult> unlabelled = results;
+  for (benchmarks::BenchResult& r : unlabelled) r.agreement = std::nan("");
+  EXPECT_THAT(
+      benchmarks::ablation_table(provenance, rows, unlabelled, support::TableFormat::kJson),
+      Not(HasSubstr("nan")));
 }
 
 TEST(MachinePeaks, AreThoseOfARealMachine) {
-  const MachinePeaks one = measure_machine_peaks(1, 0.005);
+  const reproducibility::MachinePeaks one = reproducibility::measure_machine_peaks(1, 0.005);
   EXPECT_GT(one.gflops, 0.1);
   EXPECT_LT(one.gflops, 1000.0);
   EXPECT_GT(one.read_gbps, 0.05);
   EXPECT_LT(one.read_gbps, 1000.0);
-  EXPECT_EQ(measure_machine_peaks(2, 0.005).threads, 2);
-  EXPECT_THROW(static_cast<void>(measure_machine_peaks(0)), core::ContractViolation);
+  EXPECT_EQ(reproducibility::measure_machine_peaks(2, 0.005).threads, 2);
+  EXPECT_THROW(static_cast<void>(reproducibility::measure_machine_peaks(0)),
+               core::ContractViolation);
 }
 
 std::map<std::string, double> values_of(const core::MeasurementRecord& record,
@@ -205,11 +209,11 @@ std::map<std::string, double> values_of(const core::MeasurementRecord& record,
 }
 
 TEST(RenderRecord, HasACaseForEachResult) {
-  BenchResult other = made_up_result();
+  benchmarks::BenchResult other = made_up_result();
   other.setup.options.top_k = 8;
   other.setup.channels = core::Channels::kRgbd;
   const core::MeasurementRecord record =
-      bench_record(made_up_machine(), std::vector{made_up_result(), other});
+      benchmarks::bench_record(made_up_machine(), std::vector{made_up_result(), other});
   EXPECT_FALSE(record.on_gpu);
   const auto usual = values_of(record, "made up; 80x56, 1 thread");
   EXPECT_EQ(usual.at("median"), 20.0);
@@ -219,10 +223,10 @@ TEST(RenderRecord, HasACaseForEachResult) {
 }
 
 TEST(RenderRecord, OfTable2HasThePapersFiguresWhereItHasTheRow) {
-  const std::vector<AblationRow> rows = ablation_rows(small_case());
-  std::vector<BenchResult> results(rows.size(), made_up_result());
+  const std::vector<benchmarks::AblationRow> rows = benchmarks::ablation_rows(small_case());
+  std::vector<benchmarks::BenchResult> results(rows.size(), made_up_result());
   results[1].agreement = std::nan("");
-  const core::MeasurementRecord record = ablation_record(rows, results);
+  const core::MeasurementRecord record = benchmarks::ablation_record(rows, results);
   const auto first = values_of(record, "(A) aabb, all surfels");
   EXPECT_EQ(first.at("agreement"), 75.0);
   EXPECT_EQ(first.at("paper: PQ"), 74.75);
@@ -235,20 +239,22 @@ TEST(RenderRecord, OfTable2HasThePapersFiguresWhereItHasTheRow) {
 
 TEST(Curves, FitsOfKnownFunctions) {
   const std::vector<double> x{1, 2, 4, 8};
-  const LineFit line = fit_line(x, {5, 8, 14, 26});  // 3 x + 2
+  const benchmarks::LineFit line = benchmarks::fit_line(x, {5, 8, 14, 26});  // 3 x + 2
   EXPECT_NEAR(line.slope, 3.0, 1e-12);
   EXPECT_NEAR(line.offset, 2.0, 1e-12);
   EXPECT_NEAR(line.r2, 1.0, 1e-12);
-  EXPECT_LT(fit_line(x, {5, 8, 4, 26}).r2, 0.95);
-  EXPECT_NEAR(growth_exponent(x, {3, 3 * std::sqrt(2.0), 6, 3 * std::sqrt(8.0)}), 0.5, 1e-12);
-  EXPECT_THROW(static_cast<void>(fit_line({1, 1}, {1, 2})), core::ContractViolation);
+  EXPECT_LT(benchmarks::fit_line(x, {5, 8, 4, 26}).r2, 0.95);
+  EXPECT_NEAR(benchmarks::growth_exponent(x, {3, 3 * std::sqrt(2.0), 6, 3 * std::sqrt(8.0)}),
+              0.5, 1e-12);
+  EXPECT_THROW(static_cast<void>(benchmarks::fit_line({1, 1}, {1, 2})),
+               core::ContractViolation);
 }
 
 TEST(Curves, ArePicturedAtTheirPlaces) {
-  const std::vector<Curve> curves{
+  const std::vector<benchmarks::Curve> curves{
       {"One", "x", "y", {0.0, 10.0}, {0.0, 10.0}, {}, "note", true},
       {"Two", "x", "y", {1.0, 2.0, 9.0}, {5.0, 5.5, 6.0}, {5.0, 10.0, 45.0}, "", true}};
-  const core::Image<core::Rgb8> image = draw_curves(curves, "footer");
+  const core::Image<core::Rgb8> image = benchmarks::draw_curves(curves, "footer");
   EXPECT_EQ(image.width_px(), 2 * 460);
   // The straight line of the first panel passes through the middle of its axes, not through
   // the corner above.
@@ -258,19 +264,19 @@ TEST(Curves, ArePicturedAtTheirPlaces) {
   };
   EXPECT_TRUE(blue(74 + (460 - 74 - 22) / 2, 74 + (400 - 74 - 62) / 2));
   EXPECT_FALSE(blue(74 + 60, 74 + 30));
-  EXPECT_THROW(static_cast<void>(draw_curves({}, "")), core::ContractViolation);
+  EXPECT_THROW(static_cast<void>(benchmarks::draw_curves({}, "")), core::ContractViolation);
 }
 
 TEST(BenchScene, RefusesWhatIsNoScene) {
-  BenchSceneOptions options;
+  benchmarks::BenchSceneOptions options;
   options.scene = "no/such/folder";
-  EXPECT_THROW(static_cast<void>(load_bench_scene(options)), core::InputError);
+  EXPECT_THROW(static_cast<void>(benchmarks::load_bench_scene(options)), core::InputError);
   options.scene = "no_such_file.ply";
-  EXPECT_THROW(static_cast<void>(load_bench_scene(options)), core::InputError);
+  EXPECT_THROW(static_cast<void>(benchmarks::load_bench_scene(options)), core::InputError);
 }
 
 TEST(BenchScene, TheRoomHasItsCamera) {
-  const BenchScene scene = small_scene(5);
+  const benchmarks::BenchScene scene = small_scene(5);
   EXPECT_EQ(scene.path.size(), 5U);
   EXPECT_NEAR(scene.camera(1296, 968).fx_px, 1165.7, 1e-9);
   EXPECT_EQ(scene.surfels->size(), 4000U);

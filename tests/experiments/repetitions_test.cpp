@@ -33,15 +33,15 @@ using testing::UnorderedElementsAre;
 
 /// A detector of two classes that has seen next to nothing.
 void write_before_weights(const fs::path& folder) {
-  ViewLabelOptions views;
+  detection::ViewLabelOptions views;
   views.views = 4;
   views.camera = core::CameraIntrinsics::from_fov(64, 48, 1.2);
   views.camera_height_m = 1.0;
   views.class_names = {"chair", "couch"};
   views.show_progress = false;
   const perception::CocoDataset dataset =
-      label_views(core::load_bundle(folder / "tiny"),
-                  sim::RobotModel::by_name("jackal-gentle"), views, folder)
+      detection::label_views(core::load_bundle(folder / "tiny"),
+                             sim::RobotModel::by_name("jackal-gentle"), views, folder)
           .dataset;
   perception::write_coco(folder / "before.json", dataset);
   perception::TrainOptions train;
@@ -84,19 +84,19 @@ class Repetitions : public testing::Test {
 
   static fs::path work(const std::string& name) { return folder_->path() / name; }
 
-  static ExperimentSpec spec_of(const std::string& text, const std::string& name,
-                                RunOptions& options) {
+  static specs::ExperimentSpec spec_of(const std::string& text, const std::string& name,
+                                       runs::RunOptions& options) {
     options.folders = {folder_->path(), work(name)};
-    return parse_spec(text, "tiny.yaml", options.folders);
+    return specs::parse_spec(text, "tiny.yaml", options.folders);
   }
 
-  static RunReport run(const std::string& text, const std::string& name, int workers,
-                       std::optional<Shard> shard = {}) {
-    RunOptions options;
+  static runs::RunReport run(const std::string& text, const std::string& name, int workers,
+                             std::optional<runs::Shard> shard = {}) {
+    runs::RunOptions options;
     options.workers = workers;
     options.shard = shard;
-    const ExperimentSpec spec = spec_of(text, name, options);
-    return run_experiment(spec, options);
+    const specs::ExperimentSpec spec = spec_of(text, name, options);
+    return runs::run_experiment(spec, options);
   }
 
   static TemporaryFolder* folder_;
@@ -105,14 +105,14 @@ TemporaryFolder* Repetitions::folder_ = nullptr;
 
 std::vector<std::string> essences(const fs::path& work, const std::string& arm) {
   std::vector<std::string> lines;
-  for (const TrialRow& trial : load_run(work).trials) {
-    if (trial.arm == arm) lines.push_back(essence_of(trial));
+  for (const records::TrialRow& trial : results::load_run(work).trials) {
+    if (trial.arm == arm) lines.push_back(records::essence_of(trial));
   }
   return lines;
 }
 
 TEST_F(Repetitions, EveryTrainingHasItsViewsWeightsAndTrials) {
-  const RunReport report = run(spec_text("{finetune_seeds: 2}"), "two", 1);
+  const runs::RunReport report = run(spec_text("{finetune_seeds: 2}"), "two", 1);
   EXPECT_EQ(report.trials_run, 2 * 4);
   EXPECT_EQ(report.trials_failed, 0);
   const fs::path folder = work("two");
@@ -127,9 +127,9 @@ TEST_F(Repetitions, EveryTrainingHasItsViewsWeightsAndTrials) {
   EXPECT_NE(core::read_file(folder / "views/train.json"),
             core::read_file(folder / "views.s3/train.json"));
 
-  const StoredRun stored = load_run(folder);
+  const results::StoredRun stored = results::load_run(folder);
   ASSERT_EQ(stored.arms.size(), 4U);
-  const ArmRow &first = stored.arms[1], &second = stored.arms[2];
+  const records::ArmRow &first = stored.arms[1], &second = stored.arms[2];
   EXPECT_EQ(first.name, "after");
   EXPECT_EQ(second.name, "after.s3");
   EXPECT_EQ(second.family, "after");
@@ -138,7 +138,7 @@ TEST_F(Repetitions, EveryTrainingHasItsViewsWeightsAndTrials) {
   EXPECT_NE(first.weights_sha256, second.weights_sha256);
   EXPECT_EQ(second.weights_sha256, core::sha256_of_file(folder / "arm-after.s3.weights"));
   EXPECT_EQ(second.tuned_on, "tiny");
-  for (const ArmRow& arm : {first, second}) {
+  for (const records::ArmRow& arm : {first, second}) {
     ASSERT_TRUE(arm.start_leak && arm.held_out);
     EXPECT_EQ(arm.start_leak->views, 6);
     EXPECT_EQ(arm.held_out->views, 10);
@@ -151,24 +151,25 @@ TEST_F(Repetitions, EveryTrainingHasItsViewsWeightsAndTrials) {
 
   // Times of the stages are told and kept.
   std::vector<std::string> stages;
-  for (const StageTime& time : report.times) stages.push_back(time.stage);
+  for (const support::StageTime& time : report.times) stages.push_back(time.stage);
   EXPECT_THAT(stages, ElementsAre("episodes", "label views", "fine-tuning", "thresholds",
                                   "trials", "tables"));
   EXPECT_THAT(stored.run.provenance.at("time/fine-tuning"), HasSubstr(" s"));
 
   // A second call finds everything.
-  const RunReport again = run(spec_text("{finetune_seeds: 2}"), "two", 1);
+  const runs::RunReport again = run(spec_text("{finetune_seeds: 2}"), "two", 1);
   EXPECT_EQ(again.trials_run, 0);
   EXPECT_EQ(again.times.size(), report.times.size() - 1) << "all but the trials";
-  for (const StageTime& time : again.times) EXPECT_EQ(time.made, time.stage == "tables");
-  EXPECT_EQ(load_run(folder).run.provenance.at("time/fine-tuning"),
+  for (const support::StageTime& time : again.times)
+    EXPECT_EQ(time.made, time.stage == "tables");
+  EXPECT_EQ(results::load_run(folder).run.provenance.at("time/fine-tuning"),
             stored.run.provenance.at("time/fine-tuning"));
 }
 
 /// Side by side, or in parts: the same bits. One seed: those of the first training.
 TEST_F(Repetitions, NothingDependsOnWhatRunsBesideIt) {
   const std::string text = spec_text("{finetune_seeds: 2}");
-  const RunReport whole = run(text, "two", 1);  // Perhaps there already.
+  const runs::RunReport whole = run(text, "two", 1);  // Perhaps there already.
   EXPECT_EQ(run(text, "beside", 4).results_sha256, whole.results_sha256);
   for (const char* file : {"detector-after.bin", "detector-after.s3.bin", "arm-before.weights",
                            "arm-after.weights", "arm-after.s3.weights", "views/train.json",
@@ -178,16 +179,17 @@ TEST_F(Repetitions, NothingDependsOnWhatRunsBesideIt) {
         << file;
   }
 
-  for (int part = 0; part < 2; ++part) (void)run(text, "parts", 2, Shard{part, 2});
-  const std::vector<fs::path> shards = shard_folders(work("parts"));
+  for (int part = 0; part < 2; ++part) (void)run(text, "parts", 2, runs::Shard{part, 2});
+  const std::vector<fs::path> shards = runs::shard_folders(work("parts"));
   ASSERT_EQ(shards.size(), 2U);
   for (const fs::path& shard : shards) {  // Whole units: an episode with all its arms.
     std::map<std::string, int> arms;
-    for (const TrialRow& trial : load_run(shard).trials) ++arms[trial.episode];
+    for (const records::TrialRow& trial : results::load_run(shard).trials)
+      ++arms[trial.episode];
     for (const auto& [episode, count] : arms) EXPECT_EQ(count, 4) << episode;
   }
-  EXPECT_EQ(merge_runs(work("parts"), shards).results_sha256, whole.results_sha256);
-  for (const auto& [name, value] : load_run(work("parts")).run.provenance) {
+  EXPECT_EQ(runs::merge_runs(work("parts"), shards).results_sha256, whole.results_sha256);
+  for (const auto& [name, value] : results::load_run(work("parts")).run.provenance) {
     EXPECT_FALSE(name.starts_with("time/")) << name;
   }
 
@@ -207,10 +209,10 @@ TEST_F(Repetitions, NothingDependsOnWhatRunsBesideIt) {
 TEST_F(Repetitions, AKilledPreparationGoesOnWithTheNextTraining) {
   const std::string text = spec_text("{finetune_seeds: 2}");
   const std::string whole = run(text, "two", 1).results_sha256;
-  RunOptions options;
-  const ExperimentSpec spec = spec_of(text, "killed", options);
+  runs::RunOptions options;
+  const specs::ExperimentSpec spec = spec_of(text, "killed", options);
   options.prepare_only = true;
-  (void)run_experiment(spec, options);
+  (void)runs::run_experiment(spec, options);
   for (const char* file : {"detector-after.s3.bin", "detector-after.s3.step",
                            "arm-after.s3.weights", "arm-after.s3.weights.precision.json"}) {
     EXPECT_TRUE(fs::remove(work("killed") / file)) << file;
@@ -224,13 +226,13 @@ TEST_F(Repetitions, AKilledPreparationGoesOnWithTheNextTraining) {
 TEST_F(Repetitions, ATrialOfALaterTrainingIsPlayedAgain) {
   (void)run(spec_text("{finetune_seeds: 2}"), "two", 1);
   const fs::path file = work("two") / "replays/tiny/couch-00.after.s3.jsonl";
-  const ReplayLog log = read_replay_log(file);
-  TrialReplay replay(log, {folder_->path(), work("two")}, false);  // Detects anew.
+  const records::ReplayLog log = records::read_replay_log(file);
+  runs::TrialReplay replay(log, {folder_->path(), work("two")}, false);  // Detects anew.
   EXPECT_EQ(replay.play(log, file).state_hash, log.state_hash);
 }
 
 /// The two rooms as two reconstructions of one scene, made by hand.
-ExperimentSpec two_reconstructions(ExperimentSpec spec, const fs::path& folder) {
+specs::ExperimentSpec two_reconstructions(specs::ExperimentSpec spec, const fs::path& folder) {
   fs::copy(folder / "tiny", folder / "tiny.r2",
            fs::copy_options::recursive | fs::copy_options::skip_existing);
   core::SceneBundle bundle = core::load_bundle(folder / "tiny.r2");
@@ -243,26 +245,28 @@ ExperimentSpec two_reconstructions(ExperimentSpec spec, const fs::path& folder) 
   spec.scenes[1].name = "tiny.r2";
   spec.scenes[1].reconstruction = 2;
   spec.scenes[1].bundle = folder / "tiny.r2";
-  const std::vector<ArmSpec> arms = spec.arms;
-  for (ArmSpec arm : arms) {
+  const std::vector<specs::ArmSpec> arms = spec.arms;
+  for (specs::ArmSpec arm : arms) {
     arm.reconstruction = 2;
-    arm.name = arm.family + repetition_suffix(spec, 2, arm.finetune_seed);
+    arm.name = arm.family + specs::repetition_suffix(spec, 2, arm.finetune_seed);
     spec.arms.push_back(std::move(arm));
   }
   return spec;
 }
 
 TEST_F(Repetitions, ReconstructionsShareEpisodesAndPair) {
-  RunOptions options;
+  runs::RunOptions options;
   options.workers = 2;
-  const ExperimentSpec spec = two_reconstructions(
+  const specs::ExperimentSpec spec = two_reconstructions(
       spec_of(spec_text("{finetune_seeds: 2}"), "rooms", options), folder_->path());
-  const RunReport report = run_experiment(spec, options);
+  const runs::RunReport report = runs::run_experiment(spec, options);
   EXPECT_EQ(report.trials_run, 2 * 2 * 4);
   EXPECT_EQ(report.trials_failed, 0);
 
-  const EpisodeSet first = read_episodes(work("rooms") / "episodes/tiny.jsonl");
-  const EpisodeSet second = read_episodes(work("rooms") / "episodes/tiny.r2.jsonl");
+  const episodes::EpisodeSet first =
+      episodes::read_episodes(work("rooms") / "episodes/tiny.jsonl");
+  const episodes::EpisodeSet second =
+      episodes::read_episodes(work("rooms") / "episodes/tiny.r2.jsonl");
   EXPECT_NE(first.scene_sha256, second.scene_sha256);
   ASSERT_EQ(first.episodes.size(), second.episodes.size());
   for (std::size_t k = 0; k < first.episodes.size(); ++k) {
@@ -277,17 +281,17 @@ TEST_F(Repetitions, ReconstructionsShareEpisodesAndPair) {
   }
 
   // An arm runs in the scenes of its reconstruction only.
-  const StoredRun stored = load_run(work("rooms"));
+  const results::StoredRun stored = results::load_run(work("rooms"));
   std::map<std::string, std::set<std::string>> scenes;
-  for (const TrialRow& trial : stored.trials) scenes[trial.arm].insert(trial.scene);
+  for (const records::TrialRow& trial : stored.trials) scenes[trial.arm].insert(trial.scene);
   EXPECT_EQ(scenes.size(), 8U);
-  for (const ArmRow& arm : stored.arms) {
+  for (const records::ArmRow& arm : stored.arms) {
     EXPECT_THAT(scenes[arm.name], ElementsAre(arm.reconstruction == 1 ? "tiny" : "tiny.r2"));
     if (arm.family == "oracle") continue;
     // Both scenes have the surfels that 'before' has learnt from, but an arm tells of its own.
     const std::string own = arm.reconstruction == 1 ? "tiny" : "tiny.r2";
     EXPECT_EQ(arm.tuned_on, own);
-    EXPECT_EQ(exposure_text(arm.exposure.value()),
+    EXPECT_EQ(records::exposure_text(arm.exposure.value()),
               "trained on " + own + "; threshold chosen on " + own);
   }
   // The oracle sees the same rooms: whatever comes out is the same.
@@ -296,7 +300,7 @@ TEST_F(Repetitions, ReconstructionsShareEpisodesAndPair) {
   EXPECT_NE(core::read_file(work("rooms") / "views.r2/test.json"),
             core::read_file(work("rooms") / "views/test.json"));
 
-  const ResultTable& table = report.table;
+  const results::ResultTable& table = report.table;
   ASSERT_EQ(table.scenes.size(), 1U);
   EXPECT_TRUE(table.scenes[0].leak);
   ASSERT_EQ(table.trainings.size(), 4U);
@@ -305,28 +309,28 @@ TEST_F(Repetitions, ReconstructionsShareEpisodesAndPair) {
   EXPECT_EQ(table.scenes[0].find("before")->success.trials, 4);
   EXPECT_EQ(table.scenes[0].find("after")->success.trials, 8);
   EXPECT_EQ(table.scenes[0].pairs.total(), 8);
-  EXPECT_THAT(format_table(table, TableFormat::kText),
+  EXPECT_THAT(results::format_table(table, support::TableFormat::kText),
               HasSubstr("4 trainings in 2 reconstructions"));
 }
 
 /// What the second reconstruction has no room for is in no rate there.
 TEST_F(Repetitions, EpisodesThatDoNotFitASecondReconstructionAreInNoRate) {
-  RunOptions options;
-  const ExperimentSpec spec =
+  runs::RunOptions options;
+  const specs::ExperimentSpec spec =
       two_reconstructions(spec_of(spec_text("1"), "shifted", options), folder_->path());
-  (void)load_scene(spec, spec.scenes[0], folder_->path() / "tiny", work("shifted"));
+  (void)trials::load_scene(spec, spec.scenes[0], folder_->path() / "tiny", work("shifted"));
   const fs::path file = work("shifted") / "episodes/tiny.jsonl";
-  EpisodeSet set = read_episodes(file);
+  episodes::EpisodeSet set = episodes::read_episodes(file);
   set.episodes[0].start = {40.0, 0.0, 0.0};
-  write_episodes(file, set);
-  const LoadedScene second =
-      load_scene(spec, spec.scenes[1], folder_->path() / "tiny.r2", work("shifted"));
+  episodes::write_episodes(file, set);
+  const trials::LoadedScene second =
+      trials::load_scene(spec, spec.scenes[1], folder_->path() / "tiny.r2", work("shifted"));
   EXPECT_FALSE(std::isfinite(second.episodes.episodes[0].shortest_path_m));
   EXPECT_TRUE(std::isfinite(second.episodes.episodes[1].shortest_path_m));
   fs::remove(file);  // Without the first there are none.
-  EXPECT_THROW(
-      (void)load_scene(spec, spec.scenes[1], folder_->path() / "tiny.r2", work("shifted")),
-      core::InputError);
+  EXPECT_THROW((void)trials::load_scene(spec, spec.scenes[1], folder_->path() / "tiny.r2",
+                                        work("shifted")),
+               core::InputError);
 }
 
 }  // namespace

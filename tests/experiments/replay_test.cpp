@@ -62,11 +62,13 @@ class ReplayTest : public testing::Test {
   }
   static void TearDownTestSuite() { delete folder_; }
 
-  static RunReport run(const std::string& work, int workers, const std::string& text = kSpec) {
-    RunOptions options;
+  static runs::RunReport run(const std::string& work, int workers,
+                             const std::string& text = kSpec) {
+    runs::RunOptions options;
     options.folders = {folder_->path(), folder_->path() / work};
     options.workers = workers;
-    return run_experiment(parse_spec(text, "late.yaml", options.folders), options);
+    return runs::run_experiment(specs::parse_spec(text, "late.yaml", options.folders),
+                                options);
   }
   static fs::path log(const std::string& arm, const std::string& work = "work") {
     return folder_->path() / work / "replays" / "tiny" / ("couch-00." + arm + ".jsonl");
@@ -74,8 +76,8 @@ class ReplayTest : public testing::Test {
   /// `segsim <arguments>`; what it complains about.
   static std::string segsim(const std::string& arguments) {
     CLI::App app;
-    add_replay_command(app);
-    add_budget_command(app);
+    commands::add_replay_command(app);
+    commands::add_budget_command(app);
     try {
       app.parse(arguments + " ");
       return "";
@@ -99,7 +101,7 @@ class ReplayTest : public testing::Test {
     EXPECT_NE(at, std::string::npos) << from;
     text.replace(at, from.size(), to);
     std::ofstream(copy) << text;
-    fs::copy(replay_images(log("quick")), replay_images(copy));
+    fs::copy(records::replay_images(log("quick")), records::replay_images(copy));
     return copy;
   }
 
@@ -111,9 +113,9 @@ TEST_F(ReplayTest, TheChainDoesNotDependOnTheWorkers) {
   std::string without_images = kSpec;
   without_images.replace(without_images.find("images: true"), 12, "images: false");
   const auto hashes = [](const std::string& work) {
-    const Store store(folder_->path() / work / "results.sqlite");
+    const records::Store store(folder_->path() / work / "results.sqlite");
     std::vector<std::uint64_t> found;
-    for (const TrialRow& row : store.trials(store.runs().back().run_id)) {
+    for (const records::TrialRow& row : store.trials(store.runs().back().run_id)) {
       EXPECT_EQ(row.error, "");
       found.push_back(row.state_hash);
     }
@@ -126,13 +128,14 @@ TEST_F(ReplayTest, TheChainDoesNotDependOnTheWorkers) {
   EXPECT_EQ(hashes("eight"), one);
   EXPECT_EQ(hashes("work"), one) << "keeping images changes nothing";
   EXPECT_NE(one[0], one[1]) << "the arms differ";
-  const ReplayLog a = read_replay_log(log("slow", "one")),
-                  b = read_replay_log(log("slow", "eight"));
-  EXPECT_EQ(first_divergence(a.ticks, b.ticks).tick, -1);
+  const records::ReplayLog a = records::read_replay_log(log("slow", "one")),
+                           b = records::read_replay_log(log("slow", "eight"));
+  EXPECT_EQ(records::first_divergence(a.ticks, b.ticks).tick, -1);
 }
 
 TEST_F(ReplayTest, LateArmsActOnOlderImages) {
-  const ReplayLog quick = read_replay_log(log("quick")), slow = read_replay_log(log("slow"));
+  const records::ReplayLog quick = records::read_replay_log(log("quick")),
+                           slow = records::read_replay_log(log("slow"));
   const double rise_ms =
       sim::ms_from_ns(slow.timing.age.percentile(0.5) - quick.timing.age.percentile(0.5));
   EXPECT_GE(rise_ms, 50.0);
@@ -177,7 +180,7 @@ TEST_F(ReplayTest, PerceptionFromTheLogNeedsNeitherRendererNorWeights) {
 
 TEST_F(ReplayTest, OneBitOfAScoreIsNoticedAtTheTickThatUsesIt) {
   // The first image with a detection: its score is 1, the float before it 0.99999994.
-  const ReplayLog recorded = read_replay_log(log("quick"));
+  const records::ReplayLog recorded = records::read_replay_log(log("quick"));
   std::uint64_t image = 0;
   while (recorded.detections.at(image).empty()) {
     do ++image;
@@ -207,14 +210,14 @@ TEST_F(ReplayTest, OneBitOfAScoreIsNoticedAtTheTickThatUsesIt) {
 }
 
 TEST_F(ReplayTest, AChangedPoseIsNamed) {
-  const ReplayLog recorded = read_replay_log(log("quick"));
-  ReplayLog changed = recorded;
+  const records::ReplayLog recorded = records::read_replay_log(log("quick"));
+  records::ReplayLog changed = recorded;
   changed.ticks[5].pose.x_m += 1e-15 + std::abs(changed.ticks[5].pose.x_m) * 1e-15;
-  const Divergence found = first_divergence(recorded.ticks, changed.ticks);
+  const records::Divergence found = records::first_divergence(recorded.ticks, changed.ticks);
   EXPECT_EQ(found.tick, 5);
   EXPECT_EQ(found.field, "pose");
   changed.ticks.resize(3);
-  EXPECT_EQ(first_divergence(recorded.ticks, changed.ticks).field, "ticks");
+  EXPECT_EQ(records::first_divergence(recorded.ticks, changed.ticks).field, "ticks");
 }
 
 TEST_F(ReplayTest, DamagedLogsAreRefusedWithTheirLine) {
@@ -280,7 +283,7 @@ TEST_F(ReplayTest, ARunOfMissesEndsWithItsTrial) {
   for (const auto& entry :
        fs::recursive_directory_iterator(folder_->path() / "work/replays")) {
     if (entry.path().extension() != ".jsonl") continue;
-    const ReplayLog one = read_replay_log(entry.path());
+    const records::ReplayLog one = records::read_replay_log(entry.path());
     longest = std::max(longest, one.timing.end_to_end.response.count());
   }
   const std::string json = (folder_->path() / "none.json").string();
@@ -294,14 +297,14 @@ TEST_F(ReplayTest, ARunOfMissesEndsWithItsTrial) {
 
 TEST_F(ReplayTest, DetectionsInUseForSeveralTicksAreCountedOnce) {
   // Images every 150 ms, ticks every 250 ms, 300 ms more per image: most ticks bring no news.
-  const Store store(folder_->path() / "work" / "results.sqlite");
+  const records::Store store(folder_->path() / "work" / "results.sqlite");
   bool some_without_news = false;
-  for (const TrialRow& row : store.trials(1)) {
+  for (const records::TrialRow& row : store.trials(1)) {
     const std::string episode = row.episode.substr(row.episode.find('/') + 1);
     std::string stem = episode;
     std::replace(stem.begin(), stem.end(), '/', '-');
-    const ReplayLog one = read_replay_log(folder_->path() / "work/replays/tiny" /
-                                          (stem + "." + row.arm + ".jsonl"));
+    const records::ReplayLog one = records::read_replay_log(
+        folder_->path() / "work/replays/tiny" / (stem + "." + row.arm + ".jsonl"));
     const auto fresh = std::count_if(one.ticks.begin(), one.ticks.end(),
                                      [](const sim::TickRecord& tick) { return tick.fresh; });
     EXPECT_EQ(row.why.images, fresh);
@@ -324,7 +327,7 @@ TEST_F(ReplayTest, ATraceOfALogIsABudgetsTrace) {
       segsim("budget trace " + log("quick").string() + " -o " + file.string());
   (void)testing::internal::GetCapturedStdout();
   ASSERT_EQ(message, "");
-  EXPECT_EQ(read_trace_csv(file), read_replay_log(log("quick")).trace);
+  EXPECT_EQ(specs::read_trace_csv(file), records::read_replay_log(log("quick")).trace);
 }
 
 TEST_F(ReplayTest, ASweepGivesATableAndAPicture) {
@@ -340,7 +343,7 @@ TEST_F(ReplayTest, ASweepGivesATableAndAPicture) {
   EXPECT_EQ(message, "");
   EXPECT_THAT(out, HasSubstr("Latency margin of detect"));
   EXPECT_TRUE(fs::exists(output / "sweep.png"));
-  const Store store(output / "results.sqlite");
+  const records::Store store(output / "results.sqlite");
   EXPECT_EQ(store.trials(store.runs().back().run_id).size(), 8U);
   EXPECT_THAT(core::read_file(output / "sweep.csv"), HasSubstr("\n600,"));
   EXPECT_THAT(segsim("budget sweep " + spec.string() +

@@ -27,8 +27,8 @@ using tests::Browsed;
 
 constexpr const char* kHostile = R"(<b>"x" & 'y'</b>)";
 
-TrialRow a_trial(std::int64_t id, const std::string& arm, int episode, bool success) {
-  TrialRow t;
+records::TrialRow a_trial(std::int64_t id, const std::string& arm, int episode, bool success) {
+  records::TrialRow t;
   t.trial_id = id;
   t.arm = arm;
   t.scene = "s & <1>";
@@ -44,8 +44,8 @@ TrialRow a_trial(std::int64_t id, const std::string& arm, int episode, bool succ
 }
 
 /// Ten episodes whose every name holds what HTML gives a meaning to; no logs, no bundle.
-StoredRun a_hostile_run() {
-  StoredRun stored;
+results::StoredRun a_hostile_run() {
+  results::StoredRun stored;
   stored.run.run_id = 1;
   stored.run.name = "demo";
   stored.run.title = std::string("Demo ") + kHostile;
@@ -60,8 +60,8 @@ StoredRun a_hostile_run() {
   return stored;
 }
 
-ReportOptions into(const fs::path& folder) {
-  ReportOptions options;
+report::ReportOptions into(const fs::path& folder) {
+  report::ReportOptions options;
   options.output = folder;
   return options;
 }
@@ -110,7 +110,8 @@ void expect_links_resolve(const fs::path& report) {
 
 TEST(Report, NamesCannotBecomeMarkup) {
   const TemporaryFolder folder("report");
-  const ReportSummary summary = write_report(a_hostile_run(), into(folder.path() / "r"));
+  const report::ReportSummary summary =
+      report::write_report(a_hostile_run(), into(folder.path() / "r"));
   EXPECT_EQ(summary.pages, 12);
   for (const fs::path& page : pages_of(folder.path() / "r")) {
     const std::string html = core::read_file(page);
@@ -123,9 +124,10 @@ TEST(Report, NamesCannotBecomeMarkup) {
 
 TEST(Report, TheFirstPageHasTheAnswer) {
   const TemporaryFolder folder("report");
-  StoredRun stored = a_hostile_run();
-  stored.arms[1].exposure = SceneExposure{.known = TrainingDataKnown::kNothing};
-  (void)write_report(stored, into(folder.path() / "r"));
+  results::StoredRun stored = a_hostile_run();
+  stored.arms[1].exposure =
+      records::SceneExposure{.known = records::TrainingDataKnown::kNothing};
+  (void)report::write_report(stored, into(folder.path() / "r"));
   const std::string index = core::read_file(folder.path() / "r" / "index.html");
   EXPECT_THAT(index, HasSubstr("Yes, it got better."));
   EXPECT_THAT(index, HasSubstr("20 % &rarr; 90 %"));
@@ -142,8 +144,8 @@ TEST(Report, TheFirstPageHasTheAnswer) {
 }
 
 /// The same run with a second training of "after" that does worse: 9 and 5 of 10.
-StoredRun two_trainings() {
-  StoredRun stored = a_hostile_run();
+results::StoredRun two_trainings() {
+  results::StoredRun stored = a_hostile_run();
   stored.run.success_profile = "segsim-object: STOP within 1 m";
   stored.arms[1].finetune_seed = 2;
   stored.arms.push_back({"after.s3", "b3.bin", "e", "", -1, {}});
@@ -157,7 +159,7 @@ StoredRun two_trainings() {
 
 TEST(Report, TheFirstPageTellsOfTrainings) {
   const TemporaryFolder folder("report");
-  (void)write_report(a_hostile_run(), into(folder.path() / "one"));
+  (void)report::write_report(a_hostile_run(), into(folder.path() / "one"));
   const std::string one = core::read_file(folder.path() / "one" / "index.html");
   EXPECT_THAT(one, HasSubstr("<strong>one training</strong>"));
   EXPECT_THAT(one, HasSubstr("<li>ONE TRAINING: "));
@@ -165,7 +167,7 @@ TEST(Report, TheFirstPageTellsOfTrainings) {
   EXPECT_THAT(core::read_file(folder.path() / "one" / "trials.html"),
               Not(HasSubstr("name=\"training\"")));
 
-  (void)write_report(two_trainings(), into(folder.path() / "two"));
+  (void)report::write_report(two_trainings(), into(folder.path() / "two"));
   const std::string two = core::read_file(folder.path() / "two" / "index.html");
   EXPECT_THAT(two, HasSubstr("20 % &rarr; 70 %"));
   EXPECT_THAT(two, HasSubstr("14/20</a> episodes x trainings"));
@@ -196,44 +198,44 @@ TEST(Report, TheFirstPageTellsOfTrainings) {
 
 TEST(Report, ArmsAreChosenAndAnEarlierReportIsReplaced) {
   const TemporaryFolder folder("report");
-  ReportOptions options = into(folder.path() / "r");
+  report::ReportOptions options = into(folder.path() / "r");
   options.before = "after";
   options.after = "before";
-  (void)write_report(a_hostile_run(), options);
+  (void)report::write_report(a_hostile_run(), options);
   EXPECT_THAT(core::read_file(options.output / "index.html"), HasSubstr("No, it got worse."));
-  StoredRun shorter = a_hostile_run();
+  results::StoredRun shorter = a_hostile_run();
   shorter.trials.resize(4);
-  EXPECT_EQ(write_report(shorter, options).pages, 4);
+  EXPECT_EQ(report::write_report(shorter, options).pages, 4);
   EXPECT_EQ(pages_of(options.output).size(), 4U);
 
   options.before = "befor";
-  EXPECT_THROW((void)write_report(shorter, options), core::InputError);
+  EXPECT_THROW((void)report::write_report(shorter, options), core::InputError);
   std::ofstream(folder.path() / "mine.txt") << "x";
   options = into(folder.path());
-  EXPECT_THROW((void)write_report(shorter, options), core::InputError);
+  EXPECT_THROW((void)report::write_report(shorter, options), core::InputError);
   EXPECT_TRUE(fs::exists(folder.path() / "mine.txt"));
 }
 
 TEST(Report, RunsWithoutTrialsOrASecondArmHaveOneToo) {
   const TemporaryFolder folder("report");
-  StoredRun stored = a_hostile_run();
+  results::StoredRun stored = a_hostile_run();
   stored.arms.pop_back();
-  std::erase_if(stored.trials, [](const TrialRow& t) { return t.arm == "after"; });
-  (void)write_report(stored, into(folder.path() / "one"));
+  std::erase_if(stored.trials, [](const records::TrialRow& t) { return t.arm == "after"; });
+  (void)report::write_report(stored, into(folder.path() / "one"));
   EXPECT_THAT(core::read_file(folder.path() / "one" / "index.html"),
               HasSubstr("Success rates of 1 arm; no two are compared."));
   expect_links_resolve(folder.path() / "one");
   stored.trials.clear();
-  EXPECT_EQ(write_report(stored, into(folder.path() / "none")).pages, 2);
+  EXPECT_EQ(report::write_report(stored, into(folder.path() / "none")).pages, 2);
   expect_links_resolve(folder.path() / "none");
 }
 
 TEST(Report, DelaySweepsBecomeAPlot) {
   const TemporaryFolder folder("report");
-  StoredRun stored = a_hostile_run();
+  results::StoredRun stored = a_hostile_run();
   stored.arms = {{"a+0ms", "w", "c", "", -1, {}}, {"a+200ms", "w", "c", "", -1, {}}};
-  for (TrialRow& t : stored.trials) t.arm = t.arm == "after" ? "a+0ms" : "a+200ms";
-  (void)write_report(stored, into(folder.path() / "r"));
+  for (records::TrialRow& t : stored.trials) t.arm = t.arm == "after" ? "a+0ms" : "a+200ms";
+  (void)report::write_report(stored, into(folder.path() / "r"));
   const std::string index = core::read_file(folder.path() / "r" / "index.html");
   EXPECT_THAT(index, HasSubstr("Success rate against added delay: a"));
   EXPECT_THAT(index, HasSubstr("<td>200</td><td>2/10</td><td>20.0 %</td>"));
@@ -245,24 +247,25 @@ class ReportOfARun : public testing::Test {
   static void SetUpTestSuite() {
     folder_ = new TemporaryFolder("report_run");
     TinyScene().write(folder_->path() / "tiny");
-    RunOptions options;
+    runs::RunOptions options;
     options.folders = {folder_->path(), folder_->path() / "work"};
     options.workers = 1;
-    (void)run_experiment(parse_spec(TinySpec{.more = "title: Two rooms\n"}.text(), "tiny.yaml",
-                                    options.folders),
-                         options);
+    (void)runs::run_experiment(specs::parse_spec(TinySpec{.more = "title: Two rooms\n"}.text(),
+                                                 "tiny.yaml", options.folders),
+                               options);
     report_ = folder_->path() / "report";
-    summary_ = write_report(load_run(folder_->path() / "work"), into(report_));
+    summary_ =
+        report::write_report(results::load_run(folder_->path() / "work"), into(report_));
   }
   static void TearDownTestSuite() { delete folder_; }
 
   static TemporaryFolder* folder_;
   static fs::path report_;
-  static ReportSummary summary_;
+  static report::ReportSummary summary_;
 };
 TemporaryFolder* ReportOfARun::folder_ = nullptr;
 fs::path ReportOfARun::report_;
-ReportSummary ReportOfARun::summary_;
+report::ReportSummary ReportOfARun::summary_;
 
 TEST_F(ReportOfARun, HasMapsFilmstripsAndStories) {
   EXPECT_EQ(summary_.pictures, 1 + 2 * 2);  // A map; a picture and a filmstrip for each trial.
@@ -282,9 +285,10 @@ TEST_F(ReportOfARun, HasMapsFilmstripsAndStories) {
 }
 
 TEST_F(ReportOfARun, TheNumberOfThreadsChangesNothing) {
-  ReportOptions options = into(folder_->path() / "again");
+  report::ReportOptions options = into(folder_->path() / "again");
   options.threads = 3;
-  EXPECT_EQ(write_report(load_run(folder_->path() / "work"), options).bytes, summary_.bytes);
+  EXPECT_EQ(report::write_report(results::load_run(folder_->path() / "work"), options).bytes,
+            summary_.bytes);
   for (const auto& entry : fs::recursive_directory_iterator(report_)) {
     if (!entry.is_regular_file()) continue;
     const fs::path name = fs::relative(entry.path(), report_);
@@ -293,9 +297,10 @@ TEST_F(ReportOfARun, TheNumberOfThreadsChangesNothing) {
 }
 
 TEST_F(ReportOfARun, AMissingBundleIsSaidAndNoFailure) {
-  StoredRun stored = load_run(folder_->path() / "work");
+  results::StoredRun stored = results::load_run(folder_->path() / "work");
   fs::rename(folder_->path() / "tiny", folder_->path() / "away");
-  const ReportSummary summary = write_report(stored, into(folder_->path() / "without"));
+  const report::ReportSummary summary =
+      report::write_report(stored, into(folder_->path() / "without"));
   fs::rename(folder_->path() / "away", folder_->path() / "tiny");
   EXPECT_THAT(summary.notes, Contains(HasSubstr("No map and filmstrips of Two rooms")));
   EXPECT_EQ(summary.pictures, 2);

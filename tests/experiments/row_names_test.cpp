@@ -7,8 +7,8 @@
 namespace segsim::experiments {
 namespace {
 
-TrialRow a_row() {
-  TrialRow row;
+records::TrialRow a_row() {
+  records::TrialRow row;
   row.trial_id = 12;
   row.outcome = "gave_up";
   row.stop_reason = "no_frontier_left";
@@ -16,13 +16,13 @@ TrialRow a_row() {
   return row;
 }
 
-std::string refusal(const TrialRow& row) {
-  return tests::input_error_of([&] { check_names(row, "results.sqlite"); });
+std::string refusal(const records::TrialRow& row) {
+  return tests::input_error_of([&] { records::check_names(row, "results.sqlite"); });
 }
 
 TEST(RowNames, WhatTheProgramWritesIsKnown) {
   EXPECT_EQ(refusal(a_row()), "no error");
-  TrialRow row = a_row();
+  records::TrialRow row = a_row();
   row.stop_reason = "";  // Time was over.
   EXPECT_EQ(refusal(row), "no error");
   row.why.cause = "";  // Older than attribution.
@@ -34,7 +34,7 @@ TEST(RowNames, WhatTheProgramWritesIsKnown) {
 }
 
 TEST(RowNames, AWordThatIsNotKnownIsNamedWithFileTrialAndColumn) {
-  TrialRow row = a_row();
+  records::TrialRow row = a_row();
   row.stop_reason = "goal_raeched";
   EXPECT_EQ(refusal(row).substr(0, 69),
             "results.sqlite: trial 12: stop_reason: expected a stop reason (goal_r");

@@ -54,18 +54,19 @@ class RunLeakageTest : public testing::Test {
   }
 
   /// Everything but the trials.
-  static RunReport prepare(const std::string& work, const std::string& arms,
-                           const std::string& detectors = "") {
+  static runs::RunReport prepare(const std::string& work, const std::string& arms,
+                                 const std::string& detectors = "") {
     TinySpec spec{.arms = arms, .more = detectors};
-    RunOptions options;
+    runs::RunOptions options;
     options.folders = {folder_->path(), *folder_ / work};
     options.prepare_only = true;
-    return run_experiment(parse_spec(spec.text(), "tiny.yaml", options.folders), options);
+    return runs::run_experiment(specs::parse_spec(spec.text(), "tiny.yaml", options.folders),
+                                options);
   }
 
-  static std::string exposure_of_arm(const RunReport& report, const std::string& name) {
-    for (const ArmRow& arm : report.table.arm_rows) {
-      if (arm.name == name && arm.exposure) return exposure_text(*arm.exposure);
+  static std::string exposure_of_arm(const runs::RunReport& report, const std::string& name) {
+    for (const records::ArmRow& arm : report.table.arm_rows) {
+      if (arm.name == name && arm.exposure) return records::exposure_text(*arm.exposure);
     }
     return "not there";
   }
@@ -75,7 +76,7 @@ class RunLeakageTest : public testing::Test {
 TemporaryFolder* RunLeakageTest::folder_ = nullptr;
 
 TEST_F(RunLeakageTest, FilesCarryWhatARunTrainedThemOn) {
-  const RunReport tuned = prepare(
+  const runs::RunReport tuned = prepare(
       "tuned", "  - {name: before, detector: before}\n  - {name: after, detector: after}\n",
       "detectors:\n  before: ${data}/start.weights\n"
       "  finetune: {views_per_scene: 10, steps: 1}\n");
@@ -93,7 +94,7 @@ TEST_F(RunLeakageTest, FilesCarryWhatARunTrainedThemOn) {
       perception::read_weights(*folder_ / "tuned/arm-after.weights");
   silent.training = "{}";
   perception::write_weights(*folder_ / "silent.weights", silent);
-  const RunReport given =
+  const runs::RunReport given =
       prepare("given",
               "  - {name: tuned, detector: \"${data}/tuned/arm-after.weights\"}\n"
               "  - {name: start, detector: \"${data}/start.weights\"}\n"
@@ -108,9 +109,9 @@ TEST_F(RunLeakageTest, FilesCarryWhatARunTrainedThemOn) {
   EXPECT_EQ(given.table.arm_rows[0].tuned_on, "tiny");
 
   // What was fine-tuned from it inherits that.
-  const RunReport again = prepare("again", "  - {name: after, detector: after}\n",
-                                  "detectors:\n  before: ${data}/silent.weights\n"
-                                  "  finetune: {views_per_scene: 10, steps: 1}\n");
+  const runs::RunReport again = prepare("again", "  - {name: after, detector: after}\n",
+                                        "detectors:\n  before: ${data}/silent.weights\n"
+                                        "  finetune: {views_per_scene: 10, steps: 1}\n");
   EXPECT_EQ(exposure_of_arm(again, "after"),
             "partly unknown; trained on tiny; threshold chosen on tiny");
 }
@@ -129,7 +130,7 @@ TEST_F(RunLeakageTest, ARenamedBundleIsStillTheSameScene) {
   weights = perception::read_weights(*folder_ / "start.weights");
   perception::add_data(weights, *folder_ / "start.weights", use);
   perception::write_weights(*folder_ / "other_name.weights", weights);
-  const RunReport alike = prepare("alike", arm);
+  const runs::RunReport alike = prepare("alike", arm);
   EXPECT_EQ(exposure_of_arm(alike, "arm"), "another scene named tiny");
   EXPECT_THAT(alike.table.notes, Not(Contains(HasSubstr("Leakage none"))));
 }

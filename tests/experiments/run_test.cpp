@@ -47,19 +47,19 @@ class RunTest : public testing::Test {
   }
   static void TearDownTestSuite() { delete folder_; }
 
-  static RunReport run(const std::string& work, int workers, int max_trials = 0,
-                       const std::string& text = kSpec, bool new_run = false) {
-    RunOptions options;
+  static runs::RunReport run(const std::string& work, int workers, int max_trials = 0,
+                             const std::string& text = kSpec, bool new_run = false) {
+    runs::RunOptions options;
     options.folders = {folder_->path(), folder_->path() / work};
     options.workers = workers;
     options.max_trials = max_trials;
     options.new_run = new_run;
-    const ExperimentSpec spec = parse_spec(text, "tiny.yaml", options.folders);
-    return run_experiment(spec, options);
+    const specs::ExperimentSpec spec = specs::parse_spec(text, "tiny.yaml", options.folders);
+    return runs::run_experiment(spec, options);
   }
 
-  static std::vector<TrialRow> rows(const std::string& work) {
-    const Store store(folder_->path() / work / "results.sqlite");
+  static std::vector<records::TrialRow> rows(const std::string& work) {
+    const records::Store store(folder_->path() / work / "results.sqlite");
     return store.trials(store.runs().back().run_id);
   }
 
@@ -68,9 +68,9 @@ class RunTest : public testing::Test {
 TemporaryFolder* RunTest::folder_ = nullptr;
 
 /// Everything that must not depend on the machine's load.
-std::string essence(const std::vector<TrialRow>& rows) {
+std::string essence(const std::vector<records::TrialRow>& rows) {
   std::string text;
-  for (const TrialRow& row : rows) {
+  for (const records::TrialRow& row : rows) {
     text += row.episode + " " + row.arm + " " + row.outcome + " " + std::to_string(row.spl) +
             " " + std::to_string(row.path_m) + " " + std::to_string(row.ticks) + " " +
             std::to_string(row.contacts) + " " + std::to_string(row.state_hash) + row.error +
@@ -80,19 +80,19 @@ std::string essence(const std::vector<TrialRow>& rows) {
 }
 
 TEST_F(RunTest, WorkersAndInterruptionDoNotChangeTheRows) {
-  const RunReport whole = run("whole", 1);
+  const runs::RunReport whole = run("whole", 1);
   EXPECT_EQ(whole.trials_run, 8);
   EXPECT_EQ(whole.trials_left, 0);
-  const std::vector<TrialRow> expected = rows("whole");
+  const std::vector<records::TrialRow> expected = rows("whole");
   ASSERT_EQ(expected.size(), 8U);
-  for (const TrialRow& row : expected) EXPECT_EQ(row.error, "");
+  for (const records::TrialRow& row : expected) EXPECT_EQ(row.error, "");
 
-  const RunReport first = run("parts", 3, 3);
+  const runs::RunReport first = run("parts", 3, 3);
   EXPECT_EQ(first.trials_run, 3);
   EXPECT_EQ(first.trials_left, 5);
   EXPECT_EQ(rows("parts").size(), 3U);
   EXPECT_THAT(first.table.notes, testing::Contains(HasSubstr("INTERIM")));
-  const RunReport rest = run("parts", 3);
+  const runs::RunReport rest = run("parts", 3);
   EXPECT_EQ(rest.run_id, first.run_id);
   EXPECT_EQ(rest.trials_run, 5);
   EXPECT_EQ(essence(rows("parts")), essence(expected));
@@ -128,9 +128,10 @@ TEST_F(RunTest, AChangedSpecIsRefusedUnlessANewRunIsAskedFor) {
 
 TEST_F(RunTest, OtherKernelsAreRefusedAndDigestsWritten) {
   core::set_environment(core::KernelChoice::kFast);
-  const RunReport began = run("kernels", 1, 1);
+  const runs::RunReport began = run("kernels", 1, 1);
   EXPECT_TRUE(began.trials_left > 0);
-  EXPECT_NE(began.digests.back().stage, DigestStage::kTrials);  // Some are missing.
+  EXPECT_NE(began.digests.back().stage,
+            reproducibility::DigestStage::kTrials);  // Some are missing.
   core::set_environment(core::KernelChoice::kReproducible);
   try {
     run("kernels", 1);
@@ -140,10 +141,11 @@ TEST_F(RunTest, OtherKernelsAreRefusedAndDigestsWritten) {
     EXPECT_THAT(error.what(), HasSubstr("found reproducible"));
   }
   core::set_environment(core::KernelChoice::kFast);
-  const RunReport ended = run("kernels", 2);
+  const runs::RunReport ended = run("kernels", 2);
   EXPECT_EQ(ended.trials_left, 0);
-  const DigestRecord record = read_digests(ended.results / "digests.json");
-  ASSERT_EQ(record.stages.back().stage, DigestStage::kTrials);
+  const reproducibility::DigestRecord record =
+      reproducibility::read_digests(ended.results / "digests.json");
+  ASSERT_EQ(record.stages.back().stage, reproducibility::DigestStage::kTrials);
   EXPECT_EQ(record.stages.back().sha256, ended.results_sha256);
   EXPECT_EQ(record.machine.kernels, core::KernelChoice::kFast);
 }
@@ -161,29 +163,30 @@ TEST_F(RunTest, AChangedEpisodeFileIsRefused) {
 /// A given set: what cannot be done is listed and in no rate; the others run.
 TEST_F(RunTest, AnEpisodeFileIsRunAndWhatIsInfeasibleLeftOut) {
   (void)run("source", 1, 1);
-  EpisodeSet set = read_episodes(folder_->path() / "source" / "episodes" / "tiny.jsonl");
+  episodes::EpisodeSet set =
+      episodes::read_episodes(folder_->path() / "source" / "episodes" / "tiny.jsonl");
   ASSERT_EQ(set.episodes.size(), 4U);
   set.episodes[1].start = {40.0, 0.0, 0.0};
   set.episodes[2].view_points_m = {{set.episodes[2].start.x_m, set.episodes[2].start.y_m}};
   set.episodes[2].view_point_instance.clear();
   set.episodes[2].view_point_iou.clear();
-  set.oracle = OracleRecord{3, 4, 0.5, "segsim-object"};
-  write_episodes(folder_->path() / "given.jsonl", set);
+  set.oracle = episodes::OracleRecord{3, 4, 0.5, "segsim-object"};
+  episodes::write_episodes(folder_->path() / "given.jsonl", set);
 
   std::string text = kSpec;
   const std::string rules = "goals: [couch, chair]\n    episodes: 4\n";
   text.replace(text.find(rules), rules.size(), "episode_file: ${data}/given.jsonl\n");
-  const RunReport report = run("given", 2, 0, text);
+  const runs::RunReport report = run("given", 2, 0, text);
   EXPECT_EQ(report.trials_run, 8);
   std::map<std::string, int> outcomes;
-  for (const TrialRow& row : rows("given")) {
+  for (const records::TrialRow& row : rows("given")) {
     EXPECT_EQ(row.outcome == "infeasible", row.episode == set.episodes[1].id);
     EXPECT_EQ(row.outcome == "trivial", row.episode == set.episodes[2].id);
     ++outcomes[row.counts() ? "counts" : row.why.cause];
   }
   EXPECT_EQ(outcomes,
             (std::map<std::string, int>{{"counts", 4}, {"infeasible", 2}, {"trivial", 2}}));
-  const ArmSummary& arm = report.table.scenes[0].arms[0];
+  const results::ArmSummary& arm = report.table.scenes[0].arms[0];
   EXPECT_EQ(arm.success.trials, 2);
   EXPECT_EQ(arm.excluded_trials, 2);
   EXPECT_THAT(report.table.notes, testing::Contains(HasSubstr("1 episode infeasible")));
@@ -193,7 +196,7 @@ TEST_F(RunTest, AnEpisodeFileIsRunAndWhatIsInfeasibleLeftOut) {
   // Allowed, a trivial episode runs.
   text.replace(text.find("episode_file"), 12, "allow_trivial: true\n    episode_file");
   (void)run("trivial", 2, 0, text);
-  for (const TrialRow& row : rows("trivial")) EXPECT_NE(row.outcome, "trivial");
+  for (const records::TrialRow& row : rows("trivial")) EXPECT_NE(row.outcome, "trivial");
 }
 
 /// Validation draws nothing far from the goal; the oracle's trials are the same as in a run.
@@ -205,16 +208,16 @@ TEST_F(RunTest, ValidationIsARunOfTheOraclePath) {
   const std::string px = "visible_pixels: 30";
   text.replace(text.find(px), px.size(), "visible_pixels: 40");
   (void)run("path", 2, 0, text);
-  const Validation validation = validate_episodes(
+  const trials::Validation validation = trials::validate_episodes(
       folder_->path() / "path" / "episodes" / "tiny.jsonl", folder_->path() / "tiny", {});
   ASSERT_EQ(validation.trials.size(), 4U);
   int successes = 0;
-  for (const TrialRow& row : rows("path")) {
+  for (const records::TrialRow& row : rows("path")) {
     if (row.arm != "path") continue;
     successes += row.success ? 1 : 0;
     const auto same =
         std::find_if(validation.trials.begin(), validation.trials.end(),
-                     [&](const TrialRow& t) { return t.episode == row.episode; });
+                     [&](const records::TrialRow& t) { return t.episode == row.episode; });
     ASSERT_NE(same, validation.trials.end());
     // The way is the same to the last bit; images are drawn near the goal only, so the hash of
     // the whole state is another.
@@ -226,33 +229,34 @@ TEST_F(RunTest, ValidationIsARunOfTheOraclePath) {
   EXPECT_EQ(validation.oracle.successes, successes);
   EXPECT_GE(successes, 3);
   EXPECT_EQ(validation.oracle.episodes, 4);
-  for (const EpisodeFinding& finding : validation.findings) {
-    EXPECT_EQ(finding.state, EpisodeState::kFine);
+  for (const episodes::EpisodeFinding& finding : validation.findings) {
+    EXPECT_EQ(finding.state, episodes::EpisodeState::kFine);
   }
-  ValidationOptions unknown;
+  trials::ValidationOptions unknown;
   unknown.profile = "habitat";
-  EXPECT_THROW((void)validate_episodes(folder_->path() / "path" / "episodes" / "tiny.jsonl",
-                                       folder_->path() / "tiny", unknown),
-               core::InputError);
+  EXPECT_THROW(
+      (void)trials::validate_episodes(folder_->path() / "path" / "episodes" / "tiny.jsonl",
+                                      folder_->path() / "tiny", unknown),
+      core::InputError);
 }
 
 /// Every trial says why it failed, and has a log from which its story can be told.
 TEST_F(RunTest, TrialsAreAttributedAndLogged) {
   std::string text = kSpec;
   text.replace(text.find("time_limit_s: 60"), 16, "time_limit_s: 3");
-  const RunReport report = run("short", 2, 0, text);
-  for (const TrialRow& row : rows("short")) {
+  const runs::RunReport report = run("short", 2, 0, text);
+  for (const records::TrialRow& row : rows("short")) {
     EXPECT_EQ(row.outcome, "timeout");
     EXPECT_FALSE(row.why.cause.empty());
     EXPECT_NE(row.why.cause, "did_not_fail");
     EXPECT_GE(row.why.inevitable_tick, 0);
     EXPECT_LT(row.why.inevitable_tick, row.ticks);
-    const TrialLog log = read_trial_log(folder_->path() / "short" / row.log);
+    const records::TrialLog log = records::read_trial_log(folder_->path() / "short" / row.log);
     EXPECT_EQ(static_cast<int>(log.track.size()), row.ticks);
     EXPECT_EQ(log.bundle, folder_->path() / "tiny");
     EXPECT_EQ(log.episode.id, row.episode);
   }
-  const std::string table = format_table(report.table, TableFormat::kText);
+  const std::string table = results::format_table(report.table, support::TableFormat::kText);
   EXPECT_THAT(table, HasSubstr("Why trials failed"));
   EXPECT_THAT(table, HasSubstr("success: segsim-object"));
   EXPECT_THAT(table, HasSubstr("allenact-robothor"));
@@ -264,7 +268,7 @@ TEST_F(RunTest, AnotherProfileChangesTheVerdictNotTheTrial) {
   (void)run("object", 2);
   text.replace(text.find(rule), rule.size(), "profile: semexp-gibson, visible_pixels: 30");
   (void)run("semexp", 2, 0, text);
-  const std::vector<TrialRow> a = rows("object"), b = rows("semexp");
+  const std::vector<records::TrialRow> a = rows("object"), b = rows("semexp");
   ASSERT_EQ(a.size(), b.size());
   for (std::size_t k = 0; k < a.size(); ++k) {
     EXPECT_EQ(a[k].state_hash, b[k].state_hash);
@@ -296,7 +300,7 @@ TEST_F(RunTest, FramesAreRecordedAndChangeNothing) {
 
   // One control period is 0.25 s, so every fourth tick; of the first episode's arms only.
   EXPECT_EQ(std::distance(fs::directory_iterator(frames), fs::directory_iterator()), 2);
-  for (const TrialRow& row : rows("seen")) {
+  for (const records::TrialRow& row : rows("seen")) {
     if (row.episode != "tiny/couch/00") continue;
     const fs::path folder = frames / ("couch-00." + row.arm);
     ASSERT_TRUE(fs::exists(folder)) << folder;
@@ -337,7 +341,7 @@ TEST_F(RunTest, PicturesAndVideosAreMadeOnRequest) {
     return fs::is_regular_file(folder_->path() / "shown" / name);
   };
   std::set<std::string> filmed;  // Of the first episode, every arm.
-  for (const TrialRow& row : rows("shown")) {
+  for (const records::TrialRow& row : rows("shown")) {
     EXPECT_TRUE(is_file(row.picture)) << row.picture;
     EXPECT_TRUE(is_file(row.track)) << row.track;
     if (row.video.empty()) continue;

@@ -52,9 +52,10 @@ class SceneExposureTest : public testing::Test {
     perception::write_weights(folder_ / "w.weights", weights);
     return folder_ / "w.weights";
   }
-  [[nodiscard]] SceneExposure exposure(const std::vector<DataUse>& data) const {
-    const std::vector<EvaluationScene> scenes{{"flat-3", &flat_, 3}, {"house", &house_}};
-    return exposure_of(weights(data), scenes);
+  [[nodiscard]] records::SceneExposure exposure(const std::vector<DataUse>& data) const {
+    const std::vector<detection::EvaluationScene> scenes{{"flat-3", &flat_, 3},
+                                                         {"house", &house_}};
+    return detection::exposure_of(weights(data), scenes);
   }
 
   tests::TemporaryFolder folder_;
@@ -62,44 +63,46 @@ class SceneExposureTest : public testing::Test {
 };
 
 TEST_F(SceneExposureTest, AFileWithoutARecordMayHaveSeenAnything) {
-  EXPECT_EQ(exposure_text(exposure({})), "unknown");
+  EXPECT_EQ(records::exposure_text(exposure({})), "unknown");
   // Nor does a threshold that is chosen here make its past known.
-  EXPECT_EQ(exposure_text(exposure({perception::foreign_data("n.pt", kOtherHash),
-                                    use_of(DataPurpose::kValidation,
-                                           std::vector<ImagedScene>{{"x", kHouseHash}})})),
-            "unknown; threshold chosen on house");
+  EXPECT_EQ(
+      records::exposure_text(exposure(
+          {perception::foreign_data("n.pt", kOtherHash),
+           use_of(DataPurpose::kValidation, std::vector<ImagedScene>{{"x", kHouseHash}})})),
+      "unknown; threshold chosen on house");
   // A model of others has no place for one.
   folder_.write("m.onnx", "not read");
-  const std::vector<EvaluationScene> scenes{{"flat-3", &flat_}};
-  EXPECT_EQ(exposure_text(exposure_of(folder_ / "m.onnx", scenes)), "unknown");
+  const std::vector<detection::EvaluationScene> scenes{{"flat-3", &flat_}};
+  EXPECT_EQ(records::exposure_text(detection::exposure_of(folder_ / "m.onnx", scenes)),
+            "unknown");
 }
 
 TEST_F(SceneExposureTest, OtherScenesAreNoLeak) {
-  const SceneExposure clean = exposure({use_of(
+  const records::SceneExposure clean = exposure({use_of(
       DataPurpose::kTrain,
       std::vector<ImagedScene>{rooms(worlds::kRoomGenerator, 1, 250), {"lab", kOtherHash}})});
-  EXPECT_EQ(exposure_text(clean), "none");
+  EXPECT_EQ(records::exposure_text(clean), "none");
 }
 
 TEST_F(SceneExposureTest, AKnownSceneUnderAnotherNameIsFoundByItsHash) {
-  const SceneExposure leak =
+  const records::SceneExposure leak =
       exposure({use_of(DataPurpose::kMix, std::vector<ImagedScene>{{"renamed", kHouseHash}})});
-  EXPECT_EQ(exposure_text(leak), "trained on house");
+  EXPECT_EQ(records::exposure_text(leak), "trained on house");
   EXPECT_TRUE(leak.is_trained_on("house"));
   EXPECT_FALSE(leak.is_trained_on("flat-3"));
 }
 
 TEST_F(SceneExposureTest, AnotherSceneOfTheSameNameIsAHint) {
   for (const char* name : {"house", "villa"}) {
-    const SceneExposure hint =
+    const records::SceneExposure hint =
         exposure({use_of(DataPurpose::kTrain, std::vector<ImagedScene>{{name, kOtherHash}})});
-    EXPECT_EQ(exposure_text(hint), "another scene named house");
+    EXPECT_EQ(records::exposure_text(hint), "another scene named house");
   }
 }
 
 TEST_F(SceneExposureTest, AFlatIsKnownByItsSeedToo) {
   const auto text = [&](const ImagedScene& scene) {
-    return exposure_text(
+    return records::exposure_text(
         exposure({use_of(DataPurpose::kTrain, std::vector<ImagedScene>{scene})}));
   };
   EXPECT_EQ(text(rooms(worlds::kFlatGenerator, 1, 3)), "trained on flat-3");
@@ -108,38 +111,42 @@ TEST_F(SceneExposureTest, AFlatIsKnownByItsSeedToo) {
 }
 
 TEST_F(SceneExposureTest, AThresholdIsNotATraining) {
-  const SceneExposure mild = exposure(
+  const records::SceneExposure mild = exposure(
       {use_of(DataPurpose::kTrain, std::vector<ImagedScene>{}),
        use_of(DataPurpose::kValidation, std::vector<ImagedScene>{{"flat-3", kFlatHash}})});
-  EXPECT_EQ(exposure_text(mild), "threshold chosen on flat-3");
+  EXPECT_EQ(records::exposure_text(mild), "threshold chosen on flat-3");
 }
 
 TEST_F(SceneExposureTest, OneUnknownSetMakesThePastPartlyUnknown) {
-  EXPECT_EQ(exposure_text(exposure(
+  EXPECT_EQ(records::exposure_text(exposure(
                 {use_of(DataPurpose::kTrain, std::vector<ImagedScene>{{"f", kFlatHash}}),
                  use_of(DataPurpose::kMix, std::nullopt)})),
             "partly unknown; trained on flat-3");
 }
 
 TEST_F(SceneExposureTest, TextAndBack) {
-  SceneExposure exposure;
-  for (const TrainingDataKnown known :
-       {TrainingDataKnown::kAll, TrainingDataKnown::kPart, TrainingDataKnown::kNothing}) {
+  records::SceneExposure exposure;
+  for (const records::TrainingDataKnown known :
+       {records::TrainingDataKnown::kAll, records::TrainingDataKnown::kPart,
+        records::TrainingDataKnown::kNothing}) {
     exposure = {};
     exposure.known = known;
-    EXPECT_EQ(parse_exposure(exposure_text(exposure)), exposure);
+    EXPECT_EQ(records::parse_exposure(records::exposure_text(exposure)), exposure);
     exposure.trained_on = {"a", "b-1"};
     exposure.threshold_on = {"b-1"};
     exposure.same_name = {"c", "d", "e_2"};
-    EXPECT_EQ(parse_exposure(exposure_text(exposure)), exposure);
+    EXPECT_EQ(records::parse_exposure(records::exposure_text(exposure)), exposure);
   }
-  EXPECT_EQ(parse_exposure("seen in a dream").known, TrainingDataKnown::kNothing);
-  EXPECT_EQ(parse_exposure("").known, TrainingDataKnown::kNothing);
+  EXPECT_EQ(records::parse_exposure("seen in a dream").known,
+            records::TrainingDataKnown::kNothing);
+  EXPECT_EQ(records::parse_exposure("").known, records::TrainingDataKnown::kNothing);
 }
 
 TEST_F(SceneExposureTest, TheShippedWeightsSayWhatTheyWereTrainedOn) {
-  const std::vector<EvaluationScene> scenes{{"flat-3", &flat_, 3}, {"house", &house_}};
-  EXPECT_EQ(exposure_text(exposure_of(SEGSIM_SHIPPED_WEIGHTS, scenes)), "none");
+  const std::vector<detection::EvaluationScene> scenes{{"flat-3", &flat_, 3},
+                                                       {"house", &house_}};
+  EXPECT_EQ(records::exposure_text(detection::exposure_of(SEGSIM_SHIPPED_WEIGHTS, scenes)),
+            "none");
 }
 
 TEST_F(SceneExposureTest, ImagesOfATestThatWereTrainedOnAreCounted) {
@@ -153,21 +160,21 @@ TEST_F(SceneExposureTest, ImagesOfATestThatWereTrainedOnAreCounted) {
   DataUse tested =
       use_of(DataPurpose::kValidation, std::vector<ImagedScene>{{"v", kOtherHash}});
   tested.image_hashes = {20, 30, 60};
-  SeenData seen = seen_data(file, tested);
+  detection::SeenData seen = detection::seen_data(file, tested);
   EXPECT_THAT(seen.warnings,
               ElementsAre("w.weights was trained on 2 of the 3 images",
                           "the score threshold of w.weights was chosen on 1 of the 3 images"));
   EXPECT_THAT(seen.unknown, IsEmpty());
 
   tested.image_hashes = {1, 2, 3};
-  EXPECT_THAT(seen_data(file, tested).warnings, IsEmpty());
+  EXPECT_THAT(detection::seen_data(file, tested).warnings, IsEmpty());
   tested.scenes = std::vector<ImagedScene>{{"v", kFlatHash}, {"house", kHouseHash}};
-  EXPECT_THAT(seen_data(file, tested).warnings,
+  EXPECT_THAT(detection::seen_data(file, tested).warnings,
               ElementsAre("w.weights was trained on views of scenes that the images show: v"));
   tested.scenes.reset();
-  EXPECT_THAT(seen_data(file, tested).unknown,
+  EXPECT_THAT(detection::seen_data(file, tested).unknown,
               ElementsAre(HasSubstr("not known: which scenes the images show")));
-  EXPECT_THAT(seen_data(weights({}), tested).unknown.front(),
+  EXPECT_THAT(detection::seen_data(weights({}), tested).unknown.front(),
               HasSubstr("that w.weights was trained on (w.weights)"));
 }
 

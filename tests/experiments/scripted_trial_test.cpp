@@ -87,8 +87,8 @@ class ScriptedTrialTest : public testing::Test {
   }
   static void TearDownTestSuite() { delete folder_; }
 
-  static ScriptedTrial parse(const std::string& text) {
-    return parse_scripted_trial(text, folder_->path() / "trial.yaml", {});
+  static scripted_trials::ScriptedTrial parse(const std::string& text) {
+    return scripted_trials::parse_scripted_trial(text, folder_->path() / "trial.yaml", {});
   }
   /// The example with one text replaced.
   static std::string changed(const std::string& from, const std::string& to) {
@@ -101,15 +101,17 @@ class ScriptedTrialTest : public testing::Test {
     return input_error_of([&] { (void)parse(text); });
   }
   /// Steps, and what else a test wants, in the tiny scene.
-  static ScriptedTrial script(const std::string& steps, const std::string& more = {}) {
+  static scripted_trials::ScriptedTrial script(const std::string& steps,
+                                               const std::string& more = {}) {
     return parse(
         "schema: segsim.trial/1\nscene: tiny\nstart: {pose: [-2.5, -1.2, 0.0]}\n"
         "camera: {width: 64, height: 48}\nclock: {mode: lockstep, control_hz: 20}\n" +
         more + "steps:\n" + steps);
   }
-  static ScriptedResult run(const ScriptedTrial& trial, const std::string& name = "out") {
-    BoundScript bound = bind_script(trial);
-    return run_script(bound, folder_->path() / name);
+  static scripted_trials::ScriptedResult run(const scripted_trials::ScriptedTrial& trial,
+                                             const std::string& name = "out") {
+    scripted_trials::BoundScript bound = scripted_trials::bind_script(trial);
+    return scripted_trials::run_script(bound, folder_->path() / name);
   }
 
   static TemporaryFolder* folder_;
@@ -117,13 +119,13 @@ class ScriptedTrialTest : public testing::Test {
 TemporaryFolder* ScriptedTrialTest::folder_ = nullptr;
 
 TEST_F(ScriptedTrialTest, TheExampleOfTheDesignIsRead) {
-  const ScriptedTrial trial = parse(kExample);
+  const scripted_trials::ScriptedTrial trial = parse(kExample);
   EXPECT_EQ(trial.name, "trial");
   EXPECT_EQ(trial.scene.bundle, folder_->path() / "tiny");
   EXPECT_EQ(trial.control_period_s, 0.05);
   EXPECT_EQ(trial.clock.mode, sim::ClockMode::kVirtual);
   ASSERT_EQ(trial.steps.size(), 6U);
-  EXPECT_EQ(trial.steps[0].kind, StepKind::kGoto);
+  EXPECT_EQ(trial.steps[0].kind, scripted_trials::StepKind::kGoto);
   EXPECT_EQ(std::get<glm::dvec2>(trial.steps[0].places[0]), glm::dvec2(-2.0, 1.0));
   EXPECT_EQ(trial.steps[0].timeout_s, 40.0);
   EXPECT_EQ(trial.steps[1].places.size(), 5U) << "points beside the line are marks";
@@ -175,27 +177,28 @@ TEST_F(ScriptedTrialTest, ErrorsNameTheLineAndTheNearestWord) {
 
 TEST_F(ScriptedTrialTest, PlacesOnTheGlobeAreThoseOfTheWorld) {
   // 10 m east and 20 m north of the origin.
-  ScriptedTrial trial = script("  - hold: {for_s: 0.1}\n");
+  scripted_trials::ScriptedTrial trial = script("  - hold: {for_s: 0.1}\n");
   trial.steps[0].places = {sim::GeodeticPoint{49.9001798121, 8.9001391903, 123.0}};
   const sim::LocalFrame frame({49.9, 8.9, 0.0, 0.0});
   const sim::GeodeticPoint start = frame.to_geodetic({-2.5, -1.2, 0.0});
   trial.start = start;
   trial.start_heading = 0.5 * std::numbers::pi;  // East.
-  const BoundScript bound = bind_script(trial);
+  const scripted_trials::BoundScript bound = scripted_trials::bind_script(trial);
   EXPECT_NEAR(bound.places_m[0][0].x, 10.0, 1e-3);
   EXPECT_NEAR(bound.places_m[0][0].y, 20.0, 1e-3);
   EXPECT_NEAR(bound.start.x_m, -2.5, 1e-6);
   EXPECT_NEAR(bound.start.y_m, -1.2, 1e-6);
   EXPECT_NEAR(bound.start.yaw_rad, 0.0, 1e-12);
   trial.start_heading = 0.0;  // North.
-  EXPECT_NEAR(bind_script(trial).start.yaw_rad, 0.5 * std::numbers::pi, 1e-12);
+  EXPECT_NEAR(scripted_trials::bind_script(trial).start.yaw_rad, 0.5 * std::numbers::pi,
+              1e-12);
 }
 
 TEST_F(ScriptedTrialTest, GeoJsonPaths) {
   const fs::path file = folder_->path() / "path.geojson";
   const auto read = [&](const std::string& text) {
     std::ofstream(file) << text;
-    return read_geojson_path(file);
+    return scripted_trials::read_geojson_path(file);
   };
   const auto points = read(
       R"({"type": "FeatureCollection", "features": [
@@ -222,27 +225,27 @@ TEST_F(ScriptedTrialTest, GeoJsonPaths) {
 }
 
 TEST_F(ScriptedTrialTest, WhatTheSceneDoesNotAllowIsRefused) {
-  const auto refusal = [&](const ScriptedTrial& trial) {
-    return input_error_of([&] { (void)bind_script(trial); });
+  const auto refusal = [&](const scripted_trials::ScriptedTrial& trial) {
+    return input_error_of([&] { (void)scripted_trials::bind_script(trial); });
   };
   EXPECT_THAT(refusal(script("  - goto: {xy: [30, 0]}\n")),
               AllOf(HasSubstr("trial.yaml:7"), HasSubstr("reach")));
   EXPECT_THAT(refusal(script("  - find: {category: chiar}\n")), HasSubstr("near: chair"));
-  ScriptedTrial in_wall = script("  - hold: {for_s: 1}\n");
+  scripted_trials::ScriptedTrial in_wall = script("  - hold: {for_s: 1}\n");
   in_wall.start = glm::dvec2(0.0, 0.0);
   EXPECT_THAT(refusal(in_wall), HasSubstr("start"));
 }
 
 TEST_F(ScriptedTrialTest, StepsDoWhatTheySay) {
-  const ScriptedTrial trial = script(
+  const scripted_trials::ScriptedTrial trial = script(
       "  - spin: {deg: -90, rate: 0.6}\n"
       "  - hold: {for_s: 1.5}\n"
       "  - cmd: {v: -0.2, for_s: 1}\n"
       "  - goto: {xy: [2.0, 1.0], tolerance: 0.2}\n",
       "expect:\n  - {metric: collisions, max: 0}\n  - {metric: steps_done, min: 4}\n"
       "  - {metric: distance_to_goal_m, max: 0.25}\n  - {metric: max_speed_mps, max: 0.51}\n");
-  const ScriptedResult result = run(trial);
-  EXPECT_TRUE(result.passed()) << in_words(trial, result);
+  const scripted_trials::ScriptedResult result = run(trial);
+  EXPECT_TRUE(result.passed()) << scripted_trials::in_words(trial, result);
   ASSERT_EQ(result.steps.size(), 4U);
   EXPECT_NEAR(result.steps[0].finish.yaw_rad, -0.5 * std::numbers::pi, 0.06);
   EXPECT_NEAR(core::seconds(result.steps[1].end_ns - result.steps[1].begin_ns), 1.5, 1e-9);
@@ -260,33 +263,34 @@ TEST_F(ScriptedTrialTest, StepsDoWhatTheySay) {
 
 /// There and back along the same line, and round a square whose end is its beginning.
 TEST_F(ScriptedTrialTest, PathsAreFollowedAsDrawn) {
-  const ScriptedTrial trial = script(
+  const scripted_trials::ScriptedTrial trial = script(
       "  - goto: {xy: [-1.5, 1.3], tolerance: 0.15}\n"
       "  - follow: {path: loop.geojson, speed: 0.4, tolerance: 0.15}\n"
       "  - follow: {xy: [[-1.5, 1.3], [-2.5, 1.0], [-2.5, -1], [-1, -1], [-1.5, 1.3]]}\n",
       "expect:\n  - {metric: path_error_m, max: 0.3}\n  - {metric: collisions, max: 0}\n");
-  const ScriptedResult result = run(trial);
-  EXPECT_TRUE(result.passed()) << in_words(trial, result);
+  const scripted_trials::ScriptedResult result = run(trial);
+  EXPECT_TRUE(result.passed()) << scripted_trials::in_words(trial, result);
   // 8.4 m there and back, some 8.5 m of the square, the way to it all.
   EXPECT_GT(result.trial.path_m, 17.0);
   EXPECT_LT(result.trial.path_m, 23.0);
 }
 
 TEST_F(ScriptedTrialTest, AStepThatIsNotDoneEndsTheTrial) {
-  const ScriptedTrial late =
+  const scripted_trials::ScriptedTrial late =
       script("  - goto: {xy: [2.0, 1.0], timeout_s: 1}\n  - hold: {for_s: 1}\n");
-  const ScriptedResult result = run(late);
+  const scripted_trials::ScriptedResult result = run(late);
   EXPECT_FALSE(result.passed());
   EXPECT_EQ(result.steps_done, 0);
   EXPECT_EQ(result.failure, "step 1 (goto) timed_out");
-  EXPECT_THAT(in_words(late, result), HasSubstr("FAILS  step 1 (goto) timed_out"));
+  EXPECT_THAT(scripted_trials::in_words(late, result),
+              HasSubstr("FAILS  step 1 (goto) timed_out"));
   EXPECT_EQ(result.trial.stop_reason, core::StopReason::kStepFailed);
   EXPECT_LT(result.trial.sim_s, 1.2);
   // Into the wall: contacts are counted, and the time limit ends it.
-  const ScriptedTrial pushing = script("  - cmd: {v: 0.5, for_s: 60}\n",
-                                       "time_limit_s: 5\nexpect:\n"
-                                       "  - {metric: collisions, max: 0}\n");
-  const ScriptedResult pushed = run(pushing);
+  const scripted_trials::ScriptedTrial pushing = script("  - cmd: {v: 0.5, for_s: 60}\n",
+                                                        "time_limit_s: 5\nexpect:\n"
+                                                        "  - {metric: collisions, max: 0}\n");
+  const scripted_trials::ScriptedResult pushed = run(pushing);
   EXPECT_EQ(pushed.trial.contacts, 1);
   EXPECT_FALSE(pushed.verdicts[0].holds);
   EXPECT_EQ(pushed.failure, "step 1 (cmd) was not finished: timeout");
@@ -307,18 +311,19 @@ TEST_F(ScriptedTrialTest, FaultsAreFelt) {
            "  - {metric: stage_ms.p50, stage: detect, min: 20, max: 20}\n"
            "  - {metric: frames_dropped, max: 0}\n";
   };
-  const ScriptedTrial calm = parse(text(""));
+  const scripted_trials::ScriptedTrial calm = parse(text(""));
   EXPECT_TRUE(run(calm).passed());
-  const ScriptedTrial slow =
+  const scripted_trials::ScriptedTrial slow =
       parse(text("faults: [{at_s: 2, latency: {stage: detect, add_ms: 200, for_s: 2}}]\n"));
-  const ScriptedResult felt = run(slow);
+  const scripted_trials::ScriptedResult felt = run(slow);
   EXPECT_FALSE(felt.verdicts[0].holds);
   EXPECT_FALSE(felt.verdicts[1].holds);
   EXPECT_TRUE(felt.verdicts[2].holds);
   EXPECT_TRUE(felt.verdicts[3].holds);
   EXPECT_TRUE(felt.failure.empty()) << felt.failure;
-  const ScriptedTrial blind = parse(text("faults: [{at_s: 2, drop_frames: {count: 10}}]\n"));
-  const ScriptedResult lost = run(blind, "lost");
+  const scripted_trials::ScriptedTrial blind =
+      parse(text("faults: [{at_s: 2, drop_frames: {count: 10}}]\n"));
+  const scripted_trials::ScriptedResult lost = run(blind, "lost");
   EXPECT_FALSE(lost.verdicts[0].holds);
   EXPECT_TRUE(lost.verdicts[1].holds);
   EXPECT_EQ(lost.verdicts[3].value, 10.0);
@@ -327,43 +332,46 @@ TEST_F(ScriptedTrialTest, FaultsAreFelt) {
 }
 
 TEST_F(ScriptedTrialTest, FindIsJudgedByItsProfile) {
-  const ScriptedTrial trial =
+  const scripted_trials::ScriptedTrial trial =
       script("  - find: {category: couch, policy: oracle-path}\n  - hold: {for_s: 0.5}\n",
              "expect: [{metric: finds, min: 1}]\n");
-  const ScriptedResult result = run(trial);
-  EXPECT_TRUE(result.passed()) << in_words(trial, result);
+  const scripted_trials::ScriptedResult result = run(trial);
+  EXPECT_TRUE(result.passed()) << scripted_trials::in_words(trial, result);
   ASSERT_EQ(result.finds.size(), 1U);
   EXPECT_LT(result.finds[0].view_point_m, 1.0);
   EXPECT_GE(result.finds[0].visible_px, 40);
   EXPECT_GT(result.finds[0].spl, 0.5);
   EXPECT_EQ(result.finds[0].stop, core::StopReason::kGoalReached);
   // A policy that stops at once has found nothing, and says so.
-  const ScriptedTrial blind =
+  const scripted_trials::ScriptedTrial blind =
       script("  - find: {category: couch, policy: {type: script, actions: [forward]}}\n");
-  const ScriptedResult nothing = run(blind);
+  const scripted_trials::ScriptedResult nothing = run(blind);
   EXPECT_FALSE(nothing.passed());
   EXPECT_EQ(nothing.failure, "step 1 (find) not_found: script_end");
 }
 
 TEST_F(ScriptedTrialTest, AnExpectationWithoutANumberDoesNotHold) {
-  const ScriptedTrial trial = script("  - hold: {for_s: 0.2}\n",
-                                     "expect:\n  - {metric: path_error_m, max: 1}\n"
-                                     "  - {metric: deadline_miss_rate, stage: e2e, max: 1}\n");
-  const ScriptedResult result = run(trial);
+  const scripted_trials::ScriptedTrial trial =
+      script("  - hold: {for_s: 0.2}\n",
+             "expect:\n  - {metric: path_error_m, max: 1}\n"
+             "  - {metric: deadline_miss_rate, stage: e2e, max: 1}\n");
+  const scripted_trials::ScriptedResult result = run(trial);
   EXPECT_TRUE(result.failure.empty());
   EXPECT_FALSE(result.passed());
   EXPECT_FALSE(result.verdicts[0].value.has_value());
   EXPECT_FALSE(result.verdicts[1].value.has_value());
-  EXPECT_THAT(in_words(trial, result), HasSubstr("path_error_m <= 1: not measured"));
+  EXPECT_THAT(scripted_trials::in_words(trial, result),
+              HasSubstr("path_error_m <= 1: not measured"));
 }
 
 TEST_F(ScriptedTrialTest, EqualScriptsGiveEqualDrives) {
-  const ScriptedTrial trial = script("  - goto: {xy: [1.0, 1.2]}\n", "localisation: odom\n");
-  const ScriptedResult a = run(trial), b = run(trial);
+  const scripted_trials::ScriptedTrial trial =
+      script("  - goto: {xy: [1.0, 1.2]}\n", "localisation: odom\n");
+  const scripted_trials::ScriptedResult a = run(trial), b = run(trial);
   EXPECT_EQ(a.trial.state_hash, b.trial.state_hash);
   EXPECT_GT(a.trial.path_m, 2.0);
   // On the navigation mesh it is another drive.
-  ScriptedTrial point = trial;
+  scripted_trials::ScriptedTrial point = trial;
   point.collision = sim::CollisionMode::kNavmesh;
   EXPECT_TRUE(run(point).passed());
 }

@@ -51,13 +51,13 @@ sensors:
   compass: {rate_hz: 2, declination_deg: 3.5}
 )";
 
-ExperimentSpec parse(const std::string& more) {
-  SpecFolders folders{"data", "work"};
-  return parse_spec(kSpec + more, "sensed.yaml", folders);
+specs::ExperimentSpec parse(const std::string& more) {
+  specs::SpecFolders folders{"data", "work"};
+  return specs::parse_spec(kSpec + more, "sensed.yaml", folders);
 }
 
 TEST(SensorSpec, ReadsWhatIsThere) {
-  const ExperimentSpec spec = parse(kSensors);
+  const specs::ExperimentSpec spec = parse(kSensors);
   ASSERT_TRUE(spec.sensors.has_value());
   const sim::SensorSettings& s = *spec.sensors;
   EXPECT_DOUBLE_EQ(s.camera.rgb.exposure_s, 0.03);
@@ -83,7 +83,7 @@ TEST(SensorSpec, ReadsWhatIsThere) {
   EXPECT_EQ(spec.localisation.localiser->position_m.sigma, 0.01);
   EXPECT_FALSE(spec.localisation.odometry);
 
-  const ExperimentSpec plain = parse("");
+  const specs::ExperimentSpec plain = parse("");
   EXPECT_FALSE(plain.sensors.has_value());
   EXPECT_FALSE(plain.localisation.localiser || plain.localisation.odometry);
   EXPECT_TRUE(parse("localisation: odom\n").localisation.odometry);
@@ -124,18 +124,19 @@ class SensorRun : public testing::Test {
   }
   static void TearDownTestSuite() { delete folder_; }
   static void run(const std::string& work, const std::string& text, int workers) {
-    RunOptions options;
+    runs::RunOptions options;
     options.folders = {folder_->path(), folder_->path() / work};
     options.workers = workers;
-    (void)run_experiment(parse_spec(text, "sensed.yaml", options.folders), options);
+    (void)runs::run_experiment(specs::parse_spec(text, "sensed.yaml", options.folders),
+                               options);
   }
   static fs::path sensors(const std::string& work, const std::string& arm = "one") {
     return folder_->path() / work / "sensors" / "tiny" / ("couch-00." + arm);
   }
   static std::vector<std::uint64_t> hashes(const std::string& work) {
-    const Store store(folder_->path() / work / "results.sqlite");
+    const records::Store store(folder_->path() / work / "results.sqlite");
     std::vector<std::uint64_t> found;
-    for (const TrialRow& row : store.trials(store.runs().back().run_id)) {
+    for (const records::TrialRow& row : store.trials(store.runs().back().run_id)) {
       EXPECT_EQ(row.error, "");
       found.push_back(row.state_hash);
     }
@@ -143,7 +144,7 @@ class SensorRun : public testing::Test {
   }
   static std::string replay(const fs::path& path, const std::string& flags) {
     CLI::App app;
-    add_replay_command(app);
+    commands::add_replay_command(app);
     try {
       app.parse("replay " + path.string() + " " + flags + " --data " +
                 folder_->path().string());
@@ -170,7 +171,7 @@ TEST_F(SensorRun, LeavesFiles) {
   EXPECT_EQ(imu[1].substr(0, 24), "0.050000000,0.050000000,");
   const auto gps = lines_of(core::read_file(folder / "gps.csv"));
   EXPECT_EQ(gps[1].substr(0, 28), "0.100000000,0.100000000,49.9");
-  const auto lidar = lines_of(read_gzip(folder / "lidar.csv.gz"));
+  const auto lidar = lines_of(support::read_gzip(folder / "lidar.csv.gz"));
   EXPECT_THAT(lidar[0], HasSubstr(",range_30_m"));
   EXPECT_EQ(lidar[1].substr(0, 23), "0.000000000,0.035000000");
   EXPECT_EQ(std::count(lidar[1].begin(), lidar[1].end(), ','), 32);
@@ -215,13 +216,13 @@ TEST_F(SensorRun, ReplaysEqualAndNamesTheSensorThatDiffers) {
   EXPECT_EQ(replay(logs, "--verify --from-log"), "") << "images of the exposure, too";
 
   const fs::path log = logs / "tiny" / "couch-00.one.jsonl";
-  ReplayLog recorded = read_replay_log(log);
+  records::ReplayLog recorded = records::read_replay_log(log);
   ASSERT_EQ(recorded.sensors.size(), 5U);
   EXPECT_EQ(recorded.sensors[1].sensor, "imu");
   recorded.sensors[1].hash ^= 1U;
   const fs::path changed = folder_->path() / "changed" / "replays" / "tiny" / log.filename();
   fs::create_directories(changed.parent_path());
-  write_replay_log(changed, recorded);
+  records::write_replay_log(changed, recorded);
   testing::internal::CaptureStdout();
   const std::string message =
       replay(changed, "--verify --work " + (folder_->path() / "with").string());
@@ -241,19 +242,20 @@ steps:
   - hold: {for_s: 0.5}
 )";
   const auto drive = [&script](const std::string& name, const std::string& more) {
-    const ScriptedTrial trial = parse_scripted_trial(
+    const scripted_trials::ScriptedTrial trial = scripted_trials::parse_scripted_trial(
         script + more, folder_->path() / (name + ".yaml"), folder_->path());
-    BoundScript bound = bind_script(trial);
-    return run_script(bound, folder_->path() / name);
+    scripted_trials::BoundScript bound = scripted_trials::bind_script(trial);
+    return scripted_trials::run_script(bound, folder_->path() / name);
   };
-  const ScriptedResult plain = drive("plain", "");
-  const ScriptedResult sensed = drive("sensed", "sensors: {imu: {}, gps: {}}\n");
+  const scripted_trials::ScriptedResult plain = drive("plain", "");
+  const scripted_trials::ScriptedResult sensed =
+      drive("sensed", "sensors: {imu: {}, gps: {}}\n");
   EXPECT_EQ(sensed.trial.state_hash, plain.trial.state_hash);
   EXPECT_FALSE(fs::exists(folder_->path() / "plain" / "sensors"));
   const auto imu = lines_of(core::read_file(folder_->path() / "sensed/sensors/imu.csv"));
   EXPECT_EQ(imu.size() - 1, sensed.trial.sensors.imu.size());
   EXPECT_GT(imu.size(), 100U);
-  const ScriptedResult lost = drive("lost", "localisation: noisy\n");
+  const scripted_trials::ScriptedResult lost = drive("lost", "localisation: noisy\n");
   EXPECT_NE(lost.trial.final_estimate.x_m, lost.trial.track.back().pose.x_m);
   EXPECT_EQ(plain.trial.final_estimate.x_m, plain.trial.track.back().pose.x_m);
 }
@@ -264,12 +266,12 @@ TEST(SensorFiles, OfAnEarlierTrialGo) {
   sim::SensorLog log;
   log.imu.push_back({20'000'000, 21'000'000, {}});
   log.lidar.push_back({0, 0, {1.0F, std::nanf(""), 2.5F}});
-  write_sensor_files(folder.path(), settings, log);
-  EXPECT_EQ(lines_of(read_gzip(folder.path() / "lidar.csv.gz"))[1],
+  trials::write_sensor_files(folder.path(), settings, log);
+  EXPECT_EQ(lines_of(support::read_gzip(folder.path() / "lidar.csv.gz"))[1],
             "0.000000000,0.000000000,1.0000,,2.5000");
   EXPECT_EQ(lines_of(core::read_file(folder.path() / "imu.csv"))[1],
             "0.020000000,0.021000000,0,0,0,0,0,0");
-  write_sensor_files(folder.path(), settings, {});
+  trials::write_sensor_files(folder.path(), settings, {});
   EXPECT_FALSE(fs::exists(folder.path() / "imu.csv"));
   EXPECT_FALSE(fs::exists(folder.path() / "lidar.csv.gz"));
   EXPECT_TRUE(fs::exists(folder.path() / "summary.json"));

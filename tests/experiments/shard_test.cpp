@@ -16,11 +16,11 @@ using testing::HasSubstr;
 using Variables = std::map<std::string, std::string>;
 
 std::string shard(const std::string& word, const Variables& variables = {}) {
-  return shard_from(word,
-                    [&](const char* name) -> const char* {
-                      const auto found = variables.find(name);
-                      return found == variables.end() ? nullptr : found->second.c_str();
-                    })
+  return runs::shard_from(word,
+                          [&](const char* name) -> const char* {
+                            const auto found = variables.find(name);
+                            return found == variables.end() ? nullptr : found->second.c_str();
+                          })
       .text();
 }
 
@@ -41,7 +41,7 @@ TEST(Shard, PartsAreAPartition) {
     for (std::size_t unit = 0; unit < 100; ++unit) {
       int owners = 0;
       for (int index = 0; index < count; ++index) {
-        if (!Shard{index, count}.has(unit)) continue;
+        if (!runs::Shard{index, count}.has(unit)) continue;
         ++owners;
         ++sizes[index];
       }

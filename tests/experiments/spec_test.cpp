@@ -47,12 +47,12 @@ planned_n: 6
 videos: first
 )";
 
-ExperimentSpec parse(const std::string& text, SpecFolders folders = {"/d", ""}) {
-  return parse_spec(text, "specs/two.yaml", folders);
+specs::ExperimentSpec parse(const std::string& text, specs::SpecFolders folders = {"/d", ""}) {
+  return specs::parse_spec(text, "specs/two.yaml", folders);
 }
 
 /// The message of the error that a spec causes; empty if it causes none.
-std::string error_of(const std::string& text, const SpecFolders& folders = {"/d", ""}) {
+std::string error_of(const std::string& text, const specs::SpecFolders& folders = {"/d", ""}) {
   try {
     (void)parse(text, folders);
   } catch (const core::InputError& error) {
@@ -68,18 +68,18 @@ std::string with(std::string text, const std::string& from, const std::string& t
 }
 
 TEST(Spec, EveryFieldIsRead) {
-  SpecFolders folders{"/d", ""};
-  const ExperimentSpec spec = parse_spec(kSpec, "specs/two.yaml", folders);
+  specs::SpecFolders folders{"/d", ""};
+  const specs::ExperimentSpec spec = specs::parse_spec(kSpec, "specs/two.yaml", folders);
   EXPECT_EQ(folders.work, "out/two-flats");
   EXPECT_EQ(spec.name, "two-flats");
   EXPECT_EQ(spec.seed, 7U);
   ASSERT_EQ(spec.scenes.size(), 2U);
 
-  const SceneSpec& flat = spec.scenes[0];
+  const specs::SceneSpec& flat = spec.scenes[0];
   EXPECT_EQ(flat.title, "Flat 1");
   EXPECT_EQ(flat.bundle, "out/two-flats/scenes/flat-1");
   ASSERT_TRUE(flat.source.has_value());
-  EXPECT_EQ(flat.source->type, SourceType::kFlat);
+  EXPECT_EQ(flat.source->type, specs::SourceType::kFlat);
   EXPECT_EQ(flat.source->seed, 11U);
   EXPECT_EQ(flat.source->capture.frames, 90);
   EXPECT_EQ(flat.source->capture.width_px, 320);
@@ -88,7 +88,7 @@ TEST(Spec, EveryFieldIsRead) {
   EXPECT_EQ(flat.episodes, 6);
   EXPECT_DOUBLE_EQ(flat.camera_height_m, 1.1);
 
-  const SceneSpec& office = spec.scenes[1];
+  const specs::SceneSpec& office = spec.scenes[1];
   EXPECT_EQ(office.title, "office");
   EXPECT_EQ(office.source->folder, "/d/office");
   EXPECT_EQ(office.source->boxes, "specs/boxes.json");
@@ -103,9 +103,9 @@ TEST(Spec, EveryFieldIsRead) {
   EXPECT_EQ(spec.detectors.finetune->mix_rooms, 100);
   EXPECT_EQ(spec.detectors.finetune->start_clearance_m, 0.5);
   ASSERT_EQ(spec.arms.size(), 4U);
-  EXPECT_EQ(spec.arms[0].detector, ArmDetector::kBefore);
+  EXPECT_EQ(spec.arms[0].detector, specs::ArmDetector::kBefore);
   EXPECT_DOUBLE_EQ(spec.arms[1].score_threshold.value(), 0.4);
-  EXPECT_EQ(spec.arms[2].detector, ArmDetector::kOracle);
+  EXPECT_EQ(spec.arms[2].detector, specs::ArmDetector::kOracle);
   EXPECT_EQ(spec.arms[3].weights, "/d/other.bin");
   EXPECT_EQ(spec.robot.name, "jackal-gentle");
   EXPECT_EQ(spec.camera.intrinsics().width_px, 160);
@@ -113,17 +113,17 @@ TEST(Spec, EveryFieldIsRead) {
   EXPECT_NEAR(spec.camera.intrinsics().horizontal_fov_rad(), 80.0 * 3.14159265 / 180.0, 1e-6);
   EXPECT_EQ(spec.success.visible_pixels, 25);
   EXPECT_EQ(spec.planned_n, 6);
-  EXPECT_EQ(spec.videos, Recorded::kFirst);
+  EXPECT_EQ(spec.videos, specs::Recorded::kFirst);
 }
 
 TEST(Spec, FramesAreRecordedOnRequest) {
-  EXPECT_EQ(parse(kSpec).frames.of, Recorded::kNone);
+  EXPECT_EQ(parse(kSpec).frames.of, specs::Recorded::kNone);
   const std::string text(kSpec);
-  FramesSpec frames = parse(text + "frames: {of: all}\n").frames;
-  EXPECT_EQ(frames.of, Recorded::kAll);
+  specs::FramesSpec frames = parse(text + "frames: {of: all}\n").frames;
+  EXPECT_EQ(frames.of, specs::Recorded::kAll);
   EXPECT_EQ(frames.every_s, 1.0);
   frames = parse(text + "frames: {of: first, every_s: 0.4}\n").frames;
-  EXPECT_EQ(frames.of, Recorded::kFirst);
+  EXPECT_EQ(frames.of, specs::Recorded::kFirst);
   EXPECT_EQ(frames.every_s, 0.4);
   EXPECT_THAT(error_of(text + "frames: {every_s: 1}\n"), HasSubstr("of"));
   EXPECT_THAT(error_of(text + "frames: {of: most}\n"), HasSubstr("none | first | all"));
@@ -133,11 +133,13 @@ TEST(Spec, FramesAreRecordedOnRequest) {
 }
 
 TEST(Spec, WhatMotionIsCheckedAgainst) {
-  SpecFolders folders;
+  specs::SpecFolders folders;
   folders.data = "data";
-  EXPECT_EQ(parse_spec(kSpec, "two.yaml", folders).collision, sim::CollisionMode::kFootprint);
+  EXPECT_EQ(specs::parse_spec(kSpec, "two.yaml", folders).collision,
+            sim::CollisionMode::kFootprint);
   const std::string text = std::string(kSpec) + "collision: navmesh\n";
-  EXPECT_EQ(parse_spec(text, "two.yaml", folders).collision, sim::CollisionMode::kNavmesh);
+  EXPECT_EQ(specs::parse_spec(text, "two.yaml", folders).collision,
+            sim::CollisionMode::kNavmesh);
 }
 
 TEST(Spec, SuccessProfilesByName) {
@@ -147,7 +149,7 @@ TEST(Spec, SuccessProfilesByName) {
     return with(kSpec, line, "success: {" + fields + "}");
   };
   EXPECT_DOUBLE_EQ(parse(kSpec).success.rule().distance_m, 0.8);
-  const SuccessSpec habitat = parse(profile("profile: habitat-hm3d")).success;
+  const specs::SuccessSpec habitat = parse(profile("profile: habitat-hm3d")).success;
   EXPECT_EQ(habitat.rule(), *sim::find_success_profile("habitat-hm3d"));
   EXPECT_DOUBLE_EQ(habitat.distance_m, 0.1);
   EXPECT_FALSE(habitat.require_visible);
@@ -161,7 +163,7 @@ TEST(Spec, SuccessProfilesByName) {
 
 TEST(Spec, AnEpisodeFileTakesThePlaceOfRules) {
   const std::string rules = "goals: [chair, couch]\n    episodes: 6\n";
-  const ExperimentSpec spec =
+  const specs::ExperimentSpec spec =
       parse(with(kSpec, rules, "episode_file: ${data}/set.jsonl\n    allow_trivial: true\n"));
   EXPECT_EQ(spec.scenes[0].episode_file, "/d/set.jsonl");
   EXPECT_TRUE(spec.scenes[0].allow_trivial);
@@ -176,7 +178,7 @@ TEST(Spec, ScenesAreTrainedOnRequest) {
   const auto trained = [](const std::string& fields) {
     return with(kSpec, "voxel_m: 0.03,", "voxel_m: 0.03, reconstruct: {" + fields + "},");
   };
-  const ExperimentSpec spec = parse(trained(
+  const specs::ExperimentSpec spec = parse(trained(
       "iterations: 500, label_iterations: 70, head: panoptic-lifting, seed: 9, config: "
       "\"${spec}/mine.yaml\""));
   const auto& reconstruct = spec.find_scene("flat-1")->source->reconstruct;
@@ -192,26 +194,26 @@ TEST(Spec, ScenesAreTrainedOnRequest) {
 }
 
 TEST(Spec, LeakageFollowsTheFineTuningScenes) {
-  const ExperimentSpec spec = parse(kSpec);
-  const ArmSpec& before = *spec.find_arm("before");
-  const ArmSpec& after = *spec.find_arm("after");
+  const specs::ExperimentSpec spec = parse(kSpec);
+  const specs::ArmSpec& before = *spec.find_arm("before");
+  const specs::ArmSpec& after = *spec.find_arm("after");
   EXPECT_TRUE(spec.leaks(after, *spec.find_scene("flat-1")));
   EXPECT_FALSE(spec.leaks(after, *spec.find_scene("office")));
   EXPECT_FALSE(spec.leaks(before, *spec.find_scene("flat-1")));
   // Without a list all scenes are tuned on.
-  const ExperimentSpec all = parse(with(kSpec, "scenes: [flat-1], ", ""));
+  const specs::ExperimentSpec all = parse(with(kSpec, "scenes: [flat-1], ", ""));
   EXPECT_TRUE(all.leaks(*all.find_arm("after"), *all.find_scene("office")));
 }
 
-std::vector<std::string> names_of(const ExperimentSpec& spec) {
+std::vector<std::string> names_of(const specs::ExperimentSpec& spec) {
   std::vector<std::string> names;
-  for (const ArmSpec& arm : spec.arms) names.push_back(arm.name);
+  for (const specs::ArmSpec& arm : spec.arms) names.push_back(arm.name);
   return names;
 }
 
 TEST(Spec, RepetitionsMayBeANumber) {
   for (const char* text : {"repetitions: 3\n", "repetitions: {trials: 3}\n"}) {
-    const ExperimentSpec spec = parse(std::string(kSpec) + text);
+    const specs::ExperimentSpec spec = parse(std::string(kSpec) + text);
     EXPECT_EQ(spec.repetitions.trials, 3);
     EXPECT_EQ(spec.repetitions.finetune_seeds, 1);
     EXPECT_THAT(names_of(spec), ElementsAre("before", "after", "oracle", "other"));
@@ -223,11 +225,12 @@ TEST(Spec, RepetitionsMayBeANumber) {
 
 /// The first training keeps its name; every arm is of the family that the file names.
 TEST(Spec, EveryTrainingIsAnArm) {
-  const ExperimentSpec spec = parse(std::string(kSpec) + "repetitions: {finetune_seeds: 3}\n");
+  const specs::ExperimentSpec spec =
+      parse(std::string(kSpec) + "repetitions: {finetune_seeds: 3}\n");
   EXPECT_THAT(names_of(spec),
               ElementsAre("before", "after", "after.s3", "after.s4", "oracle", "other"));
   EXPECT_EQ(spec.scenes.size(), 2U);
-  const ArmSpec& third = *spec.find_arm("after.s4");
+  const specs::ArmSpec& third = *spec.find_arm("after.s4");
   EXPECT_EQ(third.family, "after");
   EXPECT_EQ(third.finetune_seed, std::optional<std::uint64_t>(4));
   EXPECT_EQ(third.score_threshold, std::optional<double>(0.4));
@@ -235,7 +238,7 @@ TEST(Spec, EveryTrainingIsAnArm) {
   EXPECT_EQ(spec.find_arm("after")->finetune_seed, std::optional<std::uint64_t>(2));
   EXPECT_FALSE(spec.find_arm("before")->finetune_seed.has_value());
   // The first seed need not be 2.
-  const ExperimentSpec other =
+  const specs::ExperimentSpec other =
       parse(with(std::string(kSpec), "views_per_scene: 30", "seed: 7, views_per_scene: 30") +
             "repetitions: {finetune_seeds: 2}\n");
   EXPECT_NE(other.find_arm("after.s8"), nullptr);
@@ -244,14 +247,14 @@ TEST(Spec, EveryTrainingIsAnArm) {
 TEST(Spec, EveryReconstructionHasItsScenesAndArms) {
   std::string text = with(kSpec, "voxel_m: 0.03,", "voxel_m: 0.03, reconstruct: {seed: 5},");
   text = with(text, "frame_step: 2", "frame_step: 2, reconstruct: {}");
-  const ExperimentSpec spec =
+  const specs::ExperimentSpec spec =
       parse(text + "repetitions: {finetune_seeds: 2, reconstruct_seeds: 2}\n");
   EXPECT_THAT(names_of(spec),
               ElementsAre("before", "after", "after.s3", "oracle", "other", "before.r2",
                           "after.r2", "after.r2.s3", "oracle.r2", "other.r2"));
   ASSERT_EQ(spec.scenes.size(), 4U);
   EXPECT_EQ(spec.scenes[1].name, "office");
-  const SceneSpec& again = spec.scenes[2];
+  const specs::SceneSpec& again = spec.scenes[2];
   EXPECT_EQ(again.name, "flat-1.r2");
   EXPECT_EQ(again.family, "flat-1");
   EXPECT_EQ(again.reconstruction, 2);
@@ -260,7 +263,7 @@ TEST(Spec, EveryReconstructionHasItsScenesAndArms) {
   EXPECT_EQ(again.source->seed, 11U);              // The same recording, ...
   EXPECT_EQ(again.source->reconstruct->seed, 6U);  // ... another training.
   EXPECT_EQ(spec.scenes[0].source->reconstruct->seed, 5U);
-  const ArmSpec& arm = *spec.find_arm("after.r2.s3");
+  const specs::ArmSpec& arm = *spec.find_arm("after.r2.s3");
   EXPECT_EQ(arm.reconstruction, 2);
   EXPECT_EQ(arm.family, "after");
   EXPECT_TRUE(spec.leaks(arm, again));
@@ -330,7 +333,7 @@ TEST(Spec, AWrongTypeOrValueIsNamedWithItsLine) {
 }
 
 TEST(Spec, AnArmMayHaveAPolicyOfItsOwn) {
-  const ExperimentSpec spec =
+  const specs::ExperimentSpec spec =
       parse(with(kSpec, "{name: oracle, detector: oracle}",
                  "{name: oracle, detector: oracle, policy: {type: vlfm, parity: vlfm}}"));
   EXPECT_EQ(spec.policy.name(), "frontier");
@@ -347,10 +350,10 @@ TEST(Spec, AnArmMayHaveAPolicyOfItsOwn) {
 }
 
 TEST(Spec, ASceneTakesTheRobotsCameraHeight) {
-  const ExperimentSpec jackal = parse(kSpec);
+  const specs::ExperimentSpec jackal = parse(kSpec);
   EXPECT_EQ(jackal.scenes[0].camera_height_m, 1.1);  // Its own.
   EXPECT_EQ(jackal.scenes[1].camera_height_m, 1.2);
-  const ExperimentSpec turtle =
+  const specs::ExperimentSpec turtle =
       parse(with(kSpec, "robot: jackal-gentle", "robot: turtlebot3-waffle"));
   EXPECT_EQ(turtle.scenes[0].camera_height_m, 1.1);
   EXPECT_EQ(turtle.scenes[1].camera_height_m, 0.55);
@@ -371,7 +374,7 @@ TEST(Spec, ARobotFromAFileIsPartOfTheSpec) {
     return parse(with(kSpec, "robot: jackal-gentle", "robot: \"${data}/mine.yaml\""),
                  {folder, ""});
   };
-  const ExperimentSpec narrow = spec_of(0.3), wide = spec_of(0.4), again = spec_of(0.3);
+  const specs::ExperimentSpec narrow = spec_of(0.3), wide = spec_of(0.4), again = spec_of(0.3);
   EXPECT_EQ(narrow.robot.width_m, 0.3);
   EXPECT_THAT(narrow.robot.name, testing::StartsWith("mine@"));
   EXPECT_NE(narrow.robot.name, wide.robot.name);
@@ -400,12 +403,12 @@ TEST(Spec, TheSpecsOfTheRepositoryAreValid) {
   int found = 0;
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {
     if (entry.path().extension() != ".yaml") continue;
-    SpecFolders folders{"/data", ""};
-    const ExperimentSpec spec = load_spec(entry.path(), folders);
+    specs::SpecFolders folders{"/data", ""};
+    const specs::ExperimentSpec spec = specs::load_spec(entry.path(), folders);
     EXPECT_EQ(spec.name, entry.path().stem());
     // Without it a table cannot tell the detector's failures from navigation's.
-    EXPECT_TRUE(std::any_of(spec.arms.begin(), spec.arms.end(), [](const ArmSpec& arm) {
-      return arm.detector == ArmDetector::kOracle;
+    EXPECT_TRUE(std::any_of(spec.arms.begin(), spec.arms.end(), [](const specs::ArmSpec& arm) {
+      return arm.detector == specs::ArmDetector::kOracle;
     })) << spec.name;
     ++found;
   }

@@ -18,23 +18,23 @@ namespace {
 using testing::HasSubstr;
 
 TEST(StageTimes, WhatWasThereTakesNoTime) {
-  StageTimes times;
-  { const StageTimes::Timer found(times, "capture"); }
+  support::StageTimes times;
+  { const support::StageTimes::Timer found(times, "capture"); }
   {
-    StageTimes::Timer made(times, "trials");
+    support::StageTimes::Timer made(times, "trials");
     made.working();
     std::this_thread::sleep_for(std::chrono::milliseconds(2));
   }
-  { StageTimes::Timer again(times, "trials"); }
-  const std::vector<StageTime> all = times.all();
+  { support::StageTimes::Timer again(times, "trials"); }
+  const std::vector<support::StageTime> all = times.all();
   ASSERT_EQ(all.size(), 2U);
   EXPECT_EQ(all[0].stage, "capture");
   EXPECT_FALSE(all[0].made);
   EXPECT_EQ(all[0].wall_s, 0.0);
-  EXPECT_EQ(in_words(all[0]), "0 s (was there)");
+  EXPECT_EQ(support::in_words(all[0]), "0 s (was there)");
   EXPECT_TRUE(all[1].made);
   EXPECT_GE(all[1].wall_s, 0.002);
-  EXPECT_THAT(stage_times_text({{"trials", 61.25, true}}, 70.0),
+  EXPECT_THAT(support::stage_times_text({{"trials", 61.25, true}}, 70.0),
               testing::AllOf(HasSubstr("trials  61.2 s"), HasSubstr("all     70.0 s")));
 }
 
@@ -43,11 +43,11 @@ TEST(StageTimes, RowsOfARunAddUp) {
   const std::map<std::string, std::string> known{{"time/trials", "10.5 s"},
                                                  {"time/capture", "3.0 s"},
                                                  {"time/episodes", "0 s (was there)"}};
-  const auto rows = stage_time_rows({{"trials", 2.0, true},
-                                     {"capture", 0.0, false},
-                                     {"episodes", 1.0, true},
-                                     {"tables", 0.0, false}},
-                                    known);
+  const auto rows = support::stage_time_rows({{"trials", 2.0, true},
+                                              {"capture", 0.0, false},
+                                              {"episodes", 1.0, true},
+                                              {"tables", 0.0, false}},
+                                             known);
   EXPECT_EQ(rows, (std::map<std::string, std::string>{{"time/trials", "12.5 s"},
                                                       {"time/episodes", "1.0 s"},
                                                       {"time/tables", "0 s (was there)"}}));
@@ -58,7 +58,7 @@ TEST(SideBySide, EveryPieceOnceAndNoMoreThanAskedForAtOnce) {
     std::mutex mutex;
     std::multiset<std::size_t> done;
     std::atomic<int> now{0}, most{0};
-    side_by_side(20, at_once, [&](std::size_t k) {
+    support::side_by_side(20, at_once, [&](std::size_t k) {
       const int beside = ++now;
       for (int seen = most; seen < beside && !most.compare_exchange_weak(seen, beside);) {
       }
@@ -73,7 +73,7 @@ TEST(SideBySide, EveryPieceOnceAndNoMoreThanAskedForAtOnce) {
     EXPECT_EQ(std::set<std::size_t>(done.begin(), done.end()).size(), 20U);
     EXPECT_LE(most, at_once);
   }
-  side_by_side(0, 4, [](std::size_t) { FAIL(); });
+  support::side_by_side(0, 4, [](std::size_t) { FAIL(); });
 }
 
 /// Both are under way when both fail: the smaller index is told, and nothing new begins.
@@ -81,7 +81,7 @@ TEST(SideBySide, TheFirstErrorIsThrown) {
   for (const int at_once : {1, 2}) {
     std::atomic<int> begun{0};
     try {
-      side_by_side(100, at_once, [&](std::size_t k) {
+      support::side_by_side(100, at_once, [&](std::size_t k) {
         ++begun;
         while (at_once == 2 && begun < 2) std::this_thread::yield();
         throw std::runtime_error("piece " + std::to_string(k));

@@ -18,11 +18,11 @@ namespace fs = std::filesystem;
 
 constexpr int kScenes = 10;
 
-std::int64_t begin(Store& store) {
-  RunRow run;
+std::int64_t begin(records::Store& store) {
+  records::RunRow run;
   run.name = run.title = "bench";
   run.success_profile = "p";
-  std::vector<SceneRow> scenes;
+  std::vector<records::SceneRow> scenes;
   for (int k = 0; k < kScenes; ++k) {
     const std::string name = "scene-" + std::to_string(k);
     scenes.push_back({name, name, "s", "e", 0});
@@ -33,10 +33,10 @@ std::int64_t begin(Store& store) {
 
 /// Of two arms and ten scenes; half of the trials of "before" and nine tenths of "after"
 /// succeed.
-TrialRow trial_of(std::int64_t number) {
+records::TrialRow trial_of(std::int64_t number) {
   const std::int64_t episode = number / 2;
   const bool after = number % 2 == 1;
-  TrialRow trial;
+  records::TrialRow trial;
   trial.arm = after ? "after" : "before";
   trial.scene = "scene-" + std::to_string(episode % kScenes);
   trial.episode = trial.scene + "/chair/" + std::to_string(episode);
@@ -64,9 +64,9 @@ TrialRow trial_of(std::int64_t number) {
 fs::path run_of(const fs::path& folder, std::int64_t trials) {
   const fs::path file = folder / (std::to_string(trials) + ".sqlite");
   if (fs::exists(file)) return file;
-  std::vector<TrialRow> rows;
+  std::vector<records::TrialRow> rows;
   for (std::int64_t k = 0; k < trials; ++k) rows.push_back(trial_of(k));
-  Store store(file);
+  records::Store store(file);
   store.add_trials(begin(store), rows);
   return file;
 }
@@ -77,9 +77,9 @@ const fs::path& folder() {
 }
 
 void BM_AddTrial(benchmark::State& state) {
-  Store store(folder() / "add.sqlite");
+  records::Store store(folder() / "add.sqlite");
   const std::int64_t run_id = begin(store);
-  TrialRow trial;
+  records::TrialRow trial;
   trial.arm = "before";
   trial.scene = "scene-0";
   trial.outcome = "success";
@@ -96,7 +96,7 @@ BENCHMARK(BM_AddTrial)->Unit(benchmark::kMillisecond)->UseRealTime();
 void BM_ReadToResume(benchmark::State& state) {
   const fs::path file = run_of(folder(), state.range(0));
   for (auto _ : state) {
-    const Store store(file);
+    const records::Store store(file);
     const std::size_t found = store.trials(store.runs().back().run_id).size();
     SEGSIM_CHECK(static_cast<std::int64_t>(found) == state.range(0), std::to_string(found));
   }
@@ -106,9 +106,9 @@ BENCHMARK(BM_ReadToResume)->Arg(10'000)->Unit(benchmark::kMillisecond);
 void BM_Table(benchmark::State& state) {
   const fs::path file = run_of(folder(), state.range(0));
   for (auto _ : state) {
-    const ResultTable table = summarise(load_run(file));
+    const results::ResultTable table = results::summarise(results::load_run(file));
     SEGSIM_CHECK(table.all->pairs.total() == state.range(0) / 2, "every episode is a pair");
-    benchmark::DoNotOptimize(format_table(table, TableFormat::kText));
+    benchmark::DoNotOptimize(results::format_table(table, support::TableFormat::kText));
   }
 }
 BENCHMARK(BM_Table)->Arg(100'000)->Unit(benchmark::kMillisecond);

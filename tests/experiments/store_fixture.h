@@ -31,8 +31,8 @@ inline void execute_sql(const std::filesystem::path& file, const char* sql) {
   sqlite3_close(db);
 }
 
-inline RunRow a_run() {
-  RunRow run;
+inline records::RunRow a_run() {
+  records::RunRow run;
   run.name = "demo";
   run.title = "Demo";
   run.spec_sha256 = "abc";
@@ -46,17 +46,19 @@ inline RunRow a_run() {
   return run;
 }
 
-inline std::int64_t begin(Store& store) {
+inline std::int64_t begin(records::Store& store) {
   return store.begin_run(
       a_run(), {{"b", "Scene B", "s1", "e1", 2}, {"a", "Scene A", "s2", "e2", 2}},
       {{"before", "w.bin", "ff", "", -1, {}},
        {"after", "v.bin", "fe", "b", 0.5,
-        HeldOutPrecision{60, 0.5, 0.25, 0.2, 0.75, 0.625, 0.625, 0.0}, StartLeak{400, 3, 1.0},
-        SceneExposure{{"b"}, {"b", "a"}, {}, TrainingDataKnown::kPart}}});
+        records::HeldOutPrecision{60, 0.5, 0.25, 0.2, 0.75, 0.625, 0.625, 0.0},
+        records::StartLeak{400, 3, 1.0},
+        records::SceneExposure{{"b"}, {"b", "a"}, {}, records::TrainingDataKnown::kPart}}});
 }
 
-inline TrialRow a_trial(const std::string& arm, const std::string& episode, bool success) {
-  TrialRow trial;
+inline records::TrialRow a_trial(const std::string& arm, const std::string& episode,
+                                 bool success) {
+  records::TrialRow trial;
   trial.arm = arm;
   trial.scene = episode.substr(0, 1);
   trial.episode = episode;
@@ -74,7 +76,7 @@ inline TrialRow a_trial(const std::string& arm, const std::string& episode, bool
 /// The message with which a database is refused.
 inline std::string refusal(const std::filesystem::path& file) {
   try {
-    const Store store(file);
+    const records::Store store(file);
   } catch (const core::InputError& error) {
     return error.what();
   }

@@ -24,24 +24,24 @@ namespace fs = std::filesystem;
 using testing::HasSubstr;
 
 TEST_F(StoreTest, WhatIsWrittenIsReadBack) {
-  const auto run = with_distinct_values<RunRow>();
-  const auto scene = with_distinct_values<SceneRow>();
-  const auto arm = with_distinct_values<ArmColumns>();
-  const auto trial = with_distinct_values<TrialRow>();
+  const auto run = with_distinct_values<records::RunRow>();
+  const auto scene = with_distinct_values<records::SceneRow>();
+  const auto arm = with_distinct_values<records::ArmColumns>();
+  const auto trial = with_distinct_values<records::TrialRow>();
   std::int64_t id = 0;
   {
-    Store store(file_);
-    id = store.begin_run(run, {scene}, {arm_of(arm)});
+    records::Store store(file_);
+    id = store.begin_run(run, {scene}, {records::arm_of(arm)});
     store.add_trial(id, trial);
   }
-  const Store store(file_);
+  const records::Store store(file_);
   ASSERT_EQ(store.trials(id).size(), 1U);
-  TrialRow read = store.trials(id)[0];
+  records::TrialRow read = store.trials(id)[0];
   EXPECT_GT(read.trial_id, 0);
   read.trial_id = trial.trial_id;
   EXPECT_EQ(values_of(read), values_of(trial));
   ASSERT_EQ(store.runs().size(), 1U);
-  RunRow read_run = store.runs()[0];
+  records::RunRow read_run = store.runs()[0];
   EXPECT_EQ(read_run.run_id, id);
   EXPECT_NE(read_run.started, run.started) << "the store says when a run began";
   EXPECT_EQ(read_run.ended, "");
@@ -52,15 +52,15 @@ TEST_F(StoreTest, WhatIsWrittenIsReadBack) {
   ASSERT_EQ(store.scenes(id).size(), 1U);
   EXPECT_EQ(values_of(store.scenes(id)[0]), values_of(scene));
   ASSERT_EQ(store.arms(id).size(), 1U);
-  EXPECT_EQ(values_of(columns_of(store.arms(id)[0])), values_of(arm));
+  EXPECT_EQ(values_of(records::columns_of(store.arms(id)[0])), values_of(arm));
 }
 
 /// What lies flat in the database, or elsewhere.
 TEST_F(StoreTest, OptionalPartsOfAnArmAreReadBack) {
-  Store store(file_);
+  records::Store store(file_);
   const std::int64_t id = begin(store);
   EXPECT_EQ(store.runs()[0].seed, 18446744073709551557ULL);
-  const ArmRow before = store.arms(id)[0], after = store.arms(id)[1];
+  const records::ArmRow before = store.arms(id)[0], after = store.arms(id)[1];
   EXPECT_FALSE(before.held_out.has_value());
   EXPECT_FALSE(before.start_leak.has_value());
   EXPECT_FALSE(before.exposure.has_value());
@@ -71,13 +71,14 @@ TEST_F(StoreTest, OptionalPartsOfAnArmAreReadBack) {
   EXPECT_EQ(after.held_out->unseen_ap50, std::optional<double>(0.0));
   ASSERT_TRUE(after.start_leak.has_value());
   EXPECT_EQ(after.start_leak->near_starts, 3);
-  EXPECT_EQ(after.exposure, (SceneExposure{{"b"}, {"b", "a"}, {}, TrainingDataKnown::kPart}));
+  EXPECT_EQ(after.exposure, (records::SceneExposure{
+                                {"b"}, {"b", "a"}, {}, records::TrainingDataKnown::kPart}));
   EXPECT_EQ(store.runs()[0].provenance.at("leakage/after"),
             "partly unknown; trained on b; threshold chosen on b, a");
 }
 
 TEST_F(StoreTest, OrderDoesNotDependOnInsertion) {
-  Store store(file_);
+  records::Store store(file_);
   const std::int64_t id = begin(store);
   for (const auto& [arm, episode] :
        std::vector<std::pair<std::string, std::string>>{{"after", "a/chair/00"},
@@ -88,7 +89,7 @@ TEST_F(StoreTest, OrderDoesNotDependOnInsertion) {
     store.add_trial(id, a_trial(arm, episode, true));
   }
   std::string order;
-  for (const TrialRow& t : store.trials(id)) order += t.episode + "=" + t.arm + " ";
+  for (const records::TrialRow& t : store.trials(id)) order += t.episode + "=" + t.arm + " ";
   // Scenes and arms in the order of the spec, episodes by name.
   EXPECT_EQ(order,
             "b/chair/00=before b/chair/00=after b/chair/01=before a/chair/00=before "
@@ -96,14 +97,14 @@ TEST_F(StoreTest, OrderDoesNotDependOnInsertion) {
 }
 
 TEST_F(StoreTest, ATrialIsStoredOnce) {
-  Store store(file_);
+  records::Store store(file_);
   const std::int64_t id = begin(store);
   store.add_trial(id, a_trial("before", "b/chair/00", true));
   EXPECT_THROW(store.add_trial(id, a_trial("before", "b/chair/00", false)), core::InputError);
   ASSERT_EQ(store.trials(id).size(), 1U);
   EXPECT_TRUE(store.trials(id)[0].success);  // The first one stays.
   // Another repetition, arm or run is another trial.
-  TrialRow again = a_trial("before", "b/chair/00", false);
+  records::TrialRow again = a_trial("before", "b/chair/00", false);
   again.repetition = 1;
   store.add_trial(id, again);
   store.add_trial(begin(store), a_trial("before", "b/chair/00", false));
@@ -111,9 +112,9 @@ TEST_F(StoreTest, ATrialIsStoredOnce) {
 }
 
 TEST_F(StoreTest, AFailedTrialIsReplaced) {
-  Store store(file_);
+  records::Store store(file_);
   const std::int64_t id = begin(store);
-  TrialRow failed = a_trial("before", "b/chair/00", false);
+  records::TrialRow failed = a_trial("before", "b/chair/00", false);
   failed.outcome = "error";
   failed.error = "no memory";
   store.add_trial(id, failed);
@@ -126,14 +127,14 @@ TEST_F(StoreTest, AFailedTrialIsReplaced) {
 TEST_F(StoreTest, AKilledProcessLeavesOnlyWholeTrials) {
   std::int64_t id = 0;
   {
-    Store store(file_);
+    records::Store store(file_);
     id = begin(store);
   }
   const pid_t child = fork();
   ASSERT_GE(child, 0);
   if (child == 0) {
     // One finished trial, then death in the middle of the next transaction.
-    Store store(file_);
+    records::Store store(file_);
     store.add_trial(id, a_trial("before", "b/chair/00", true));
     sqlite3* db = nullptr;
     sqlite3_open(file_.c_str(), &db);
@@ -150,7 +151,7 @@ TEST_F(StoreTest, AKilledProcessLeavesOnlyWholeTrials) {
   waitpid(child, &status, 0);
   ASSERT_TRUE(WIFSIGNALED(status));
 
-  Store store(file_);
+  records::Store store(file_);
   ASSERT_EQ(store.trials(id).size(), 1U);
   EXPECT_EQ(store.trials(id)[0].episode, "b/chair/00");
   store.add_trial(id, a_trial("before", "b/chair/99", true));  // It can go on.
@@ -158,31 +159,31 @@ TEST_F(StoreTest, AKilledProcessLeavesOnlyWholeTrials) {
 }
 
 TEST_F(StoreTest, AttributionGoesWithItsTrial) {
-  Store store(file_);
+  records::Store store(file_);
   const std::int64_t id = begin(store);
-  TrialRow failed = a_trial("before", "b/chair/00", false);
+  records::TrialRow failed = a_trial("before", "b/chair/00", false);
   failed.outcome = "error";
   failed.why.cause = "harness_error";
   store.add_trial(id, failed);
   EXPECT_EQ(store.trials(id)[0].why.cause, "harness_error");
-  TrialRow trial = a_trial("before", "b/chair/00", false);
+  records::TrialRow trial = a_trial("before", "b/chair/00", false);
   trial.why.cause = "false_positive";
   trial.why.object_m = 0.0;
   store.add_trial(id, trial);  // In place of the failed one.
   store.add_trial(id, a_trial("after", "b/chair/00", true));
-  const std::vector<TrialRow> rows = store.trials(id);
+  const std::vector<records::TrialRow> rows = store.trials(id);
   ASSERT_EQ(rows.size(), 2U);
   EXPECT_GT(rows[0].trial_id, 0);
   EXPECT_NE(rows[0].trial_id, rows[1].trial_id);
   EXPECT_EQ(rows[0].why.cause, "false_positive");
   EXPECT_EQ(rows[0].why.object_m, 0.0);
   EXPECT_FALSE(rows[0].why.planar_m.has_value());
-  EXPECT_EQ(values_of(rows[1].why), values_of(Attribution{}));
+  EXPECT_EQ(values_of(rows[1].why), values_of(records::Attribution{}));
 }
 
 TEST_F(StoreTest, ProvenanceIsKeptByRunAndReplaced) {
-  Store store(file_);
-  RunRow run = a_run();
+  records::Store store(file_);
+  records::RunRow run = a_run();
   run.provenance = {{"clock", "lockstep"}, {"library/libtorch", "1.13"}};
   const std::int64_t first = store.begin_run(run, {}, {{"before", "w.bin", "ff", "", -1, {}}});
   const std::int64_t second = begin(store);
@@ -197,11 +198,11 @@ TEST_F(StoreTest, ProvenanceIsKeptByRunAndReplaced) {
 }
 
 TEST_F(StoreTest, AllTrialsOfACallAreAddedOrNone) {
-  Store store(file_);
+  records::Store store(file_);
   const std::int64_t id = begin(store);
   store.add_trial(id, a_trial("before", "b/chair/01", true));
-  std::vector<TrialRow> trials{a_trial("before", "b/chair/00", true),
-                               a_trial("before", "b/chair/01", true)};
+  std::vector<records::TrialRow> trials{a_trial("before", "b/chair/00", true),
+                                        a_trial("before", "b/chair/01", true)};
   trials[0].finished = "2026-01-01T00:00:00Z";
   EXPECT_THROW(store.add_trials(id, trials), core::InputError);
   EXPECT_EQ(store.trials(id).size(), 1U);
@@ -213,10 +214,10 @@ TEST_F(StoreTest, AllTrialsOfACallAreAddedOrNone) {
 
 TEST_F(StoreTest, JsonLinesHoldTheRunAndEveryColumn) {
   {
-    Store store(file_);
+    records::Store store(file_);
     const std::int64_t id = begin(store);
     store.set_provenance(id, "clock", "lockstep");
-    TrialRow trial = a_trial("before", "b/chair/00", false);
+    records::TrialRow trial = a_trial("before", "b/chair/00", false);
     trial.distance_to_goal_m.reset();
     trial.error = "line\n\"two\" \xff";
     trial.log = "logs/x.gz";
@@ -226,7 +227,7 @@ TEST_F(StoreTest, JsonLinesHoldTheRunAndEveryColumn) {
     store.add_trial(id, a_trial("after", "b/chair/00", true));
   }
   std::ostringstream out;
-  write_trials_jsonl(out, load_run(folder_.path()));
+  results::write_trials_jsonl(out, results::load_run(folder_.path()));
   std::istringstream lines(out.str());
   std::vector<nlohmann::json> read;
   for (std::string line; std::getline(lines, line);)
@@ -259,11 +260,11 @@ TEST_F(StoreTest, OtherFilesAreRefused) {
 }
 
 TEST_F(StoreTest, CsvHasNoNaNAndQuotesWhatNeedsIt) {
-  TrialRow trial = a_trial("before", "b/chair/00", false);
+  records::TrialRow trial = a_trial("before", "b/chair/00", false);
   trial.distance_to_goal_m.reset();
   trial.stop_reason = "stuck, \"badly\"";
   std::ostringstream out;
-  write_trials_csv(out, {trial});
+  records::write_trials_csv(out, {trial});
   const std::string text = out.str();
   EXPECT_THAT(text, HasSubstr("\"stuck, \"\"badly\"\"\""));
   EXPECT_EQ(text.find("nan"), std::string::npos);

@@ -29,7 +29,7 @@ void drop_version_7(const std::filesystem::path& file) {
 }
 
 TEST_F(StoreTest, AnotherSchemaVersionIsRefused) {
-  { const Store store(file_); }
+  { const records::Store store(file_); }
   execute_sql(file_, "UPDATE meta SET schema_version = 99");
   EXPECT_THAT(refusal(file_), HasSubstr("version 99"));
   EXPECT_THAT(refusal(file_), HasSubstr("results.sqlite"));
@@ -38,7 +38,7 @@ TEST_F(StoreTest, AnotherSchemaVersionIsRefused) {
 TEST_F(StoreTest, AFileOfVersion2IsBroughtUpToDate) {
   std::int64_t id = 0;
   {
-    Store store(file_);
+    records::Store store(file_);
     id = begin(store);
     store.add_trial(id, a_trial("before", "b/chair/00", true));
   }
@@ -56,15 +56,15 @@ TEST_F(StoreTest, AFileOfVersion2IsBroughtUpToDate) {
               "UPDATE meta SET schema_version = 2");
 
   for (int opening = 0; opening < 2; ++opening) {  // The second finds nothing to do.
-    Store store(file_);
+    records::Store store(file_);
     ASSERT_EQ(store.trials(id).size(), 1U);
     EXPECT_TRUE(store.trials(id)[0].success);
     EXPECT_FALSE(store.trials(id)[0].why.known());
     EXPECT_EQ(store.scenes(id)[0].oracle_episodes, -1);
     EXPECT_FALSE(store.arms(id)[0].start_leak.has_value());
   }
-  Store store(file_);
-  TrialRow trial = a_trial("after", "b/chair/00", false);
+  records::Store store(file_);
+  records::TrialRow trial = a_trial("after", "b/chair/00", false);
   trial.why.cause = "stuck";
   store.add_trial(id, trial);
   EXPECT_EQ(store.trials(id)[1].why.cause, "stuck");
@@ -73,7 +73,7 @@ TEST_F(StoreTest, AFileOfVersion2IsBroughtUpToDate) {
 TEST_F(StoreTest, AFileOfVersion1IsBroughtUpToDate) {
   execute_sql(file_, kVersion1);
   for (int opening = 0; opening < 2; ++opening) {  // The second finds nothing to do.
-    Store store(file_);
+    records::Store store(file_);
     ASSERT_EQ(store.runs().size(), 1U);
     EXPECT_EQ(store.runs()[0].spec_text, "name: old");
     EXPECT_EQ(store.arms(1)[0].score_threshold, 0.25);
@@ -85,9 +85,9 @@ TEST_F(StoreTest, AFileOfVersion1IsBroughtUpToDate) {
     EXPECT_EQ(store.trials(1)[0].state_hash, 0xfedcba9876543210ULL);
     EXPECT_FALSE(store.trials(1)[0].why.known());
   }
-  Store store(file_);  // And it takes what only the present version has.
+  records::Store store(file_);  // And it takes what only the present version has.
   const std::int64_t id = begin(store);
-  TrialRow trial = a_trial("after", "b/chair/00", false);
+  records::TrialRow trial = a_trial("after", "b/chair/00", false);
   trial.why.cause = "stuck";
   store.add_trial(id, trial);
   EXPECT_EQ(store.trials(id)[0].why.cause, "stuck");
@@ -106,7 +106,7 @@ std::set<std::string> schema_of(const std::filesystem::path& file) {
         "SELECT t.name || ': unique ' || (SELECT group_concat(c.name, ' ') FROM "
         "pragma_index_info(i.name) AS c) FROM sqlite_master AS t "
         "JOIN pragma_index_list(t.name) AS i WHERE t.type = 'table'"}) {
-    Statement select(db, file, sql);
+    records::Statement select(db, file, sql);
     while (select.step()) schema.insert(select.text());
   }
   sqlite3_close(db);
@@ -116,18 +116,18 @@ std::set<std::string> schema_of(const std::filesystem::path& file) {
 /// A column that a migration forgets, or that only a migration knows, is found here.
 TEST_F(StoreTest, AllOlderVersionsGetTheSchemaOfNewFiles) {
   const std::filesystem::path fresh = folder_ / "new.sqlite";
-  { const Store store(fresh); }
+  { const records::Store store(fresh); }
   const std::set<std::string> present = schema_of(fresh);
   EXPECT_TRUE(present.contains("trial.distance_to_goal_m REAL"));
   EXPECT_TRUE(present.contains("trial: unique run_id arm episode repetition"));
-  for (int version = 1; version < Store::kSchemaVersion; ++version) {
+  for (int version = 1; version < records::Store::kSchemaVersion; ++version) {
     const std::filesystem::path file = folder_ / (std::to_string(version) + ".sqlite");
     execute_sql(file, kVersion1);
-    for (const Migration& migration : migrations()) {
+    for (const records::Migration& migration : records::migrations()) {
       if (migration.to <= version) execute_sql(file, migration.sql);
     }
     execute_sql(file, ("UPDATE meta SET schema_version = " + std::to_string(version)).c_str());
-    const Store store(file);
+    const records::Store store(file);
     EXPECT_EQ(schema_of(file), present) << "version " << version;
     ASSERT_EQ(store.trials(1).size(), 1U);
     EXPECT_EQ(store.trials(1)[0].path_m, 3.25);
@@ -136,28 +136,28 @@ TEST_F(StoreTest, AllOlderVersionsGetTheSchemaOfNewFiles) {
 
 TEST_F(StoreTest, AFileOfVersion7IsReadByTheNamesOfItsColumns) {
   execute_sql(file_, kVersion7);
-  Store store(file_);
+  records::Store store(file_);
   const std::filesystem::path fresh = folder_ / "new.sqlite";
-  { const Store other(fresh); }
+  { const records::Store other(fresh); }
   EXPECT_EQ(schema_of(file_), schema_of(fresh));
 
-  const RunRow run = store.runs().at(0);
+  const records::RunRow run = store.runs().at(0);
   EXPECT_EQ(run.seed, 18446744073709551557ULL);
   EXPECT_EQ(run.success_profile, "p");
   EXPECT_EQ(run.planned_n, 2);
   EXPECT_EQ(run.ended, "2026-01-01T02:00:00Z");
   EXPECT_EQ(run.provenance.at("clock"), "lockstep");
-  const SceneRow scene = store.scenes(1).at(0);
+  const records::SceneRow scene = store.scenes(1).at(0);
   EXPECT_EQ(scene.oracle_episodes, 10);
   EXPECT_EQ(scene.family, "b");
-  const ArmRow arm = store.arms(1).at(0);
+  const records::ArmRow arm = store.arms(1).at(0);
   EXPECT_EQ(arm.held_out.value().recall, 0.625);
   EXPECT_EQ(arm.held_out->source_ap50, std::optional<double>(0.375));
   EXPECT_FALSE(arm.held_out->unseen_ap50.has_value());
   EXPECT_EQ(arm.start_leak.value().near_starts, 3);
   EXPECT_EQ(arm.finetune_seed, std::optional<std::uint64_t>(11));
 
-  TrialRow expected;
+  records::TrialRow expected;
   expected.trial_id = 1;
   expected.arm = "after";
   expected.scene = "b.r2";
@@ -200,9 +200,9 @@ TEST_F(StoreTest, AFileOfVersion7IsReadByTheNamesOfItsColumns) {
 TEST_F(StoreTest, AFileOfVersion3IsBroughtUpToDate) {
   std::int64_t id = 0;
   {
-    Store store(file_);
+    records::Store store(file_);
     id = begin(store);
-    TrialRow trial = a_trial("before", "b/chair/00", false);
+    records::TrialRow trial = a_trial("before", "b/chair/00", false);
     trial.why.cause = "stuck";
     store.add_trial(id, trial);
   }
@@ -216,7 +216,7 @@ TEST_F(StoreTest, AFileOfVersion3IsBroughtUpToDate) {
               "ALTER TABLE arm DROP COLUMN tuning_views_near_starts;"
               "ALTER TABLE arm DROP COLUMN start_radius_m;"
               "UPDATE meta SET schema_version = 3");
-  const Store store(file_);
+  const records::Store store(file_);
   EXPECT_EQ(store.trials(id)[0].why.cause, "stuck");
   EXPECT_EQ(store.arms(id)[1].held_out->ap50, 0.5);
   EXPECT_FALSE(store.arms(id)[1].held_out->source_ap50.has_value());
@@ -226,13 +226,13 @@ TEST_F(StoreTest, AFileOfVersion3IsBroughtUpToDate) {
 TEST_F(StoreTest, AFileOfVersion5IsBroughtUpToDate) {
   std::int64_t id = 0;
   {
-    Store store(file_);
+    records::Store store(file_);
     id = begin(store);
     store.add_trial(id, a_trial("before", "b/chair/00", true));
   }
   drop_version_7(file_);
   execute_sql(file_, "DROP TABLE provenance; UPDATE meta SET schema_version = 5");
-  Store store(file_);
+  records::Store store(file_);
   EXPECT_EQ(store.trials(id).size(), 1U);
   EXPECT_TRUE(store.runs()[0].provenance.empty());
   store.set_provenance(id, "clock", "lockstep");
@@ -244,24 +244,24 @@ TEST_F(StoreTest, AFileOfVersion5IsBroughtUpToDate) {
 TEST_F(StoreTest, AFileOfVersion6IsBroughtUpToDate) {
   std::int64_t id = 0;
   {
-    Store store(file_);
+    records::Store store(file_);
     id = begin(store);
-    TrialRow trial = a_trial("before", "b/chair/00", false);
+    records::TrialRow trial = a_trial("before", "b/chair/00", false);
     trial.why.cause = "stuck";
     trial.why.false_clouds = 3;
     trial.why.misplaced_clouds = 2;
     store.add_trial(id, trial);
   }
   drop_version_7(file_);
-  EXPECT_THROW((void)Store::for_reading(file_), core::InputError);
+  EXPECT_THROW((void)records::Store::for_reading(file_), core::InputError);
   for (int opening = 0; opening < 2; ++opening) {  // The second finds nothing to do.
-    Store store(file_);
+    records::Store store(file_);
     ASSERT_EQ(store.trials(id).size(), 1U);
     EXPECT_EQ(store.trials(id)[0].why.false_clouds, 3);
     EXPECT_EQ(store.trials(id)[0].why.misplaced_clouds, -1);
-    EXPECT_EQ(family_of(store.scenes(id)[0]), "b");
+    EXPECT_EQ(records::family_of(store.scenes(id)[0]), "b");
     EXPECT_EQ(store.scenes(id)[0].reconstruction, 1);
-    EXPECT_EQ(family_of(store.arms(id)[1]), "after");
+    EXPECT_EQ(records::family_of(store.arms(id)[1]), "after");
     EXPECT_EQ(store.arms(id)[1].reconstruction, 1);
     EXPECT_FALSE(store.arms(id)[1].finetune_seed.has_value());
     EXPECT_EQ(store.arms(id)[1].start_leak->near_starts, 3);
@@ -269,11 +269,11 @@ TEST_F(StoreTest, AFileOfVersion6IsBroughtUpToDate) {
 }
 
 TEST_F(StoreTest, FamiliesAndSeedsAreKept) {
-  Store store(file_);
-  SceneRow scene{"flat.r2", "Flat", "s", "e", 2};
+  records::Store store(file_);
+  records::SceneRow scene{"flat.r2", "Flat", "s", "e", 2};
   scene.family = "flat";
   scene.reconstruction = 2;
-  ArmRow arm{"after.r2.s0", "v.bin", "fe", "flat.r2", -1, {}};
+  records::ArmRow arm{"after.r2.s0", "v.bin", "fe", "flat.r2", -1, {}};
   arm.family = "after";
   arm.reconstruction = 2;
   arm.finetune_seed = 0;

@@ -29,28 +29,31 @@ sim::TimingReport report_of(int good, int late) {
 
 TEST(TimingReport, ADeadlineHoldsIfTheUpperBoundDoes) {
   // Wilson: 0 of 100 -> at most 3.70 %; 0 of 500 -> 0.76 %.
-  std::vector<DeadlineCheck> checks = check_deadlines(report_of(100, 0), 0.01);
+  std::vector<results::DeadlineCheck> checks =
+      results::check_deadlines(report_of(100, 0), 0.01);
   ASSERT_EQ(checks.size(), 1U);
   EXPECT_NEAR(checks[0].interval.high, 0.0370, 1e-4);
   EXPECT_FALSE(checks[0].holds) << "100 good ones do not show a rate below 1 %";
-  checks = check_deadlines(report_of(500, 0), 0.01);
+  checks = results::check_deadlines(report_of(500, 0), 0.01);
   EXPECT_NEAR(checks[0].interval.high, 0.00762, 1e-5);
   EXPECT_TRUE(checks[0].holds);
-  checks = check_deadlines(report_of(500, 4), 0.01);
+  checks = results::check_deadlines(report_of(500, 4), 0.01);
   EXPECT_FALSE(checks[0].holds);
   EXPECT_EQ(checks[0].longest_run, 4);
-  const std::vector<DeadlineCheck> nothing = check_deadlines(report_of(0, 0), 1.0);
+  const std::vector<results::DeadlineCheck> nothing =
+      results::check_deadlines(report_of(0, 0), 1.0);
   EXPECT_FALSE(nothing[0].holds) << "nothing is no proof";
-  EXPECT_THAT(format_checks(nothing, 1.0), HasSubstr("detect within 50.0 ms: never ran"));
-  EXPECT_THAT(format_checks(checks, 0.01), HasSubstr("FAILS  detect within 50.0 ms"));
+  EXPECT_THAT(results::format_checks(nothing, 1.0),
+              HasSubstr("detect within 50.0 ms: never ran"));
+  EXPECT_THAT(results::format_checks(checks, 0.01), HasSubstr("FAILS  detect within 50.0 ms"));
 }
 
 TEST(TimingReport, TextAndJsonHaveTheFigures) {
   const sim::TimingReport timing = report_of(3, 1);
-  const std::string text = format_timing(timing);
+  const std::string text = results::format_timing(timing);
   EXPECT_THAT(text, HasSubstr("25.00 %"));
   EXPECT_THAT(text, HasSubstr("gpu: 25.0 % busy (2 servers)"));
-  const auto json = nlohmann::json::parse(timing_json(timing));
+  const auto json = nlohmann::json::parse(results::timing_json(timing));
   EXPECT_EQ(json["stages"]["detect"]["misses"], 1);
   EXPECT_EQ(json["stages"]["detect"]["max_ms"], 60.0);
   EXPECT_EQ(json["utilisation"]["gpu"], 0.25);
@@ -86,7 +89,8 @@ TEST(BudgetPlay, WorkedTimelineAges) {
   sim::TrialClock clock;
   clock.mode = sim::ClockMode::kVirtual;
   clock.budget =
-      read_budget_file(std::filesystem::path(SEGSIM_BUDGETS) / "worked-timeline.yaml").budget;
+      specs::read_budget_file(std::filesystem::path(SEGSIM_BUDGETS) / "worked-timeline.yaml")
+          .budget;
   sim::BudgetPlayOptions options;
   options.control_period_ns = 50'000'000;
   options.duration_ns = 600'000'000;
@@ -102,7 +106,8 @@ TEST(BudgetPlay, TwoHundredMillisecondsOnDetect) {
   sim::TrialClock clock;
   clock.mode = sim::ClockMode::kVirtual;
   clock.budget =
-      read_budget_file(std::filesystem::path(SEGSIM_BUDGETS) / "edge-orin-v1.yaml").budget;
+      specs::read_budget_file(std::filesystem::path(SEGSIM_BUDGETS) / "edge-orin-v1.yaml")
+          .budget;
   // With servers enough nothing waits, and the delay is all there is. One server alone also
   // takes fewer images, so what is in use grows older by more than the delay.
   for (const int servers : {4, 1}) {
@@ -123,9 +128,9 @@ TEST(BudgetPlay, TwoHundredMillisecondsOnDetect) {
 }
 
 /// `successes` of ten episodes succeed, the first ones.
-void add_trials(std::vector<TrialRow>& rows, const std::string& arm, int successes) {
+void add_trials(std::vector<records::TrialRow>& rows, const std::string& arm, int successes) {
   for (int k = 0; k < 10; ++k) {
-    TrialRow row;
+    records::TrialRow row;
     row.arm = arm;
     row.scene = "flat";
     row.episode = "e" + std::to_string(k);
@@ -136,27 +141,28 @@ void add_trials(std::vector<TrialRow>& rows, const std::string& arm, int success
 }
 
 TEST(BudgetSweep, TheMarginIsTheLastDelayWithinDelta) {
-  SweepOptions options;
+  runs::SweepOptions options;
   options.add_ms = {0, 100, 200, 400};
   options.delta = 0.1;
-  std::vector<TrialRow> rows;
+  std::vector<records::TrialRow> rows;
   add_trials(rows, "before+0ms", 9);
   add_trials(rows, "before+100ms", 8);
   add_trials(rows, "before+200ms", 5);
   add_trials(rows, "before+400ms", 9);
-  const SweepResult result = summarise_sweep(options, "before", rows);
+  const runs::SweepResult result = runs::summarise_sweep(options, "before", rows);
   ASSERT_EQ(result.points.size(), 4U);
   EXPECT_EQ(result.points[2].success.successes, 5);
   EXPECT_NEAR(result.points[2].loss.difference, -0.4, 1e-12);
   EXPECT_EQ(result.margin_ms, 100.0) << "what comes after the first loss does not count";
   EXPECT_EQ(result.safe_margin_ms, std::nullopt) << "ten episodes prove nothing";
-  EXPECT_THAT(format_sweep(result, options), HasSubstr("Latency margin of detect: 100 ms"));
+  EXPECT_THAT(runs::format_sweep(result, options),
+              HasSubstr("Latency margin of detect: 100 ms"));
 
   // A failed harness is left out of the pairs.
   rows[0].outcome = "error";
-  EXPECT_EQ(summarise_sweep(options, "before", rows).points[0].success.trials, 9);
+  EXPECT_EQ(runs::summarise_sweep(options, "before", rows).points[0].success.trials, 9);
 
-  const auto picture = draw_sweep(result, options, "test");
+  const auto picture = runs::draw_sweep(result, options, "test");
   EXPECT_GT(picture.width_px(), 400);
 }
 

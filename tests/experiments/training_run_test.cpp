@@ -50,16 +50,16 @@ class TrainingRunTest : public ::testing::Test {
         renderer::make_cpu_renderer(std::make_shared<const renderer::SurfelCloud>(start_));
     for (const core::CameraPose& pose : renderer::room_camera_ring(12)) {
       const core::Frame drawn = renderer->render(pose, set_.intrinsics, core::Channels::kAll);
-      renderer::TrainingView view;
+      reconstruction::TrainingView view;
       view.frame = set_.training.size() + set_.held_out.size();
       view.name = "view " + std::to_string(view.frame);
       view.T_world_camera = pose;
       view.rgb = drawn.rgb;
       view.depth_m = drawn.depth_m;
-      renderer::RgbdFrame frame;
+      reconstruction::RgbdFrame frame;
       frame.semantic = drawn.semantic;
       frame.instance = drawn.instance;
-      view.masks = renderer::exact_masks(frame);
+      view.masks = reconstruction::exact_masks(frame);
       (view.frame % 4 == 0 ? set_.held_out : set_.training).push_back(std::move(view));
     }
     options_.config.geometry.iterations = 12;
@@ -76,19 +76,20 @@ class TrainingRunTest : public ::testing::Test {
   void half_of_geometry() {
     options_.work = folder_ / "work";
     fs::create_directories(options_.work);
-    renderer::GeometryTrainer trainer(set_, start_, options_.config.geometry, options_.seed,
-                                      options_.device);
+    reconstruction::GeometryTrainer trainer(set_, start_, options_.config.geometry,
+                                            options_.seed, options_.device);
     while (trainer.iteration() < 5) (void)trainer.step();
-    trainer.save(options_.work / "geometry.state", training_identity(options_, set_, start_));
+    trainer.save(options_.work / "geometry.state",
+                 training::training_identity(options_, set_, start_));
   }
 
   fs::path folder_;
   renderer::SurfelCloud start_;
-  renderer::TrainingSet set_;
-  TrainingOptions options_;
+  reconstruction::TrainingSet set_;
+  training::TrainingOptions options_;
 };
 
-void expect_same(const TrainedScene& a, const TrainedScene& b) {
+void expect_same(const training::TrainedScene& a, const training::TrainedScene& b) {
   EXPECT_EQ(a.surfels.position_m, b.surfels.position_m);
   EXPECT_EQ(a.surfels.sh, b.surfels.sh);
   EXPECT_EQ(a.surfels.semantic_id, b.surfels.semantic_id);
@@ -103,7 +104,7 @@ TEST_F(TrainingRunTest, KilledAndResumedIsTheSame) {
   const pid_t child = ::fork();
   ASSERT_GE(child, 0);
   if (child == 0) {
-    (void)train_scene(set_, start_, options_);
+    (void)training::train_scene(set_, start_, options_);
     ::_exit(0);
   }
   for (int i = 0; i < 6000 && !fs::exists(mark); ++i) {
@@ -115,12 +116,12 @@ TEST_F(TrainingRunTest, KilledAndResumedIsTheSame) {
   ASSERT_TRUE(fs::exists(options_.work / "geometry.state"));
   options_.checkpoint_every_s = 0.0;
   options_.resume = true;
-  const TrainedScene resumed = train_scene(set_, start_, options_);
+  const training::TrainedScene resumed = training::train_scene(set_, start_, options_);
 
-  TrainingOptions whole_options = options_;
+  training::TrainingOptions whole_options = options_;
   whole_options.resume = false;
   whole_options.work = folder_ / "whole";
-  const TrainedScene whole = train_scene(set_, start_, whole_options);
+  const training::TrainedScene whole = training::train_scene(set_, start_, whole_options);
   expect_same(resumed, whole);
   ASSERT_TRUE(whole.model.has_value());
   EXPECT_EQ(whole.surfels.semantic_feature.size(), whole.surfels.size());
@@ -131,8 +132,8 @@ TEST_F(TrainingRunTest, KilledAndResumedIsTheSame) {
 
   // Another seed is another run.
   options_.seed = 2;
-  EXPECT_THROW((void)train_scene(set_, start_, options_), core::InputError);
-  remove_training_state(options_.work);
+  EXPECT_THROW((void)training::train_scene(set_, start_, options_), core::InputError);
+  training::remove_training_state(options_.work);
   EXPECT_FALSE(fs::exists(options_.work / "geometry.state"));
 }
 
@@ -147,29 +148,30 @@ TEST_F(TrainingRunTest, LossThatIsNoNumberKeepsTheState) {
   }
   options_.resume = true;
   options_.time_limit_s = 0.0;
-  EXPECT_THAT(tests::input_error_of([&] { (void)train_scene(set_, start_, options_); }),
-              ::testing::AllOf(::testing::HasSubstr("loss at iteration 6, frame view"),
-                               ::testing::HasSubstr("expected a finite number"),
-                               ::testing::HasSubstr("is kept: --resume goes on there")));
+  EXPECT_THAT(
+      tests::input_error_of([&] { (void)training::train_scene(set_, start_, options_); }),
+      ::testing::AllOf(::testing::HasSubstr("loss at iteration 6, frame view"),
+                       ::testing::HasSubstr("expected a finite number"),
+                       ::testing::HasSubstr("is kept: --resume goes on there")));
   EXPECT_EQ(core::read_file(folder_ / "work" / "geometry.state"), state);
 }
 
 TEST_F(TrainingRunTest, TooLittleMemoryKeepsTheStateAndSaysWhatToLower) {
   options_.head = "none";
-  (void)train_scene(set_, start_, options_);
+  (void)training::train_scene(set_, start_, options_);
   const std::string state = core::read_file(options_.work / "geometry.state");
   options_.resume = true;
   set_.intrinsics.width_px = set_.intrinsics.height_px =
       20'000'000;  // More than can be addressed.
   EXPECT_THAT(
-      tests::input_error_of([&] { (void)train_scene(set_, start_, options_); }),
+      tests::input_error_of([&] { (void)training::train_scene(set_, start_, options_); }),
       ::testing::AllOf(::testing::HasSubstr("training shape and colour: expected memory"),
                        ::testing::HasSubstr("geometry.densify.max_surfels"),
                        ::testing::HasSubstr("is kept: --resume goes on there"),
                        ::testing::HasSubstr("found the host's full")));
   EXPECT_EQ(core::read_file(options_.work / "geometry.state"), state);
   EXPECT_THAT(tests::input_error_of([] {
-                renderer::with_memory_errors(
+                reconstruction::with_memory_errors(
                     "a test", [] { return std::string("less"); },
                     [] { throw std::bad_alloc(); });
               }),
@@ -179,7 +181,7 @@ TEST_F(TrainingRunTest, TooLittleMemoryKeepsTheStateAndSaysWhatToLower) {
 TEST_F(TrainingRunTest, FramesWithoutDepthTrainLabelsOnTheDepthOfTheSurfels) {
   for (auto& view : set_.training) view.depth_m = {};
   options_.config.panoptic.iterations = 200;
-  const TrainedScene scene = train_scene(set_, start_, options_);
+  const training::TrainedScene scene = training::train_scene(set_, start_, options_);
   EXPECT_TRUE(scene.surfels.has_labels());
   EXPECT_GT(scene.quality.mean_iou, 0.1);
 }
@@ -191,7 +193,7 @@ TEST_F(TrainingRunTest, RefinedPosesComeBackAndHeldOutViewsAreAligned) {
   options_.align_held_out = true;
   auto& moved = set_.held_out[1].T_world_camera;
   moved = {moved.rotation(), moved.translation_m() + glm::dvec3(0.015, 0.0, 0.0)};
-  const TrainedScene scene = train_scene(set_, start_, options_);
+  const training::TrainedScene scene = training::train_scene(set_, start_, options_);
   ASSERT_TRUE(scene.aligned_quality.has_value());
   EXPECT_GT(scene.aligned_quality->color.psnr_db(), scene.quality.color.psnr_db());
   const auto figure = [&](const std::string& name) {
@@ -209,7 +211,7 @@ TEST_F(TrainingRunTest, RefinedPosesComeBackAndHeldOutViewsAreAligned) {
 }
 
 /// A recording of colour alone.
-class ColorOnly final : public renderer::RgbdSequence {
+class ColorOnly final : public reconstruction::RgbdSequence {
  public:
   const std::string& name() const override { return name_; }
   const core::CameraIntrinsics& intrinsics() const override { return camera_; }
@@ -222,7 +224,7 @@ class ColorOnly final : public renderer::RgbdSequence {
   const std::vector<core::SceneInstance>& instances() const override { return instances_; }
   const std::vector<std::string>& warnings() const override { return lines_; }
   const std::vector<std::string>& notes() const override { return lines_; }
-  renderer::RgbdFrame load(std::size_t) const override { return {}; }
+  reconstruction::RgbdFrame load(std::size_t) const override { return {}; }
 
  private:
   std::string name_ = "colour";
@@ -234,11 +236,12 @@ class ColorOnly final : public renderer::RgbdSequence {
 };
 
 TEST_F(TrainingRunTest, FramesWithoutDepthNeedACloud) {
-  ReconstructOptions reconstruct;
+  scenes::ReconstructOptions reconstruct;
   for (const bool trains : {false, true}) {
     if (trains) reconstruct.training = options_;
     EXPECT_THAT(tests::input_error_of([&] {
-                  (void)reconstruct_bundle(ColorOnly(), reconstruct, folder_ / "bundle");
+                  (void)scenes::reconstruct_bundle(ColorOnly(), reconstruct,
+                                                   folder_ / "bundle");
                 }),
                 "colour: expected frames with depth, or a cloud to start from (--start), "
                 "found colour alone");
@@ -247,11 +250,11 @@ TEST_F(TrainingRunTest, FramesWithoutDepthNeedACloud) {
 }
 
 TEST_F(TrainingRunTest, EveryHeadLabelsTheSurfels) {
-  for (const std::string& head : renderer::panoptic_head_names()) {
+  for (const std::string& head : reconstruction::panoptic_head_names()) {
     options_.head = head;
     options_.work = folder_ / head;
     options_.config.panoptic.iterations = 200;
-    const TrainedScene scene = train_scene(set_, start_, options_);
+    const training::TrainedScene scene = training::train_scene(set_, start_, options_);
     EXPECT_TRUE(scene.surfels.has_labels()) << head;
     EXPECT_GT(scene.quality.mean_iou, 0.1) << head;
     EXPECT_GT(scene.quality.color.psnr_db(), 20.0) << head;
@@ -263,7 +266,7 @@ TEST_F(TrainingRunTest, EveryHeadLabelsTheSurfels) {
 TEST_F(TrainingRunTest, WithoutAHeadLiftedLabelsStayIfTheSurfelsDo) {
   options_.head = "none";
   options_.config.geometry.iterations = 0;
-  const TrainedScene scene = train_scene(set_, start_, options_);
+  const training::TrainedScene scene = training::train_scene(set_, start_, options_);
   EXPECT_EQ(scene.surfels.semantic_id, start_.semantic_id);
   EXPECT_GT(scene.quality.panoptic.pq, 0.9);
 }
@@ -276,7 +279,7 @@ TEST(SurfelLabels, InstancesTakeTheClassOfMostSurfels) {
   surfels.semantic_id = {2, 2, 3, 1, 1, 2};
   const std::vector<core::SceneClass> classes{
       {1, "floor", false}, {2, "chair", true}, {3, "couch", true}};
-  const auto instances = renderer::instances_of(surfels, classes);
+  const auto instances = reconstruction::instances_of(surfels, classes);
   ASSERT_EQ(instances.size(), 1U);  // 9 is a floor.
   EXPECT_EQ(instances[0].id, 7);
   EXPECT_EQ(instances[0].class_id, 2);
@@ -286,17 +289,17 @@ TEST(SurfelLabels, InstancesTakeTheClassOfMostSurfels) {
 
 TEST(Coverage, WarnsOfThinScenes) {
   core::SceneManifest manifest;
-  EXPECT_EQ(coverage_warning(manifest), "");
-  RobotCoverage coverage;
+  EXPECT_EQ(scenes::coverage_warning(manifest), "");
+  scenes::RobotCoverage coverage;
   coverage.views = 10, coverage.mean_alpha = 0.95, coverage.thin_views = 1;
   manifest.statistics = coverage.listing();
-  EXPECT_EQ(coverage_warning(manifest), "");
+  EXPECT_EQ(scenes::coverage_warning(manifest), "");
   coverage.thin_views = 2;
   manifest.statistics = coverage.listing();
-  EXPECT_THAT(coverage_warning(manifest), ::testing::HasSubstr("20 %"));
+  EXPECT_THAT(scenes::coverage_warning(manifest), ::testing::HasSubstr("20 %"));
   coverage.thin_views = 0, coverage.mean_alpha = 0.5;
   manifest.statistics = coverage.listing();
-  EXPECT_THAT(coverage_warning(manifest), ::testing::HasSubstr("50 %"));
+  EXPECT_THAT(scenes::coverage_warning(manifest), ::testing::HasSubstr("50 %"));
 }
 
 }  // namespace

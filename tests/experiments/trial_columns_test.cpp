@@ -22,8 +22,8 @@ using testing::ElementsAre;
 using testing::UnorderedElementsAre;
 
 /// A trial as an earlier program stored it; its digest and its line of CSV are recorded below.
-TrialRow recorded_trial() {
-  TrialRow t;
+records::TrialRow recorded_trial() {
+  records::TrialRow t;
   t.trial_id = 41;
   t.arm = "after";
   t.scene = "flat, upstairs";
@@ -79,8 +79,8 @@ TrialRow recorded_trial() {
 }
 
 /// One that is older than attributions, and has nothing to say.
-TrialRow bare_trial() {
-  TrialRow t;
+records::TrialRow bare_trial() {
+  records::TrialRow t;
   t.arm = "before";
   t.episode = "flat/chair/08";
   t.outcome = "success";
@@ -88,33 +88,34 @@ TrialRow bare_trial() {
 }
 
 TEST(TrialColumns, EveryMemberIsVisited) {
-  const TrialRow bare;
+  const records::TrialRow bare;
   std::size_t of_trial = 0, of_why = 0;
-  visit_columns(bare, [&](const Column& column, const auto&) {
-    ++(column.part == Part::kWhy ? of_why : of_trial);
+  records::visit_columns(bare, [&](const records::Column& column, const auto&) {
+    ++(column.part == records::Part::kWhy ? of_why : of_trial);
   });
-  EXPECT_EQ(of_trial + 1, count_members<TrialRow>()) << "`why` is one member";
-  EXPECT_EQ(of_why, count_members<Attribution>());
-  EXPECT_EQ(values_of(TrialRow{}).size(), of_trial + of_why) << "a name is given twice";
+  EXPECT_EQ(of_trial + 1, count_members<records::TrialRow>()) << "`why` is one member";
+  EXPECT_EQ(of_why, count_members<records::Attribution>());
+  EXPECT_EQ(values_of(records::TrialRow{}).size(), of_trial + of_why)
+      << "a name is given twice";
 }
 
 TEST(TrialColumns, DigestsAreTheRecordedOnes) {
-  EXPECT_EQ(essence_of(recorded_trial()),
+  EXPECT_EQ(records::essence_of(recorded_trial()),
             "flat, upstairs\tflat/chair/07\tchair\tafter\ttimeout\ttime_limit\tsaid "
             "\"no\"\tfalse_positive\t2\t1\tfedcba9876543210\t0x1.999999999999ap-4\t"
             "0x1.6666666666666p-1\t0x1.8b0fcd324d5a2p+3\t0x1p+2\t0x1.e2p+6\t"
             "0x1.999999999999ap-2\t0x1p-6\t0x1.5555555555555p-2\t0x1.8p-1\tnone\t"
             "0x1.f333333333333p+1\t601\t3\t17\t19\t150\t590\t580\t21\t20\t22\t5\t23\t6\t7\t1\t"
             "1234\t9\t10\t11\t8");
-  EXPECT_EQ(results_sha256({recorded_trial(), bare_trial()}),
+  EXPECT_EQ(records::results_sha256({recorded_trial(), bare_trial()}),
             "c25f938a7a8a7bb14a660cf754aa5c368400964874d83c338736cc0f55a510fa");
 }
 
 TEST(TrialColumns, PlacesInTheDigestAreGivenOnce) {
-  const TrialRow bare;
+  const records::TrialRow bare;
   std::vector<std::size_t> places;
-  visit_columns(bare, [&](const Column& column, const auto&) {
-    if (column.digest == kNotInDigest) return;
+  records::visit_columns(bare, [&](const records::Column& column, const auto&) {
+    if (column.digest == records::kNotInDigest) return;
     places.push_back(static_cast<std::size_t>(column.digest));
   });
   std::sort(places.begin(), places.end());
@@ -123,15 +124,16 @@ TEST(TrialColumns, PlacesInTheDigestAreGivenOnce) {
 
 /// Everything but ids, times of the wall clock, and names of files.
 TEST(TrialColumns, TheDigestLeavesOutWhatDependsOnTheMachine) {
-  const TrialRow row = with_distinct_values<TrialRow>();
+  const records::TrialRow row = with_distinct_values<records::TrialRow>();
   std::vector<std::string> left_out;
   int number = 1001;
-  visit_columns(row, [&](const Column& column, const auto& /*value*/) {
-    TrialRow other = row;
-    visit_columns(other, [&](const Column& each, auto& value) {
+  records::visit_columns(row, [&](const records::Column& column, const auto& /*value*/) {
+    records::TrialRow other = row;
+    records::visit_columns(other, [&](const records::Column& each, auto& value) {
       if (std::string_view(each.name) == column.name) set_value(each, number++, value);
     });
-    if (essence_of(other) == essence_of(row)) left_out.emplace_back(column.name);
+    if (records::essence_of(other) == records::essence_of(row))
+      left_out.emplace_back(column.name);
   });
   EXPECT_THAT(left_out,
               UnorderedElementsAre("trial_id", "wall_s", "render_ms", "detect_ms", "policy_ms",
@@ -147,7 +149,7 @@ std::vector<std::string> lines_of(const std::string& text) {
 
 TEST(TrialColumns, CsvIsTheRecordedOne) {
   std::ostringstream out;
-  write_trials_csv(out, {recorded_trial(), bare_trial()});
+  records::write_trials_csv(out, {recorded_trial(), bare_trial()});
   EXPECT_THAT(
       lines_of(out.str()),
       ElementsAre(
@@ -169,14 +171,15 @@ TEST(TrialColumns, CsvIsTheRecordedOne) {
 }
 
 TEST(TrialColumns, JsonLinesHaveEveryColumn) {
-  StoredRun run;
+  results::StoredRun run;
   run.trials = {recorded_trial(), bare_trial()};
   std::ostringstream out;
-  write_trials_jsonl(out, run);
+  results::write_trials_jsonl(out, run);
   const nlohmann::json trial = nlohmann::json::parse(lines_of(out.str()).at(1));
   std::size_t found = 0;
-  visit_columns(run.trials[0], [&](const Column& column, const auto& /*value*/) {
-    found += (column.part == Part::kWhy ? trial["why"] : trial).count(column.name);
+  records::visit_columns(run.trials[0], [&](const records::Column& column,
+                                            const auto& /*value*/) {
+    found += (column.part == records::Part::kWhy ? trial["why"] : trial).count(column.name);
   });
   EXPECT_EQ(found, values_of(run.trials[0]).size());
   EXPECT_EQ(found, trial.size() - 1 + trial["why"].size());
@@ -190,14 +193,14 @@ TEST(TrialColumns, JsonLinesHaveEveryColumn) {
 
 /// Trials of earlier versions: what was not counted is nothing, not less than nothing.
 TEST(TrialColumns, WhatIsNotKnownIsEmpty) {
-  TrialRow trial = recorded_trial();
+  records::TrialRow trial = recorded_trial();
   trial.why.images = trial.why.misplaced_clouds = -1;
   std::ostringstream csv, jsonl;
-  write_trials_csv(csv, {trial});
+  records::write_trials_csv(csv, {trial});
   EXPECT_THAT(csv.str(), testing::HasSubstr(",9,10,11,,,41,"));
-  StoredRun run;
+  results::StoredRun run;
   run.trials = {trial};
-  write_trials_jsonl(jsonl, run);
+  results::write_trials_jsonl(jsonl, run);
   const nlohmann::json why = nlohmann::json::parse(lines_of(jsonl.str()).at(1))["why"];
   EXPECT_TRUE(why["images"].is_null());
   EXPECT_TRUE(why["misplaced_clouds"].is_null());

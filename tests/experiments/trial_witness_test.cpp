@@ -53,7 +53,7 @@ sim::Episode couch_episode() {
 }
 
 /// A tick at which the policy decides on what the camera just saw.
-void look(TrialWitness& witness, int tick, const core::Frame& frame,
+void look(records::TrialWitness& witness, int tick, const core::Frame& frame,
           std::span<const core::Detection> detections) {
   const auto index = static_cast<std::uint64_t>(tick);
   witness.judge(index, frame, detections);
@@ -61,7 +61,7 @@ void look(TrialWitness& witness, int tick, const core::Frame& frame,
 }
 
 TEST(TrialWitness, CountsTheInstanceSeenBest) {
-  TrialWitness witness(two_couches(), couch_episode(), 0);
+  records::TrialWitness witness(two_couches(), couch_episode(), 0);
   look(witness, 0, Labels().frame(), {});
   look(witness, 1, Labels().box(0, 0, 4, 4, kCouch, 1).box(20, 5, 30, 10, kCouch, 2).frame(),
        {});
@@ -72,7 +72,7 @@ TEST(TrialWitness, CountsTheInstanceSeenBest) {
 }
 
 TEST(TrialWitness, TicksWithoutAnImageSawNothing) {
-  TrialWitness witness(two_couches(), couch_episode(), 0);
+  records::TrialWitness witness(two_couches(), couch_episode(), 0);
   const core::Detection detections[] = {{0, 0.5F, {10, 10, 20, 20}}};
   look(witness, 3, Labels().box(10, 10, 20, 20, kCouch, 1).frame(), detections);
   ASSERT_EQ(witness.evidence().size(), 4U);
@@ -98,7 +98,7 @@ TEST(TrialWitness, JudgesDetectionsByTheLabels) {
       {{-5, -5, -1, -1}, false},   // Outside the image.
       {{12, 12, 12, 12}, false}};  // Empty.
   for (const auto& c : cases) {
-    TrialWitness witness(two_couches(), couch_episode(), 3);
+    records::TrialWitness witness(two_couches(), couch_episode(), 3);
     const core::Detection detections[] = {{3, 0.5F, c.box}, {1, 0.9F, {10, 10, 20, 20}}};
     look(witness, 0, labels.frame(), detections);
     ASSERT_EQ(witness.detections().size(), 1U);  // The other is of another class.
@@ -110,7 +110,7 @@ TEST(TrialWitness, JudgesDetectionsByTheLabels) {
 
 /// The robot turns: when the answer is there, the couch has moved on in the image.
 TEST(TrialWitness, LateAnswersAreJudgedByTheirOwnImageAndCountedOnce) {
-  TrialWitness witness(two_couches(), couch_episode(), 0);
+  records::TrialWitness witness(two_couches(), couch_episode(), 0);
   const Labels then = Labels().box(10, 10, 20, 20, kCouch, 1);
   const Labels now = Labels().box(28, 10, 38, 20, kCouch, 1);
   const core::Detection detections[] = {{0, 0.9F, {10, 10, 20, 20}}};
@@ -131,14 +131,14 @@ TEST(TrialWitness, LateAnswersAreJudgedByTheirOwnImageAndCountedOnce) {
 }
 
 TEST(TrialWitness, AClassThatTheDetectorOrTheSceneLacks) {
-  TrialWitness unnamed(two_couches(), couch_episode(), -1);
+  records::TrialWitness unnamed(two_couches(), couch_episode(), -1);
   const core::Detection detections[] = {{-1, 0.5F, {10, 10, 20, 20}}};
   look(unnamed, 0, Labels().box(10, 10, 20, 20, kCouch, 1).frame(), detections);
   EXPECT_TRUE(unnamed.detections().empty());
   EXPECT_EQ(unnamed.evidence()[0].largest_px, 100);
   sim::Episode toilet;
   toilet.class_name = "toilet";
-  TrialWitness absent(two_couches(), toilet, 0);
+  records::TrialWitness absent(two_couches(), toilet, 0);
   const core::Detection toilets[] = {{0, 0.5F, {10, 10, 20, 20}}};
   look(absent, 0, Labels().frame(), toilets);
   EXPECT_EQ(absent.evidence()[0].false_detections, 1);
@@ -179,10 +179,10 @@ class AttributeTest : public testing::Test {
     const Labels nothing;
     look(witness_, static_cast<int>(result_.track.size()) - 1, nothing.frame(), {});
   }
-  [[nodiscard]] Attribution attributed() {
-    const AttributionContext context{world_, &world_->manifest(), &episode_, &profile_, 0,
-                                     60.0};
-    return attribute(context, result_, witness_, &distance_m_);
+  [[nodiscard]] records::Attribution attributed() {
+    const records::AttributionContext context{
+        world_, &world_->manifest(), &episode_, &profile_, 0, 60.0};
+    return records::attribute(context, result_, witness_, &distance_m_);
   }
 
   static TemporaryFolder* folder_;
@@ -190,7 +190,7 @@ class AttributeTest : public testing::Test {
   sim::Episode episode_;
   sim::SuccessProfile profile_;
   sim::TrialResult result_;
-  TrialWitness witness_{world_->manifest(), couch_episode(), 0};
+  records::TrialWitness witness_{world_->manifest(), couch_episode(), 0};
   std::vector<double> distance_m_;
 };
 TemporaryFolder* AttributeTest::folder_ = nullptr;
@@ -212,10 +212,11 @@ TEST_F(AttributeTest, PlacesOfThePolicysMapAreBroughtIntoTheWorld) {
     return glm::dvec2(truth.x_m + 2.0 - (p_m.y - truth.y_m), truth.y_m + (p_m.x - truth.x_m));
   };
   const glm::dvec2 couch_m(2.5, -2.0);
-  EXPECT_NEAR(glm::distance(world_from_odom(result_, in_odom(couch_m)), couch_m), 0.0, 1e-9);
+  EXPECT_NEAR(glm::distance(records::world_from_odom(result_, in_odom(couch_m)), couch_m), 0.0,
+              1e-9);
   result_.final_view.target_m = in_odom({2.0, -0.6});
   result_.final_view.objects = {{in_odom(couch_m), 0, 0.9F}, {couch_m, 0, 0.9F}};
-  const Attribution why = attributed();
+  const records::Attribution why = attributed();
   EXPECT_EQ(why.cause, "bad_stop_true_positive");
   EXPECT_EQ(why.true_clouds, 1);
   EXPECT_EQ(why.false_clouds, 1);
@@ -227,12 +228,13 @@ TEST_F(AttributeTest, ObjectsElsewhereAreFalseOrMisplacedByWhatTheyAreMadeOf) {
   const Labels couch = Labels().box(10, 10, 20, 20, kCouch, 1);
   const core::BoxPx on{10, 10, 20, 20}, beside{30, 10, 39, 20};
   const core::Detection both[] = {{0, 0.9F, on}, {0, 0.8F, beside}};
-  TrialWitness witness(world_->manifest(), episode_, 0);
+  records::TrialWitness witness(world_->manifest(), episode_, 0);
   look(witness, 0, couch.frame(), both);
   look(witness, 1, couch.frame(), both);
   look(witness, 2, couch.frame(), {});
   look(witness, 3, couch.frame(), {});
-  const AttributionContext context{world_, &world_->manifest(), &episode_, &profile_, 0, 60.0};
+  const records::AttributionContext context{
+      world_, &world_->manifest(), &episode_, &profile_, 0, 60.0};
   const glm::dvec2 elsewhere_m(0.5, 2.0), at_couch_m(2.5, -2.0);
   // Of an image that was never decided on (5) and of an unknown box nothing is known.
   const struct {
@@ -251,7 +253,7 @@ TEST_F(AttributeTest, ObjectsElsewhereAreFalseOrMisplacedByWhatTheyAreMadeOf) {
                {at_couch_m, {}, 1, 0, 0}};
   for (const auto& c : cases) {
     result_.final_view.objects = {{c.place_m, 0, 0.9F, c.made_of}};
-    const Attribution why = attribute(context, result_, witness);
+    const records::Attribution why = records::attribute(context, result_, witness);
     EXPECT_EQ(why.true_clouds, c.is_true);
     EXPECT_EQ(why.misplaced_clouds, c.is_misplaced);
     EXPECT_EQ(why.false_clouds, c.is_false);
@@ -261,7 +263,7 @@ TEST_F(AttributeTest, ObjectsElsewhereAreFalseOrMisplacedByWhatTheyAreMadeOf) {
 TEST_F(AttributeTest, TheEndIsWhereTheStopTookEffect) {
   result_.final_pose = {3.0, -0.9, 0.0};  // It rolled on until it stood beside the couch.
   result_.final_goal_pixels = 321;
-  const Attribution why = attributed();
+  const records::Attribution why = attributed();
   EXPECT_EQ(why.object_m, 0.0);
   EXPECT_NEAR(*why.planar_m, 0.4, 1e-9);
   EXPECT_EQ(why.final_visible_px, 321);
@@ -270,7 +272,7 @@ TEST_F(AttributeTest, TheEndIsWhereTheStopTookEffect) {
 TEST_F(AttributeTest, WithoutATargetTheNearestObjectCounts) {
   result_.final_view.objects = {
       {{2.5, -2.0}, 0, 0.9F}, {{1.2, 1.4}, 0, 0.5F}, {{1.3, 1.0}, 5, 0.5F}};
-  const Attribution why = attributed();
+  const records::Attribution why = attributed();
   EXPECT_EQ(why.cause, "false_positive");
   EXPECT_EQ(why.true_clouds, 1);
   EXPECT_EQ(why.false_clouds, 1);  // The third is of another class.
@@ -279,7 +281,7 @@ TEST_F(AttributeTest, WithoutATargetTheNearestObjectCounts) {
 }
 
 TEST_F(AttributeTest, DistancesOfTheEnd) {
-  const Attribution why = attributed();
+  const records::Attribution why = attributed();
   EXPECT_TRUE(why.stopped);
   ASSERT_TRUE(why.planar_m && why.object_m && why.shortest_object_m);
   EXPECT_NEAR(*why.planar_m, std::hypot(3.0 - 1.3, -0.5 - 1.0), 1e-9);
@@ -310,14 +312,15 @@ TEST_F(AttributeTest, ContactsAndSightingsAreCounted) {
   const core::Detection right[] = {{0, 0.9F, {10, 10, 20, 20}}};
   const core::Detection wrong[] = {{0, 0.9F, {30, 10, 39, 20}}};
   add_tick({1.5, 1.0, 0.0}, core::PolicyMode::kNavigate);
-  TrialWitness witness(world_->manifest(), episode_, 0);
+  records::TrialWitness witness(world_->manifest(), episode_, 0);
   look(witness, 0, Labels().frame(), wrong);
   look(witness, 1, couch.frame(), {});
   look(witness, 2, couch.frame(), right);
   look(witness, 3, couch.frame(), wrong);
   look(witness, 4, Labels().frame(), {});
-  const AttributionContext context{world_, &world_->manifest(), &episode_, &profile_, 0, 60.0};
-  const Attribution why = attribute(context, result_, witness);
+  const records::AttributionContext context{
+      world_, &world_->manifest(), &episode_, &profile_, 0, 60.0};
+  const records::Attribution why = records::attribute(context, result_, witness);
   EXPECT_EQ(why.collision_ticks, 2);
   EXPECT_EQ(why.visible_frames, 3);
   EXPECT_EQ(why.detected_frames, 1);
@@ -327,7 +330,7 @@ TEST_F(AttributeTest, ContactsAndSightingsAreCounted) {
 }
 
 TEST(TrialInsights, SumsAndMedians) {
-  std::vector<TrialRow> rows(5);
+  std::vector<records::TrialRow> rows(5);
   for (std::size_t k = 0; k < rows.size(); ++k) {
     rows[k].ticks = 100;
     rows[k].outcome = "timeout";
@@ -344,9 +347,9 @@ TEST(TrialInsights, SumsAndMedians) {
   rows[2].why.detected_frames = 2;
   rows[3].outcome = "infeasible";  // In nothing.
   rows[4].why = {};                // Older than attribution: in nothing.
-  std::vector<const TrialRow*> pointers;
-  for (const TrialRow& row : rows) pointers.push_back(&row);
-  const TrialInsights in = gain_insights(pointers);
+  std::vector<const records::TrialRow*> pointers;
+  for (const records::TrialRow& row : rows) pointers.push_back(&row);
+  const results::TrialInsights in = results::gain_insights(pointers);
   EXPECT_EQ(in.trials, 3);
   const std::vector<std::pair<std::string, int>> causes{{"never_saw_target", 2},
                                                         {"false_negative", 1}};
@@ -359,13 +362,13 @@ TEST(TrialInsights, SumsAndMedians) {
   EXPECT_DOUBLE_EQ(in.false_clouds, 2.0);
   EXPECT_DOUBLE_EQ(in.misplaced_clouds.value(), 1.0);
   rows[1].why.misplaced_clouds = -1;  // Older: then nothing is known of the group.
-  EXPECT_FALSE(gain_insights(pointers).misplaced_clouds.has_value());
-  EXPECT_FALSE(gain_insights({}).recall().has_value());
-  EXPECT_TRUE(gain_insights({}).profiles.empty());
+  EXPECT_FALSE(results::gain_insights(pointers).misplaced_clouds.has_value());
+  EXPECT_FALSE(results::gain_insights({}).recall().has_value());
+  EXPECT_TRUE(results::gain_insights({}).profiles.empty());
 }
 
 TEST(TrialInsights, OneTrialUnderEveryRule) {
-  TrialRow row;
+  records::TrialRow row;
   row.outcome = "success";
   row.success = true;
   row.why.cause = "did_not_fail";
@@ -378,10 +381,11 @@ TEST(TrialInsights, OneTrialUnderEveryRule) {
   row.shortest_path_m = 4.0;
   row.path_m = 8.0;
   row.sim_s = 10.0;
-  const TrialRow* const rows[] = {&row};
-  const TrialInsights in = gain_insights(rows);
+  const records::TrialRow* const rows[] = {&row};
+  const results::TrialInsights in = results::gain_insights(rows);
   std::map<std::string, std::pair<int, double>> rates;
-  for (const ProfileRate& rate : in.profiles) rates[rate.profile] = {rate.successes, rate.spl};
+  for (const results::ProfileRate& rate : in.profiles)
+    rates[rate.profile] = {rate.successes, rate.spl};
   EXPECT_EQ(rates["segsim-object"], std::make_pair(1, 0.5));
   EXPECT_EQ(rates["habitat-hm3d"], std::make_pair(0, 0.0));
   EXPECT_EQ(rates["apexnav"], std::make_pair(0, 0.0));

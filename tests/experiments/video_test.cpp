@@ -62,33 +62,35 @@ class VideoTest : public testing::Test {
   static void SetUpTestSuite() {
     folder_ = new TemporaryFolder("video");
     TinyScene().write(folder_->path() / "tiny");
-    RunOptions options;
+    runs::RunOptions options;
     options.folders = {folder_->path(), folder_->path() / "work"};
-    (void)run_experiment(parse_spec(kSpec, "filmed.yaml", options.folders), options);
-    stored_ = new StoredRun(load_run(folder_->path() / "work"));
+    (void)runs::run_experiment(specs::parse_spec(kSpec, "filmed.yaml", options.folders),
+                               options);
+    stored_ = new results::StoredRun(results::load_run(folder_->path() / "work"));
   }
   static void TearDownTestSuite() {
     delete stored_;
     delete folder_;
   }
-  static VideoOptions to(const std::string& name, double speed = 2.0) {
+  static films::VideoOptions to(const std::string& name, double speed = 2.0) {
     return {folder_->path() / "out" / name, folder_->path(), speed};
   }
   static std::string segsim(const std::string& arguments) {
     CLI::App app;
-    add_video_command(app);
+    commands::add_video_command(app);
     return tests::input_error_of([&] { app.parse("video " + arguments); });
   }
 
   static TemporaryFolder* folder_;
-  static StoredRun* stored_;
+  static results::StoredRun* stored_;
 };
 TemporaryFolder* VideoTest::folder_ = nullptr;
-StoredRun* VideoTest::stored_ = nullptr;
+results::StoredRun* VideoTest::stored_ = nullptr;
 
 TEST_F(VideoTest, ATrialPlayedAgainShowsWhatTheRunRecorded) {
-  const TrialRow& trial = stored_->trials.at(0);
-  const VideoSummary summary = write_trial_video(*stored_, trial, to("again.mp4"));
+  const records::TrialRow& trial = stored_->trials.at(0);
+  const films::VideoSummary summary =
+      films::write_trial_video(*stored_, trial, to("again.mp4"));
   EXPECT_FALSE(summary.copied);
   // Every tick, the outcome, and two seconds of it at 8 frames per second.
   EXPECT_EQ(summary.frames, trial.ticks + 1 + 16);
@@ -111,7 +113,7 @@ TEST_F(VideoTest, BrowsersCanPlayIt) {
   const cv::VideoWriter probe((folder_->path() / "probe.mp4").string(),
                               cv::VideoWriter::fourcc('a', 'v', 'c', '1'), 10.0, {64, 64});
   if (!probe.isOpened()) GTEST_SKIP() << "no H.264 encoder here";
-  (void)write_trial_video(*stored_, stored_->trials.at(0), to("codec.mp4"));
+  (void)films::write_trial_video(*stored_, stored_->trials.at(0), to("codec.mp4"));
   const cv::VideoCapture video(to("codec.mp4").output.string());
   const int code = static_cast<int>(video.get(cv::CAP_PROP_FOURCC));
   const std::string name{static_cast<char>(code & 255), static_cast<char>((code >> 8) & 255),
@@ -121,49 +123,51 @@ TEST_F(VideoTest, BrowsersCanPlayIt) {
 }
 
 TEST_F(VideoTest, SpeedShortensIt) {
-  const TrialRow& trial = stored_->trials.at(0);
-  const VideoSummary fast = write_trial_video(*stored_, trial, to("fast.mp4", 20.0));
+  const records::TrialRow& trial = stored_->trials.at(0);
+  const films::VideoSummary fast =
+      films::write_trial_video(*stored_, trial, to("fast.mp4", 20.0));
   EXPECT_NEAR(fast.duration_s, trial.sim_s / 20.0 + 2.0, 0.3);
 }
 
 TEST_F(VideoTest, APairLastsAsLongAsItsLongerTrial) {
-  const TrialRow &left = stored_->trials.at(0), &right = stored_->trials.at(1);
+  const records::TrialRow &left = stored_->trials.at(0), &right = stored_->trials.at(1);
   ASSERT_EQ(left.episode, right.episode);
-  const VideoSummary summary = write_pair_video(*stored_, left, right, to("pair.mp4"));
+  const films::VideoSummary summary =
+      films::write_pair_video(*stored_, left, right, to("pair.mp4"));
   EXPECT_EQ(summary.frames, std::max(left.ticks, right.ticks) + 1 + 16);
   const std::vector<cv::Mat> frames = frames_of(to("pair.mp4").output);
   ASSERT_EQ(frames.size(), static_cast<std::size_t>(summary.frames));
   EXPECT_EQ(frames[0].size(), cv::Size(1280, 720));
   // Equal arms: below the captions, which name them, both sides look the same.
   const cv::Mat& middle = frames[frames.size() / 2];
-  const cv::Rect views(0, 100, internal::kColumnWidth_px, 560);
-  const cv::Mat other = middle(views + cv::Point(1280 - internal::kColumnWidth_px, 0));
+  const cv::Rect views(0, 100, video::internal::kColumnWidth_px, 560);
+  const cv::Mat other = middle(views + cv::Point(1280 - video::internal::kColumnWidth_px, 0));
   EXPECT_LT(difference(middle(views), other), 3.0);
 }
 
 TEST_F(VideoTest, WithoutALogTheRecordingIsCopiedOrNothingIsMade) {
-  StoredRun moved = *stored_;
-  TrialRow& trial = moved.trials.at(0);
+  results::StoredRun moved = *stored_;
+  records::TrialRow& trial = moved.trials.at(0);
   trial.log.clear();
-  EXPECT_TRUE(write_trial_video(moved, trial, to("copy.mp4")).copied);
+  EXPECT_TRUE(films::write_trial_video(moved, trial, to("copy.mp4")).copied);
   EXPECT_EQ(core::read_file(to("copy.mp4").output),
             core::read_file(moved.folder / trial.video));
   trial.video.clear();
-  EXPECT_THAT(
-      tests::input_error_of([&] { (void)write_trial_video(moved, trial, to("none.mp4")); }),
-      HasSubstr("a log to play again"));
+  EXPECT_THAT(tests::input_error_of(
+                  [&] { (void)films::write_trial_video(moved, trial, to("none.mp4")); }),
+              HasSubstr("a log to play again"));
   EXPECT_FALSE(fs::exists(to("none.mp4").output));
 }
 
 TEST_F(VideoTest, ATrialThatDoesNotHappenAgainIsNotShown) {
-  const TrialRow& trial = stored_->trials.at(2);
-  const fs::path log = replay_log_of(*stored_, trial);
+  const records::TrialRow& trial = stored_->trials.at(2);
+  const fs::path log = films::replay_log_of(*stored_, trial);
   const std::string text = core::read_file(log);
-  ReplayLog changed = read_replay_log(log);
+  records::ReplayLog changed = records::read_replay_log(log);
   changed.ticks.at(5).pose.x_m += 1e-9;
-  write_replay_log(log, changed);
+  records::write_replay_log(log, changed);
   EXPECT_THAT(tests::input_error_of(
-                  [&] { (void)write_trial_video(*stored_, trial, to("other.mp4")); }),
+                  [&] { (void)films::write_trial_video(*stored_, trial, to("other.mp4")); }),
               HasSubstr("another from tick 5 on (pose)"));
   std::ofstream(log) << text;
   EXPECT_FALSE(fs::exists(to("other.mp4").output));
@@ -173,18 +177,20 @@ TEST_F(VideoTest, ATrialThatDoesNotHappenAgainIsNotShown) {
 }
 
 TEST_F(VideoTest, TheDemoHasItsPartsAndTheirLengths) {
-  const DemoOptions options{to("demo.mp4"), "", ""};
-  const VideoSummary summary = write_demo_video(*stored_, options);
+  const films::DemoOptions options{to("demo.mp4"), "", ""};
+  const films::VideoSummary summary = films::write_demo_video(*stored_, options);
   const std::vector<cv::Mat> frames = frames_of(options.video.output);
   ASSERT_EQ(frames.size(), static_cast<std::size_t>(summary.frames));
   EXPECT_EQ(frames[0].size(), cv::Size(1280, 720));
   // Title 6 s, reading 8 s, one pair with its title (3.5 s) and outcome (2 s), results 12 s.
-  const std::vector<DemoPair> pairs = choose_demo_pairs(stored_->trials, "before", "after");
+  const std::vector<films::DemoPair> pairs =
+      films::choose_demo_pairs(stored_->trials, "before", "after");
   ASSERT_EQ(pairs.size(), 1U);
   const double pair_s = std::max(pairs[0].before->sim_s, pairs[0].after->sim_s) / 2.0;
   EXPECT_NEAR(summary.duration_s, 6.0 + 8.0 + 3.5 + pair_s + 2.0 + 12.0, 0.4);
   // The last screen is the table's, but for what encoding costs its letters.
-  const double loss = difference(frames.back(), internal::result_card(summarise(*stored_)));
+  const double loss =
+      difference(frames.back(), films::internal::result_card(results::summarise(*stored_)));
   EXPECT_LT(loss, 6.0);
   EXPECT_LT(loss, 0.5 * difference(frames.back(), frames.front()));
 }
@@ -201,9 +207,9 @@ TEST_F(VideoTest, BadRequestsAreOneLine) {
       HasSubstr("/proc/video.mp4"));
 }
 
-TrialRow row(const std::string& scene, const std::string& episode, const std::string& arm,
-             bool success, double sim_s) {
-  TrialRow trial;
+records::TrialRow row(const std::string& scene, const std::string& episode,
+                      const std::string& arm, bool success, double sim_s) {
+  records::TrialRow trial;
   trial.scene = scene;
   trial.episode = scene + "/" + episode;
   trial.arm = arm;
@@ -215,7 +221,7 @@ TrialRow row(const std::string& scene, const std::string& episode, const std::st
 }
 
 TEST(DemoPairs, AreOfMedianLengthAndOneSpeaksAgainst) {
-  std::vector<TrialRow> trials;
+  std::vector<records::TrialRow> trials;
   const auto add = [&](const std::string& scene, const std::string& episode, bool before,
                        double before_s, bool after, double after_s) {
     trials.push_back(row(scene, episode, "before", before, before_s));
@@ -228,7 +234,8 @@ TEST(DemoPairs, AreOfMedianLengthAndOneSpeaksAgainst) {
   add("b", "0", false, 50.0, true, 10.0);  // The only one of another scene than a/0.
   add("b", "1", true, 10.0, false, 12.0);
   add("b", "2", false, 10.0, false, 12.0);
-  const std::vector<DemoPair> pairs = choose_demo_pairs(trials, "before", "after");
+  const std::vector<films::DemoPair> pairs =
+      films::choose_demo_pairs(trials, "before", "after");
   ASSERT_EQ(pairs.size(), 3U);
   // Sorted 20 (a/2), 30 (a/1), 50 (b/0), 90 (a/0): the upper median is b/0.
   EXPECT_EQ(pairs[0].before->episode, "b/0");
@@ -239,25 +246,26 @@ TEST(DemoPairs, AreOfMedianLengthAndOneSpeaksAgainst) {
   EXPECT_EQ(pairs[2].before->episode, "b/1");
   EXPECT_THAT(pairs[2].reason, HasSubstr("The only episode in which only \"before\""));
   trials.erase(trials.begin() + 12, trials.begin() + 15);  // Without b/1.
-  EXPECT_EQ(choose_demo_pairs(trials, "before", "after").at(2).before->episode, "b/2");
-  EXPECT_TRUE(choose_demo_pairs(trials, "before", "nobody").empty());
-  for (TrialRow& trial : trials) trial.outcome = "error";
-  EXPECT_TRUE(choose_demo_pairs(trials, "before", "after").empty());
+  EXPECT_EQ(films::choose_demo_pairs(trials, "before", "after").at(2).before->episode, "b/2");
+  EXPECT_TRUE(films::choose_demo_pairs(trials, "before", "nobody").empty());
+  for (records::TrialRow& trial : trials) trial.outcome = "error";
+  EXPECT_TRUE(films::choose_demo_pairs(trials, "before", "after").empty());
 }
 
 TEST(ResultCard, BarsAreAsLongAsTheRates) {
-  std::vector<TrialRow> trials;
+  std::vector<records::TrialRow> trials;
   for (int k = 0; k < 20; ++k) {
     trials.push_back(row("a", std::to_string(k), "before", k < 4, 10.0));
     trials.push_back(row("a", std::to_string(k), "after", k < 15, 10.0));
   }
-  SceneRow scene;
+  records::SceneRow scene;
   scene.name = "a";
-  std::vector<ArmRow> arms(2);
+  std::vector<records::ArmRow> arms(2);
   arms[0].name = "before";
   arms[1].name = "after";
-  const ResultTable table = summarise(RunRow{}, {scene}, arms, trials);
-  const cv::Mat card = internal::result_card(table);
+  const results::ResultTable table =
+      results::summarise(records::RunRow{}, {scene}, arms, trials);
+  const cv::Mat card = films::internal::result_card(table);
   EXPECT_EQ(card.size(), cv::Size(1280, 720));
   // Orange is "after": 15 of 20 of 500 pixels.
   cv::Mat orange;
@@ -272,11 +280,11 @@ TEST(VideoFile, IsThereWholeOrNotAtAll) {
   const fs::path file = folder.path() / "a.mp4";
   const cv::Mat page(51, 77, CV_8UC3, cv::Scalar(40, 90, 200));  // Odd sides.
   {
-    internal::VideoFile abandoned(file, 10.0);
+    video::internal::VideoFile abandoned(file, 10.0);
     abandoned.write(page);
   }
   EXPECT_EQ(entries_of(folder.path()), 0);
-  internal::VideoFile video(file, 10.0);
+  video::internal::VideoFile video(file, 10.0);
   video.write(page);
   video.hold(1.5);
   EXPECT_FALSE(fs::exists(file));
@@ -292,15 +300,15 @@ TEST(VideoFile, IsThereWholeOrNotAtAll) {
 TEST(TitleCard, LinesFit) {
   const std::string text =
       "Does this perception change make the robot reach its goal more often, in time?";
-  const std::vector<std::string> lines = internal::wrapped(text, 20.0, 300.0);
+  const std::vector<std::string> lines = films::internal::wrapped(text, 20.0, 300.0);
   ASSERT_GT(lines.size(), 2U);
   std::string joined;
   for (const std::string& line : lines) {
-    EXPECT_LE(text_width_px(line, 20.0), 300.0) << line;
+    EXPECT_LE(drawing::text_width_px(line, 20.0), 300.0) << line;
     joined += (joined.empty() ? "" : " ") + line;
   }
   EXPECT_EQ(joined, text);
-  EXPECT_EQ(internal::wrapped("unbreakable", 20.0, 5.0).size(), 1U);
+  EXPECT_EQ(films::internal::wrapped("unbreakable", 20.0, 5.0).size(), 1U);
 }
 
 }  // namespace

@@ -29,8 +29,8 @@ class ViewLabelsTest : public testing::Test {
   [[nodiscard]] sim::World world() const {
     return sim::World::load(bundle(), sim::RobotModel::jackal_gentle());
   }
-  [[nodiscard]] static ViewLabelOptions options() {
-    ViewLabelOptions options;
+  [[nodiscard]] static detection::ViewLabelOptions options() {
+    detection::ViewLabelOptions options;
     options.views = 12;
     options.camera = core::CameraIntrinsics::from_fov(96, 72, 1.4);
     options.camera_height_m = 1.0;
@@ -38,9 +38,9 @@ class ViewLabelsTest : public testing::Test {
     options.show_progress = false;
     return options;
   }
-  [[nodiscard]] ViewLabels label(const ViewLabelOptions& options) const {
-    return label_views(bundle(), sim::RobotModel::jackal_gentle(), options,
-                       folder_.path() / "out");
+  [[nodiscard]] detection::ViewLabels label(const detection::ViewLabelOptions& options) const {
+    return detection::label_views(bundle(), sim::RobotModel::jackal_gentle(), options,
+                                  folder_.path() / "out");
   }
   [[nodiscard]] std::filesystem::path drive_file(const std::string& text) const {
     const std::filesystem::path file = folder_.path() / "drive.yaml";
@@ -53,7 +53,7 @@ class ViewLabelsTest : public testing::Test {
 };
 
 TEST_F(ViewLabelsTest, RandomViewsAreReachableDistinctAndNamed) {
-  const ViewLabels labels = label(options());
+  const detection::ViewLabels labels = label(options());
   ASSERT_EQ(labels.dataset.images.size(), 12U);
   const std::string surfels = core::sha256_of_file(bundle_folder_ / "surfels.ply");
   EXPECT_EQ(labels.dataset.scenes, (std::vector<perception::ImagedScene>{{"tiny", surfels}}));
@@ -64,18 +64,18 @@ TEST_F(ViewLabelsTest, RandomViewsAreReachableDistinctAndNamed) {
     ASSERT_TRUE(image.view.has_value());
     EXPECT_TRUE(place.navmesh().nearest({image.view->x_m, image.view->y_m, 0.0}, 0.1));
     for (std::size_t j = 0; j < i; ++j) {
-      EXPECT_FALSE(ViewDistance().alike(*image.view, *labels.dataset.images[j].view));
+      EXPECT_FALSE(scenes::ViewDistance().alike(*image.view, *labels.dataset.images[j].view));
     }
   }
 }
 
 TEST_F(ViewLabelsTest, ObjectsAgreeWithThemselvesAndWithTheirExtent) {
-  ViewLabelOptions many = options();
+  detection::ViewLabelOptions many = options();
   many.views = 40;
-  const ViewLabels labels = label(many);
+  const detection::ViewLabels labels = label(many);
   ASSERT_EQ(labels.instances.size(), 2U);
   int seen_whole = 0;
-  for (const InstanceConsistency& instance : labels.instances) {
+  for (const detection::InstanceConsistency& instance : labels.instances) {
     EXPECT_GT(instance.views, 5) << instance.name;
     EXPECT_EQ(instance.differing_views, 0) << instance.name;
     EXPECT_GT(instance.label_agreement, 0.95) << instance.name;
@@ -91,7 +91,7 @@ TEST_F(ViewLabelsTest, ObjectsAgreeWithThemselvesAndWithTheirExtent) {
 }
 
 TEST_F(ViewLabelsTest, ObjectsOfLittleAgreementAreIgnored) {
-  ViewLabelOptions strict = options();
+  detection::ViewLabelOptions strict = options();
   strict.min_label_agreement = 1.01;
   std::size_t boxes = 0;
   for (const auto& image : label(strict).dataset.images) {
@@ -102,24 +102,24 @@ TEST_F(ViewLabelsTest, ObjectsOfLittleAgreementAreIgnored) {
 }
 
 TEST_F(ViewLabelsTest, AvoidedPlacesStayEmpty) {
-  ViewLabelOptions careful = options();
+  detection::ViewLabelOptions careful = options();
   careful.avoid_m = {{-2.0, 0.0}, {2.0, 1.0}};
   careful.avoid_radius_m = 1.2;
-  const ViewLabels labels = label(careful);
+  const detection::ViewLabels labels = label(careful);
   ASSERT_FALSE(labels.dataset.images.empty());
-  EXPECT_EQ(views_near(labels.dataset, "tiny", careful.avoid_m, 1.2), 0);
-  EXPECT_GT(views_near(labels.dataset, "tiny", careful.avoid_m, 3.0), 0);
+  EXPECT_EQ(detection::views_near(labels.dataset, "tiny", careful.avoid_m, 1.2), 0);
+  EXPECT_GT(detection::views_near(labels.dataset, "tiny", careful.avoid_m, 3.0), 0);
   careful.avoid_radius_m = 50.0;
   EXPECT_THROW((void)label(careful), core::InputError);
 }
 
 TEST_F(ViewLabelsTest, ClassMapRenamesTheScenesClasses) {
-  ViewLabelOptions mapped = options();
+  detection::ViewLabelOptions mapped = options();
   mapped.class_names = {"seat"};
   perception::ClassMap map;
   map.target_of = {{"couch", "seat"}};
   mapped.class_map = map;
-  const ViewLabels labels = label(mapped);
+  const detection::ViewLabels labels = label(mapped);
   EXPECT_THAT(labels.unmapped, testing::ElementsAre("chair"));
   int boxes = 0;
   for (const auto& image : labels.dataset.images) {
@@ -132,9 +132,9 @@ TEST_F(ViewLabelsTest, ClassMapRenamesTheScenesClasses) {
 }
 
 TEST_F(ViewLabelsTest, DrivesGoAroundWallsAtEvenSteps) {
-  const Drive drive = read_drive(
+  const scenes::Drive drive = scenes::read_drive(
       drive_file("every_m: 0.4\nturn_every_deg: 30\nway_points: [[-2, -1.5], [2, 1.5]]\n"));
-  const std::vector<core::Pose2> poses = drive_poses(world(), drive);
+  const std::vector<core::Pose2> poses = scenes::drive_poses(world(), drive);
   ASSERT_GT(poses.size(), 10U);
   EXPECT_NEAR(poses.front().x_m, -2.0, 1e-9);
   bool through_passage = false;
@@ -153,10 +153,10 @@ TEST_F(ViewLabelsTest, DrivesGoAroundWallsAtEvenSteps) {
 }
 
 TEST_F(ViewLabelsTest, DriveViewsComeFirst) {
-  ViewLabelOptions driven = options();
+  detection::ViewLabelOptions driven = options();
   driven.views = 3;
-  driven.drives = {read_drive(drive_file("way_points: [[-2, 0], [-2, -1.8]]\n"))};
-  const ViewLabels labels = label(driven);
+  driven.drives = {scenes::read_drive(drive_file("way_points: [[-2, 0], [-2, -1.8]]\n"))};
+  const detection::ViewLabels labels = label(driven);
   ASSERT_GT(labels.drive_views, 1);
   EXPECT_EQ(labels.dataset.images.size(), static_cast<std::size_t>(labels.drive_views) + 3U);
   EXPECT_NEAR(labels.dataset.images[0].view->x_m, -2.0, 1e-9);
@@ -166,7 +166,9 @@ TEST_F(ViewLabelsTest, DriveViewsComeFirst) {
 
 TEST_F(ViewLabelsTest, FaultsOfDrivesAreNamed) {
   const auto fault = [&](const std::string& text) {
-    return [this, text] { (void)drive_poses(world(), read_drive(drive_file(text))); };
+    return [this, text] {
+      (void)scenes::drive_poses(world(), scenes::read_drive(drive_file(text)));
+    };
   };
   EXPECT_THAT(fault("way_points: [[0, 0]]\n"),
               ThrowsMessage<core::InputError>(HasSubstr("two places or more")));
@@ -179,14 +181,14 @@ TEST_F(ViewLabelsTest, FaultsOfDrivesAreNamed) {
 }
 
 TEST_F(ViewLabelsTest, ReportFilesBelongTogether) {
-  const ViewLabels labels = label(options());
-  LabelReport report;
+  const detection::ViewLabels labels = label(options());
+  detection::LabelReport report;
   report.dataset = labels.dataset;
   report.instances = labels.instances;
   report.notes = {"a note for the reader"};
-  report.split = split_views(report.dataset, {0.25, {}, {}, 1});
+  report.split = detection::split_views(report.dataset, {0.25, {}, {}, 1});
   const std::filesystem::path out = folder_.path() / "out";
-  write_label_files(out, report);
+  detection::write_label_files(out, report);
   EXPECT_EQ(perception::read_coco(out / "labels.json").images.size(), 12U);
   EXPECT_EQ(perception::read_coco(out / "val_views.json").images.size(), 3U);
   EXPECT_FALSE(std::filesystem::exists(out / "val_scenes.json"));
@@ -202,13 +204,13 @@ TEST(ProjectedBox, IsTheBoxOfTheCornersCutAtTheImage) {
   instance.box_max_m = {3.0, 0.5, 1.5};
   core::CameraIntrinsics camera = core::CameraIntrinsics::from_fov(100, 100, 1.5707963267949);
   const auto ahead = core::look_at({0.0, 0.0, 1.0}, {1.0, 0.0, 1.0});
-  const auto box = projected_box(instance, ahead, camera);
+  const auto box = detection::projected_box(instance, ahead, camera);
   ASSERT_TRUE(box.has_value());
   // The near face, 2 m away, with f = 50 px: 0.5 m is 12.5 px.
   EXPECT_NEAR(box->x0, 37.5, 1e-4);
   EXPECT_NEAR(box->y1, 62.5, 1e-4);
   const auto behind = core::look_at({0.0, 0.0, 1.0}, {-1.0, 0.0, 1.0});
-  EXPECT_FALSE(projected_box(instance, behind, camera).has_value());
+  EXPECT_FALSE(detection::projected_box(instance, behind, camera).has_value());
 }
 
 }  // namespace

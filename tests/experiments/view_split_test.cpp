@@ -31,9 +31,9 @@ perception::CocoDataset views_in(const std::vector<std::string>& scenes, int vie
 
 TEST(ViewSplit, NoTrainingViewIsLikeAHeldOutOne) {
   const auto dataset = views_in({"a", "b"}, 300);
-  ViewSplitOptions options;
+  detection::ViewSplitOptions options;
   options.apart = {0.5, 0.5};
-  const ViewSplit split = split_views(dataset, options);
+  const detection::ViewSplit split = detection::split_views(dataset, options);
   EXPECT_EQ(split.val_views.images.size(), 120U);
   EXPECT_GT(split.dropped, 0);
   EXPECT_EQ(split.train.images.size() + 120U + static_cast<std::size_t>(split.dropped), 600U);
@@ -55,9 +55,9 @@ TEST(ViewSplit, HeldOutScenesAreWhole) {
   auto dataset = views_in({"a", "b", "c"}, 40);
   const perception::ImagedScene a{"a", "1"}, b{"b", "2"}, c{"c", "3"};
   dataset.scenes = std::vector{a, b, c};
-  ViewSplitOptions options;
+  detection::ViewSplitOptions options;
   options.val_scenes = {"b"};
-  const ViewSplit split = split_views(dataset, options);
+  const detection::ViewSplit split = detection::split_views(dataset, options);
   EXPECT_EQ(split.val_scenes.scenes, std::vector{b});  // Each part says its own places alone.
   EXPECT_EQ(split.train.scenes, (std::vector{a, c}));
   EXPECT_EQ(split.val_scenes.images.size(), 40U);
@@ -70,24 +70,26 @@ TEST(ViewSplit, SeedDecidesAndZeroShareHoldsNothingOut) {
   const auto dataset = views_in({"a"}, 50);
   const auto ids = [&](std::uint64_t seed) {
     std::set<std::int64_t> result;
-    for (const auto& image : split_views(dataset, {0.2, {}, {}, seed}).val_views.images) {
+    for (const auto& image :
+         detection::split_views(dataset, {0.2, {}, {}, seed}).val_views.images) {
       result.insert(image.id);
     }
     return result;
   };
   EXPECT_EQ(ids(1), ids(1));
   EXPECT_NE(ids(1), ids(2));
-  const ViewSplit none = split_views(dataset, {0.0, {}, {}, 1});
+  const detection::ViewSplit none = detection::split_views(dataset, {0.0, {}, {}, 1});
   EXPECT_EQ(none.train.images.size(), 50U);
   EXPECT_EQ(none.dropped, 0);
 }
 
 TEST(ViewSplit, FaultsAreInputErrors) {
   auto dataset = views_in({"a"}, 4);
-  EXPECT_THROW((void)split_views(dataset, {0.2, {}, {"nowhere"}, 1}), core::InputError);
-  EXPECT_THROW((void)split_views(dataset, {0.2, {}, {"a"}, 1}), core::InputError);
+  EXPECT_THROW((void)detection::split_views(dataset, {0.2, {}, {"nowhere"}, 1}),
+               core::InputError);
+  EXPECT_THROW((void)detection::split_views(dataset, {0.2, {}, {"a"}, 1}), core::InputError);
   dataset.images[2].view.reset();
-  EXPECT_THROW((void)split_views(dataset, {}), core::InputError);
+  EXPECT_THROW((void)detection::split_views(dataset, {}), core::InputError);
 }
 
 }  // namespace

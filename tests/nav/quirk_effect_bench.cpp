@@ -22,7 +22,7 @@ VlfmOptions options_of(int arm) {
   if (arm >= 1 && arm <= static_cast<int>(kQuirks)) {
     rules.set(static_cast<Quirk>(arm - 1), Rule::kVlfm);
   }
-  VlfmOptions options = vlfm_for(test::jackal(), rules, kMast_m);
+  VlfmOptions options = vlfm_for(jackal(), rules, kMast_m);
   if (arm == 15 || arm == 18) options.second_look = false;
   if (arm == 16 || arm == 18) options.approach = false;
   if (arm == 17 || arm == 18) options.sweep.most_places = 0;

@@ -90,7 +90,7 @@ void run(benchmark::State& state, const BoxWorld& world, const core::Pose2& star
 }
 
 void BM_VlfmBuilding(benchmark::State& state) {
-  VlfmOptions options = vlfm_for(test::jackal(), VlfmRules(), 1.2);
+  VlfmOptions options = vlfm_for(jackal(), VlfmRules(), 1.2);
   options.obstacles.growth.start_extent_m = 50.0;
   options.values.growth.start_extent_m = 50.0;
   run(state, building(), {15.0, 12.0, 0.0}, make_vlfm_policy(options));
@@ -128,7 +128,7 @@ BENCHMARK(BM_ValueMap)->Unit(benchmark::kMillisecond);
 
 void BM_ObstacleMap(benchmark::State& state) {
   const VlfmOptions options =
-      vlfm_for(test::jackal(), VlfmRules(static_cast<Rule>(state.range(0))), 1.2);
+      vlfm_for(jackal(), VlfmRules(static_cast<Rule>(state.range(0))), 1.2);
   ObstacleMap map(options.obstacles, options.rules);
   update_map(state, map);
 }

@@ -8,7 +8,7 @@
 #include "core/error.h"
 #include "tests/reconstruction/tiny_sequence.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 using ::testing::AllOf;
@@ -148,4 +148,4 @@ TEST(BoxAnnotation, RefusesBadFiles) {
 }
 
 }  // namespace
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

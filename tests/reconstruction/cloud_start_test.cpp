@@ -8,10 +8,10 @@
 
 #include "tests/error_message.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
-using segsim::tests::input_error_of;
+using tests::input_error_of;
 
 constexpr double kBoardHeight_m = 0.5, kBoardHalf_m = 0.3, kFloorHalf_m = 1.0;
 constexpr core::Rgb8 kLeft{200, 40, 30}, kRight{30, 60, 220}, kBoard{40, 180, 50};
@@ -103,17 +103,17 @@ LiftOptions coarse() {
   return options;
 }
 
-glm::vec3 normal_of(const SurfelCloud& surfels, std::size_t i) {
+glm::vec3 normal_of(const renderer::SurfelCloud& surfels, std::size_t i) {
   return surfels.R_world_surfel[i] * glm::vec3(0.0F, 0.0F, 1.0F);
 }
-glm::vec3 color_of(const SurfelCloud& surfels, std::size_t i) {
-  return 0.5F + kShC0 * surfels.sh[i];
+glm::vec3 color_of(const renderer::SurfelCloud& surfels, std::size_t i) {
+  return 0.5F + renderer::kShC0 * surfels.sh[i];
 }
 glm::vec3 color_of(const core::Rgb8& rgb) { return glm::vec3(rgb.r, rgb.g, rgb.b) / 255.0F; }
 
 TEST(CloudStart, SurfelsLieInTheSurfaceAndFaceTheCameras) {
   const LiftResult start = start_from_cloud(board_and_floor(), BoardAboveFloor(), coarse());
-  check_surfels(start.surfels);
+  renderer::check_surfels(start.surfels);
   // One a voxel: the floor has 67 x 67 of them, the board 20 x 20, give or take borders.
   EXPECT_NEAR(static_cast<double>(start.surfels.size()), 67.0 * 67.0 + 20.0 * 20.0, 300.0);
   EXPECT_FALSE(start.surfels.has_labels());
@@ -210,4 +210,4 @@ TEST(CloudStart, ACloudOfAnotherPlaceIsRefused) {
 }
 
 }  // namespace
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -9,7 +9,7 @@
 #include "reconstruction/datasets/internal/lens.h"
 #include "tests/reconstruction/tiny_datasets.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 using namespace testing;
@@ -302,4 +302,4 @@ TEST(Lens, UndistortionPutsPixelsWhereAPinholeSeesThem) {
 }
 
 }  // namespace
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -10,7 +10,7 @@
 #include "reconstruction/datasets/label_map.h"
 #include "tests/reconstruction/tiny_datasets.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 using namespace testing;
@@ -338,4 +338,4 @@ TEST(Nerfstudio, NamesTheKeyOfAFault) {
 }
 
 }  // namespace
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -8,7 +8,7 @@
 
 #include "reconstruction/evaluation/image_quality.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
@@ -86,4 +86,4 @@ TEST(DepthRepeatability, TheNearestPointOfAPixelWinsAndPointsBehindAreLeftOut) {
 }
 
 }  // namespace
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -9,7 +9,7 @@
 #include "core/check.h"
 #include "core/random.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 using core::Rgb8;
@@ -169,4 +169,4 @@ TEST(ImageQuality, RefusesDifferentSizes) {
 }
 
 }  // namespace
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -10,7 +10,7 @@
 #include "renderer/cpu_renderer.h"
 #include "renderer/scene/room_scene.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 namespace fs = std::filesystem;
@@ -52,7 +52,7 @@ TEST(LabelAgreement, CountsSurfacesOnly) {
 
 TEST(LabelAgreement, CsvHasALinePerRow) {
   const fs::path file = fs::path(::testing::TempDir()) / "label_agreement.csv";
-  LabelAgreement row{.rule = TopKRule::kFirst, .top_k = 4, .pixels = 8};
+  LabelAgreement row{.rule = renderer::TopKRule::kFirst, .top_k = 4, .pixels = 8};
   row.same_semantic = 8, row.same_instance = 6, row.same_panoptic = 4;
   row.feature_fetches = 99;
   write_agreement_csv(file, std::vector{row, LabelAgreement{}});
@@ -64,19 +64,21 @@ TEST(LabelAgreement, CsvHasALinePerRow) {
 
 /// Set SEGSIM_AGREEMENT_CSV to keep the table for a plot.
 TEST(LabelAgreement, GrowsWithKInARoom) {
-  const auto room =
-      std::make_shared<const SurfelCloud>(make_room_scene({.surfel_count = 100'000}));
-  const std::vector<int> top_ks = {1, 3, 4, 8, 16, 24, kAllSurfels};
+  const auto room = std::make_shared<const renderer::SurfelCloud>(
+      renderer::make_room_scene({.surfel_count = 100'000}));
+  const std::vector<int> top_ks = {1, 3, 4, 8, 16, 24, renderer::kAllSurfels};
   const std::vector<LabelAgreement> rows = label_agreement(
-      [&](const RenderOptions& options) { return make_cpu_renderer(room, options); },
-      room_camera_ring(3), room_camera(320, 240), top_ks);
+      [&](const renderer::RenderOptions& options) {
+        return renderer::make_cpu_renderer(room, options);
+      },
+      renderer::room_camera_ring(3), renderer::room_camera(320, 240), top_ks);
   ASSERT_EQ(rows.size(), 2 * top_ks.size());
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const std::size_t k = i % top_ks.size();
     EXPECT_EQ(rows[i].top_k, top_ks[k]);
     EXPECT_GT(rows[i].pixels, 200000U);
     const double share = rows[i].share(rows[i].same_panoptic);
-    if (top_ks[k] == kAllSurfels) {
+    if (top_ks[k] == renderer::kAllSurfels) {
       EXPECT_EQ(rows[i].same_panoptic, rows[i].pixels);
     } else if (k > 0) {
       EXPECT_GE(share, rows[i - 1].share(rows[i - 1].same_panoptic) - 2e-3);
@@ -93,4 +95,4 @@ TEST(LabelAgreement, GrowsWithKInARoom) {
 }
 
 }  // namespace
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -12,7 +12,7 @@
 #include "reconstruction/lifting/internal/voxel_fusion.h"
 #include "renderer/cpu_renderer.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 constexpr double kSphereRadius_m = 0.4;
@@ -134,7 +134,7 @@ double quantile(std::vector<double> values, double share) {
 
 TEST(Lifting, SurfelsLieOnTheSurfaceAndFaceOutwards) {
   const LiftResult result = lift(BallOnFloor{});
-  check_surfels(result.surfels);
+  renderer::check_surfels(result.surfels);
   std::vector<double> distance_m, angle_rad;
   for (std::size_t i = 0; i < result.surfels.size(); ++i) {
     const glm::vec3 p = result.surfels.position_m[i];
@@ -159,7 +159,7 @@ TEST(Lifting, LabelsColorsAndBoxesFollowTheMasks) {
   for (std::size_t i = 0; i < result.surfels.size(); ++i) {
     const glm::vec3 p = result.surfels.position_m[i];
     const bool ball = ball_distance_m(p) < std::abs(p.z);
-    const glm::vec3 color = 0.5F + kShC0 * result.surfels.sh[i];
+    const glm::vec3 color = 0.5F + renderer::kShC0 * result.surfels.sh[i];
     const bool right = result.surfels.semantic_id[i] == (ball ? kBallClass : kFloorClass) &&
                        result.surfels.instance_id[i] == (ball ? kBallInstance : 0) &&
                        (ball ? color.r > 0.7F : color.b > 0.6F);
@@ -183,8 +183,8 @@ TEST(Lifting, RenderedViewsHaveNoHoles) {
   const LiftResult result = lift(sequence, options);
   EXPECT_EQ(result.statistics.frames_held_out, 4U);
   EXPECT_EQ(result.statistics.frames_used, 16U);
-  const auto renderer =
-      make_cpu_renderer(std::make_shared<SurfelCloud>(result.surfels), RenderOptions{});
+  const auto renderer = renderer::make_cpu_renderer(
+      std::make_shared<renderer::SurfelCloud>(result.surfels), renderer::RenderOptions{});
   const core::Frame view =
       renderer->render(sequence.pose(5), sequence.intrinsics(), core::Channels::kAll);
   const RgbdFrame truth = sequence.load(5);  // Held out.
@@ -287,4 +287,4 @@ TEST(VoxelFusion, VotesKeepAMajorityAmongManyLabels) {
 }
 
 }  // namespace
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -8,15 +8,15 @@
 #include "tests/error_message.h"
 #include "tests/reconstruction/tiny_sequence.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 namespace fs = std::filesystem;
-using segsim::tests::input_error_of;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 using testing::TemporaryFolder;
 using testing::write_text;
+using tests::input_error_of;
 
 const std::vector<core::SceneClass> kClasses{{1, "floor", false}, {3, "office chair", true}};
 
@@ -186,4 +186,4 @@ TEST(MaskFiles, RefusesFoldersThatDoNotFit) {
 }
 
 }  // namespace
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

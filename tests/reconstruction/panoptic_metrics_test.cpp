@@ -13,7 +13,7 @@
 #include "core/random.h"
 #include "reconstruction/evaluation/panoptic_report.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 using core::SceneClass;
@@ -445,4 +445,4 @@ TEST(PanopticReport, HasTheFiveRuleSetsOfBothTables) {
 }
 
 }  // namespace
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

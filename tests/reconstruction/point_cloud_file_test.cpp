@@ -11,11 +11,11 @@
 #include "tests/error_message.h"
 #include "tests/reconstruction/tiny_sequence.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
-using segsim::tests::input_error_of;
 using ::testing::HasSubstr;
+using tests::input_error_of;
 
 const std::string kPcdHeader =
     "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z rgb\nSIZE 4 4 4 4\nTYPE F F F U\nCOUNT 1 1 1 1\n"
@@ -126,4 +126,4 @@ TEST_F(PointCloudFile, CutFilesAreRefused) {
 }
 
 }  // namespace
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -10,7 +10,7 @@
 #include "tests/error_message.h"
 #include "tests/reconstruction/tiny_sequence.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 using internal::find_pose_jumps;
@@ -117,4 +117,4 @@ TEST(PoseJumps, ABreakIsAWarning) {
 }
 
 }  // namespace
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -14,13 +14,13 @@
 #include "tests/error_message.h"
 #include "tests/reconstruction/tiny_sequence.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
-using segsim::tests::input_error_of;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 using testing::TemporaryFolder;
+using tests::input_error_of;
 
 std::string open_error(const std::filesystem::path& folder,
                        const SequenceOptions& options = {}) {
@@ -87,7 +87,7 @@ TEST(RgbdSequence, PrefersFloatDepth) {
   testing::write_seven_scenes(folder.path(), true);
   core::Image<float> depth_m(testing::kWidth, testing::kHeight, 2.53125F);
   depth_m(3, 3) = std::nanf("");
-  write_depth_exr(folder.path() / "frame-000000.depth.exr", depth_m);
+  renderer::write_depth_exr(folder.path() / "frame-000000.depth.exr", depth_m);
   const RgbdFrame frame = open_sequence(folder.path())->load(0);
   EXPECT_FLOAT_EQ(frame.depth_m(5, 5), 2.53125F);
   EXPECT_TRUE(std::isnan(frame.depth_m(3, 3)));
@@ -282,4 +282,4 @@ TEST(FloorFit, FindsTheFloorBelowTableAndCeiling) {
 }
 
 }  // namespace
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -14,7 +14,7 @@
 #include "reconstruction/datasets/rgbd_sequence.h"
 #include "tests/reconstruction/tiny_sequence.h"
 
-namespace segsim::renderer::testing {
+namespace segsim::reconstruction::testing {
 
 namespace fs = std::filesystem;
 
@@ -173,4 +173,4 @@ inline void write_colmap(const fs::path& folder) {
                     colmap_image(7, 1, "b c.png") + colmap_image(9, 0, "a.png"));
 }
 
-}  // namespace segsim::renderer::testing
+}  // namespace segsim::reconstruction::testing

@@ -16,7 +16,7 @@
 #include "core/frames.h"
 #include "tests/temporary_folder.h"
 
-namespace segsim::renderer::testing {
+namespace segsim::reconstruction::testing {
 
 using tests::TemporaryFolder;
 
@@ -90,4 +90,4 @@ inline void truncate_file(const std::filesystem::path& file, double share) {
   std::filesystem::resize_file(file, static_cast<std::uintmax_t>(size * share));
 }
 
-}  // namespace segsim::renderer::testing
+}  // namespace segsim::reconstruction::testing

@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 const std::vector<core::SceneClass> kClasses{{1, "floor", false}, {2, "chair", true}};
@@ -77,4 +77,4 @@ TEST(ViewQuality, OfNothingIsZero) {
 }
 
 }  // namespace
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

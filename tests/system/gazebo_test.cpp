@@ -126,7 +126,7 @@ TEST_F(Gazebo, ARecordedDriveComesBackAsTheImagesOfItsPoses) {
   for (std::int64_t i = 0; i <= index; ++i) drive >> place.x_m >> place.y_m >> place.yaw_rad;
   const auto T_world_camera = core::transform_from_pose2<core::frame::World>(place) *
                               core::mast_camera(1.0, 0.0);  // TinyScene's camera height
-  const auto scene = experiments::load_scene_surfels(core::load_bundle(bundle_));
+  const auto scene = experiments::scenes::load_scene_surfels(core::load_bundle(bundle_));
   const auto renderer = renderer::make_cpu_renderer(scene.surfels, {}, scene.labels);
   const core::Frame frame = renderer->render(
       T_world_camera, camera,

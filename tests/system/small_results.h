@@ -10,17 +10,17 @@ namespace segsim::tests {
 
 /// Results of ten episodes in two arms: "after" gains seven and loses one.
 inline void write_small_results(const std::filesystem::path& file) {
-  experiments::RunRow run;
+  experiments::records::RunRow run;
   run.name = run.title = "demo";
   run.success_profile = "segsim-object: STOP";
   run.planned_trials = 20;
-  experiments::Store store(file);
+  experiments::records::Store store(file);
   const std::int64_t id =
       store.begin_run(run, {{"room", "Room", "s", "e", 10}},
                       {{"before", "a", "c", "", -1, {}}, {"after", "b", "d", "room", -1, {}}});
   for (int k = 0; k < 10; ++k) {
     for (const std::string& arm : std::vector<std::string>{"before", "after"}) {
-      experiments::TrialRow trial;
+      experiments::records::TrialRow trial;
       trial.arm = arm;
       trial.scene = "room";
       trial.goal_class = "couch";

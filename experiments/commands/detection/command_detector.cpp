@@ -11,7 +11,7 @@
 #include "perception/data/dataset.h"
 #include "perception/detector/evaluate.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::commands {
 namespace {
 
 namespace fs = std::filesystem;
@@ -35,7 +35,7 @@ void print_evaluation(const perception::EvaluationReport& report) {
       report.mean_detect_ms);
 }
 
-void warn_of_seen_data(const SeenData& seen) {
+void warn_of_seen_data(const detection::SeenData& seen) {
   for (const std::string& line : seen.warnings) {
     std::fprintf(stderr, "warning: %s\n", line.c_str());
   }
@@ -59,7 +59,7 @@ void add_evaluate(CLI::App& detector) {
     const perception::DataUse tested = perception::data_use(
         perception::DataPurpose::kValidation, perception::read_coco(flags->dataset));
     for (const fs::path& weights : flags->weights) {
-      warn_of_seen_data(seen_data(weights, tested));
+      warn_of_seen_data(detection::seen_data(weights, tested));
       std::printf("%s on %s\n", weights.string().c_str(), flags->dataset.string().c_str());
       print_evaluation(perception::evaluate(weights, flags->dataset));
     }
@@ -74,7 +74,7 @@ std::string scenes_text(const perception::DataUse& use) {
   if (!use.scenes) return "unknown";
   std::string text;
   for (const perception::ImagedScene& scene : *use.scenes) {
-    text += (text.empty() ? "" : "; ") + scene_text(scene);
+    text += (text.empty() ? "" : "; ") + detection::scene_text(scene);
     if (scene.generator.empty()) text += " (" + short_hash(scene.surfels_sha256) + ")";
   }
   return text;
@@ -83,7 +83,7 @@ std::string scenes_text(const perception::DataUse& use) {
 void print_lineage(const fs::path& file) {
   const std::vector<perception::DataUse> data =
       perception::data_of(perception::read_weights(file), file);
-  internal::TextGrid grid;
+  support::internal::TextGrid grid;
   grid.header = {"what", "images", "scenes (surfels)", "labels", "views"};
   bool known = true;
   for (const perception::DataUse& use : data) {
@@ -94,7 +94,7 @@ void print_lineage(const fs::path& file) {
                          short_hash(use.labels_sha256), short_hash(use.views_sha256)});
   }
   std::printf("%s, sha256 %s\n\n%s\n%s\n", file.string().c_str(),
-              core::sha256_of_file(file).c_str(), internal::text_of(grid).c_str(),
+              core::sha256_of_file(file).c_str(), support::internal::text_of(grid).c_str(),
               known ? "Every data set is known with its scenes."
                     : "Unknown: the file does not say all that it was trained on.");
 }
@@ -122,4 +122,4 @@ void add_detector_command(CLI::App& app) {
   add_detector_forward(*detector);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::commands

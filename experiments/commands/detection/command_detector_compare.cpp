@@ -18,18 +18,18 @@
 #include "perception/checkpoint/weights_file.h"
 #include "reconstruction/datasets/box_annotation.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::commands {
 namespace {
 
 namespace fs = std::filesystem;
 
 struct CompareFlags {
-  ComparisonOptions options;
+  detection::ComparisonOptions options;
   std::vector<std::string> sets;  ///< NAME=FILE
   fs::path out, photos, boxes, train;
   std::vector<fs::path> episodes;
   int photo_step = 8;
-  SourceDatasetOptions source{.seed = 900'000, .rooms = 0, .views_per_room = 8};
+  detection::SourceDatasetOptions source{.seed = 900'000, .rooms = 0, .views_per_room = 8};
   double floor_height_m = 0.0;
   bool has_floor = false;
   double leak_radius_m = 1.0;
@@ -58,21 +58,21 @@ NamedSet photo_set(const CompareFlags& flags) {
     throw core::InputError::expected("--photo-boxes", "the annotated 3-D boxes of --photos",
                                      "nothing");
   }
-  renderer::SequenceOptions sequence_options;
-  sequence_options.on_bad_frame = renderer::OnBadFrame::kSkip;
+  reconstruction::SequenceOptions sequence_options;
+  sequence_options.on_bad_frame = reconstruction::OnBadFrame::kSkip;
   if (flags.has_floor) sequence_options.floor_height_m = flags.floor_height_m;
-  const auto sequence = renderer::open_sequence(flags.photos, sequence_options);
-  PhotoOptions options;
+  const auto sequence = reconstruction::open_sequence(flags.photos, sequence_options);
+  detection::PhotoOptions options;
   options.class_names = perception::read_weights(flags.options.before).class_names;
   options.frame_step = flags.photo_step;
-  return {"photographs",
-          write_photo_dataset(*sequence, renderer::read_box_annotation(flags.boxes), options,
-                              flags.out / "photographs")};
+  return {"photographs", detection::write_photo_dataset(
+                             *sequence, reconstruction::read_box_annotation(flags.boxes),
+                             options, flags.out / "photographs")};
 }
 
 /// Plain rooms that no training saw (their seeds lie far from those of pretraining).
 NamedSet source_set(const CompareFlags& flags) {
-  return {"source", render_source_dataset(flags.source, flags.out / "source")};
+  return {"source", detection::render_source_dataset(flags.source, flags.out / "source")};
 }
 
 /// Says how many training views lie where evaluation episodes start.
@@ -85,7 +85,7 @@ std::vector<std::string> leak_notes(const CompareFlags& flags) {
   std::vector<std::string> notes;
   const perception::CocoDataset train = perception::read_coco(flags.train);
   for (const fs::path& file : flags.episodes) {
-    const EpisodeSet set = read_episodes(file);
+    const episodes::EpisodeSet set = episodes::read_episodes(file);
     std::vector<glm::dvec2> starts_m;
     for (const sim::Episode& episode : set.episodes) {
       starts_m.emplace_back(episode.start.x_m, episode.start.y_m);
@@ -104,7 +104,7 @@ std::vector<std::string> leak_notes(const CompareFlags& flags) {
       std::snprintf(text, sizeof text,
                     "%d of %zu training views lie within %.2f m of a start of the %zu "
                     "evaluation episodes in %s",
-                    views_near(train, set.scene, starts_m, flags.leak_radius_m),
+                    detection::views_near(train, set.scene, starts_m, flags.leak_radius_m),
                     train.images.size(), flags.leak_radius_m, starts_m.size(),
                     set.scene.c_str());
     }
@@ -114,12 +114,13 @@ std::vector<std::string> leak_notes(const CompareFlags& flags) {
 }
 
 /// Says of either detector whether it was trained on what a set shows.
-std::vector<std::string> seen_notes(const ComparisonOptions& options, const NamedSet& set) {
+std::vector<std::string> seen_notes(const detection::ComparisonOptions& options,
+                                    const NamedSet& set) {
   const perception::DataUse tested = perception::data_use(perception::DataPurpose::kValidation,
                                                           perception::read_coco(set.json));
   std::vector<std::string> notes;
   for (const fs::path& weights : {options.before, options.after}) {
-    const SeenData seen = seen_data(weights, tested);
+    const detection::SeenData seen = detection::seen_data(weights, tested);
     for (const std::string& line : seen.warnings) notes.push_back(set.name + ": " + line);
     for (const std::string& line : seen.unknown) notes.push_back(set.name + ": " + line);
     if (seen.warnings.empty() && seen.unknown.empty()) {
@@ -139,17 +140,17 @@ void compare(const CompareFlags& flags) {
     throw core::InputError::expected("--on", "NAME=FILE.json, or --photos, or --source-rooms",
                                      "nothing");
   }
-  ComparisonReport report;
+  detection::ComparisonReport report;
   report.options = flags.options;
   report.notes = leak_notes(flags);
   for (const NamedSet& set : sets) {
     for (std::string& note : seen_notes(flags.options, set)) {
       report.notes.push_back(std::move(note));
     }
-    report.sets.push_back(compare_on_set(flags.options, set.name, set.json));
+    report.sets.push_back(detection::compare_on_set(flags.options, set.name, set.json));
   }
-  write_comparison(flags.out, report);
-  std::printf("%s\nwritten to %s\n", comparison_text(report).c_str(),
+  detection::write_comparison(flags.out, report);
+  std::printf("%s\nwritten to %s\n", detection::comparison_text(report).c_str(),
               flags.out.string().c_str());
 }
 
@@ -231,4 +232,4 @@ void add_detector_compare(CLI::App& detector) {
   score_command->callback([score_flags] { score(*score_flags); });
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::commands

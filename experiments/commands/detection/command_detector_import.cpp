@@ -9,7 +9,7 @@
 #include "perception/yolov13/import.h"
 #include "perception/yolov13/tensor_run.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::commands {
 namespace {
 
 namespace fs = std::filesystem;
@@ -102,4 +102,4 @@ void add_detector_forward(CLI::App& detector) {
   });
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::commands

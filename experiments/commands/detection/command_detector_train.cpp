@@ -14,7 +14,7 @@
 #include "perception/training/training.h"
 #include "perception/training/training_config.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::commands {
 namespace {
 
 namespace fs = std::filesystem;
@@ -164,7 +164,7 @@ void add_pretrain(CLI::App& detector) {
   struct Flags {
     explicit Flags(CLI::App& command) : train(command) {}
     TrainingFlags train;
-    SourceDatasetOptions source;
+    detection::SourceDatasetOptions source;
     fs::path dataset;
   };
   CLI::App* command = detector.add_subcommand(
@@ -182,7 +182,7 @@ void add_pretrain(CLI::App& detector) {
     constexpr int kPretrainSteps = 2000;
     TrainOptions options =
         flags->train.options([](TrainOptions& defaults) { defaults.steps = kPretrainSteps; });
-    options.train_json = render_source_dataset(flags->source, flags->dataset);
+    options.train_json = detection::render_source_dataset(flags->source, flags->dataset);
     run_training(options);
   });
 }
@@ -195,4 +195,4 @@ void add_detector_training(CLI::App& detector) {
   add_finetune(detector);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::commands

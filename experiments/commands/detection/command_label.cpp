@@ -16,7 +16,7 @@
 #include "sim/ground/robot.h"
 #include "worlds/procedural/procedural_furniture.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::commands {
 namespace {
 
 namespace fs = std::filesystem;
@@ -36,8 +36,8 @@ struct Flags {
   std::vector<std::string> val_scenes;
 };
 
-ViewLabelOptions options_for(const Flags& flags) {
-  ViewLabelOptions options;
+detection::ViewLabelOptions options_for(const Flags& flags) {
+  detection::ViewLabelOptions options;
   options.seed = flags.seed;
   options.views = flags.views;
   options.camera = core::CameraIntrinsics::from_fov(flags.width_px, flags.height_px,
@@ -51,7 +51,7 @@ ViewLabelOptions options_for(const Flags& flags) {
   options.boxes.min_visible_fraction = flags.min_visible_fraction;
   options.min_label_agreement = flags.min_agreement;
   options.avoid_radius_m = flags.avoid_radius_m;
-  for (const fs::path& file : flags.drives) options.drives.push_back(read_drive(file));
+  for (const fs::path& file : flags.drives) options.drives.push_back(scenes::read_drive(file));
   if (!flags.class_map.empty()) {
     options.class_map = perception::read_class_map(flags.class_map);
   }
@@ -62,7 +62,7 @@ ViewLabelOptions options_for(const Flags& flags) {
 std::vector<glm::dvec2> starts_in(const Flags& flags, const std::string& scene) {
   std::vector<glm::dvec2> starts_m;
   for (const fs::path& file : flags.avoid_episodes) {
-    const EpisodeSet set = read_episodes(file);
+    const episodes::EpisodeSet set = episodes::read_episodes(file);
     if (set.scene != scene) continue;
     for (const sim::Episode& episode : set.episodes) {
       starts_m.emplace_back(episode.start.x_m, episode.start.y_m);
@@ -103,8 +103,8 @@ std::vector<std::string> image_prefixes(const std::vector<fs::path>& bundles) {
   return prefixes;
 }
 
-void add_notes(const Flags& flags, const ViewLabels& labels, const std::string& scene,
-               std::size_t starts, std::vector<std::string>& notes) {
+void add_notes(const Flags& flags, const detection::ViewLabels& labels,
+               const std::string& scene, std::size_t starts, std::vector<std::string>& notes) {
   notes.push_back(place_note(flags, scene, starts));
   const int all = static_cast<int>(labels.dataset.images.size());
   notes.push_back(scene + ": " + std::to_string(labels.drive_views) + " views along drives (" +
@@ -121,9 +121,9 @@ void label(const Flags& flags) {
   if (flags.views == 0 && flags.drives.empty()) {
     throw core::InputError::expected("--views", "at least 1, or a --drive", "0");
   }
-  ViewLabelOptions options = options_for(flags);
+  detection::ViewLabelOptions options = options_for(flags);
   const std::vector<std::string> prefixes = image_prefixes(flags.bundles);
-  LabelReport report;
+  detection::LabelReport report;
   for (std::size_t i = 0; i < flags.bundles.size(); ++i) {
     const core::SceneBundle bundle = core::load_bundle(flags.bundles[i]);
     const std::string& scene = bundle.manifest.name;
@@ -131,10 +131,10 @@ void label(const Flags& flags) {
         flags.camera_height_m > 0.0 ? flags.camera_height_m : bundle.manifest.camera_height_m;
     options.prefix = prefixes[i];
     options.avoid_m = starts_in(flags, scene);
-    const ViewLabels labels =
-        label_views(bundle, sim::RobotModel::by_name(flags.robot), options, flags.out);
+    const detection::ViewLabels labels = detection::label_views(
+        bundle, sim::RobotModel::by_name(flags.robot), options, flags.out);
     add_notes(flags, labels, scene, options.avoid_m.size(), report.notes);
-    append_dataset(report.dataset, labels.dataset);
+    detection::append_dataset(report.dataset, labels.dataset);
     report.instances.insert(report.instances.end(), labels.instances.begin(),
                             labels.instances.end());
   }
@@ -142,12 +142,12 @@ void label(const Flags& flags) {
     throw core::InputError::expected(flags.bundles.front().string(), "views worth labelling",
                                      "none");
   }
-  report.split =
-      split_views(report.dataset, {flags.val_share,
-                                   {flags.val_distance_m, flags.val_angle_deg * kDegree_rad},
-                                   flags.val_scenes,
-                                   flags.seed});
-  write_label_files(flags.out, report);
+  report.split = detection::split_views(
+      report.dataset, {flags.val_share,
+                       {flags.val_distance_m, flags.val_angle_deg * kDegree_rad},
+                       flags.val_scenes,
+                       flags.seed});
+  detection::write_label_files(flags.out, report);
 
   std::size_t boxes = 0, ignored = 0;
   for (const perception::LabeledImage& image : report.dataset.images) {
@@ -242,4 +242,4 @@ void add_label_command(CLI::App& app) {
   command->callback([flags] { label(*flags); });
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::commands

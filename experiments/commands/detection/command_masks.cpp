@@ -15,7 +15,7 @@
 #include "perception/data/image_file.h"
 #include "reconstruction/datasets/mask_files.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::commands {
 namespace {
 
 namespace fs = std::filesystem;
@@ -40,11 +40,11 @@ struct MeasureFlags {
   fs::path masks;
 };
 
-std::unique_ptr<renderer::RgbdSequence> open_truth(const TruthFlags& flags) {
-  renderer::SequenceOptions options;
-  options.layout = renderer::parse_sequence_layout(flags.layout, "--layout");
+std::unique_ptr<reconstruction::RgbdSequence> open_truth(const TruthFlags& flags) {
+  reconstruction::SequenceOptions options;
+  options.layout = reconstruction::parse_sequence_layout(flags.layout, "--layout");
   options.label_map = flags.label_map;
-  auto recording = open_recording(flags.recording, flags.boxes, options);
+  auto recording = scenes::open_recording(flags.recording, flags.boxes, options);
   if (!recording->has_masks()) {
     throw InputError::expected(flags.recording.string(),
                                "exact labels (a capture, a labelled data set, or --boxes)",
@@ -54,14 +54,14 @@ std::unique_ptr<renderer::RgbdSequence> open_truth(const TruthFlags& flags) {
 }
 
 /// Truth over masks.
-core::Image<core::Rgb8> preview_picture(const TrueLabels& truth,
+core::Image<core::Rgb8> preview_picture(const training::TrueLabels& truth,
                                         const core::FrameMasks& masks) {
   const auto picture = [](const core::Image<std::uint16_t>& semantic,
                           const core::Image<std::uint16_t>& instance) {
     core::Frame frame;
     frame.semantic = semantic;
     frame.instance = instance;
-    return panoptic_picture(frame);
+    return drawing::panoptic_picture(frame);
   };
   const core::Image<core::Rgb8> above = picture(truth.semantic, truth.instance);
   const core::Image<core::Rgb8> below = picture(masks.semantic, masks.instance);
@@ -78,7 +78,7 @@ void simulate(const SimulateFlags& flags) {
                                "a complete set of masks");
   }
   const auto recording = open_truth(flags.truth);
-  MaskSimulation simulation;
+  training::MaskSimulation simulation;
   simulation.level = flags.level;
   simulation.fit = flags.fit;
   simulation.seed = flags.seed;
@@ -86,27 +86,27 @@ void simulate(const SimulateFlags& flags) {
   const std::size_t step = static_cast<std::size_t>(flags.truth.frame_step);
   const std::size_t views = (recording->frame_count() + step - 1) / step;
   std::size_t done = 0;
-  const MaskQuality quality =
-      simulate_masks(*recording, simulation, flags.out,
-                     [&](const TrueLabels& truth, const core::FrameMasks& masks) {
-                       if (done++ == views / 2 && !flags.preview.empty()) {
-                         perception::write_image(flags.preview, preview_picture(truth, masks));
-                       }
-                     });
+  const training::MaskQuality quality = training::simulate_masks(
+      *recording, simulation, flags.out,
+      [&](const training::TrueLabels& truth, const core::FrameMasks& masks) {
+        if (done++ == views / 2 && !flags.preview.empty()) {
+          perception::write_image(flags.preview, preview_picture(truth, masks));
+        }
+      });
   std::printf("%s: masks of %zu views\n\n%s", flags.out.string().c_str(), views,
-              mask_quality_text(describe(simulation), quality).c_str());
+              training::mask_quality_text(training::describe(simulation), quality).c_str());
 }
 
 void measure(const MeasureFlags& flags) {
   const auto recording = open_truth(flags.truth);
-  const auto masks = renderer::open_masks(flags.masks, recording->classes());
+  const auto masks = reconstruction::open_masks(flags.masks, recording->classes());
   const std::size_t step = static_cast<std::size_t>(flags.truth.frame_step);
-  renderer::ContingencyTable table;
+  reconstruction::ContingencyTable table;
   core::Progress progress("measure masks", static_cast<std::int64_t>(masks->names().size()));
   for (std::size_t i = 0; i < recording->frame_count(); i += step) {
     const std::string& name = recording->frame_name(i);
     if (!std::binary_search(masks->names().begin(), masks->names().end(), name)) continue;
-    const TrueLabels truth = load_true_labels(*recording, i);
+    const training::TrueLabels truth = training::load_true_labels(*recording, i);
     const core::FrameMasks found =
         masks->read(name, truth.semantic.width_px(), truth.semantic.height_px());
     table.add_frame({truth.semantic, truth.instance}, {found.semantic, found.instance});
@@ -119,12 +119,13 @@ void measure(const MeasureFlags& flags) {
         "masks named like the recording's frames, for example " + recording->frame_name(0),
         masks->names().empty() ? "no masks" : masks->names().front());
   }
-  std::printf("%s: %s; %zu of %zu views\n\n%s", flags.masks.string().c_str(),
-              masks->info().source.c_str(), table.frame_count(), recording->frame_count(),
-              mask_quality_text(
-                  flags.masks.filename().string(),
-                  mask_quality(table, recording->classes(), recording->intrinsics().width_px))
-                  .c_str());
+  std::printf(
+      "%s: %s; %zu of %zu views\n\n%s", flags.masks.string().c_str(),
+      masks->info().source.c_str(), table.frame_count(), recording->frame_count(),
+      training::mask_quality_text(flags.masks.filename().string(),
+                                  training::mask_quality(table, recording->classes(),
+                                                         recording->intrinsics().width_px))
+          .c_str());
 }
 
 void add_truth_flags(CLI::App& command, TruthFlags& flags) {
@@ -183,4 +184,4 @@ void add_masks_command(CLI::App& app) {
   add_masks_detect(*command);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::commands

@@ -9,13 +9,13 @@
 #include "experiments/detection/open_vocabulary_masks.h"
 #include "reconstruction/datasets/rgbd_sequence.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::commands {
 namespace {
 
 namespace fs = std::filesystem;
 
 struct Flags {
-  DetectMasksOptions options;
+  detection::DetectMasksOptions options;
   fs::path recording, label_map;
   std::string layout = "auto";
   bool overwrite = false;
@@ -27,11 +27,12 @@ void run(const Flags& flags) {
                                      "a new folder, or --overwrite",
                                      "a complete set of masks");
   }
-  renderer::SequenceOptions options;
-  options.layout = renderer::parse_sequence_layout(flags.layout, "--layout");
+  reconstruction::SequenceOptions options;
+  options.layout = reconstruction::parse_sequence_layout(flags.layout, "--layout");
   options.label_map = flags.label_map;
-  const auto recording = renderer::open_sequence(flags.recording, options);
-  const DetectMasksReport report = detect_masks(*recording, flags.options);
+  const auto recording = reconstruction::open_sequence(flags.recording, options);
+  const detection::DetectMasksReport report =
+      detection::detect_masks(*recording, flags.options);
   std::printf("%s: %zu masks in %zu views\n", flags.options.output.string().c_str(),
               report.masks, report.views);
 }
@@ -73,4 +74,4 @@ void add_masks_detect(CLI::App& masks) {
   command->callback([flags] { run(*flags); });
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::commands

@@ -15,10 +15,10 @@
 #include "experiments/support/formatted.h"
 #include "experiments/support/text_grid.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::commands {
 namespace {
 
-using internal::Grid;
+using support::internal::Grid;
 using Json = nlohmann::ordered_json;
 
 struct CompareFlags {
@@ -27,23 +27,23 @@ struct CompareFlags {
   std::int64_t run_id = 0;
 };
 
-std::string outcome_words(const TrialRow& trial) {
+std::string outcome_words(const records::TrialRow& trial) {
   const bool told = !trial.success && trial.why.known() && trial.why.cause != trial.outcome;
   return trial.outcome + (told ? " (" + trial.why.cause + ")" : "") + " #" +
          std::to_string(trial.trial_id);
 }
 
 /// Adds the trials of one training that went otherwise, by episode and repetition.
-void add_changed(const StoredRun& stored, const TrainingSummary& training, bool several,
-                 Grid& grid) {
-  std::map<std::string, const TrialRow*> first;
-  const auto key = [](const TrialRow& trial) {
+void add_changed(const results::StoredRun& stored, const results::TrainingSummary& training,
+                 bool several, Grid& grid) {
+  std::map<std::string, const records::TrialRow*> first;
+  const auto key = [](const records::TrialRow& trial) {
     return trial.episode + "\n" + std::to_string(trial.repetition);
   };
-  for (const TrialRow& trial : stored.trials) {
+  for (const records::TrialRow& trial : stored.trials) {
     if (trial.arm == training.before && trial.counts()) first[key(trial)] = &trial;
   }
-  for (const TrialRow& trial : stored.trials) {
+  for (const records::TrialRow& trial : stored.trials) {
     if (trial.arm != training.arm || !trial.counts()) continue;
     const auto found = first.find(key(trial));
     if (found == first.end() || found->second->success == trial.success) continue;
@@ -54,23 +54,23 @@ void add_changed(const StoredRun& stored, const TrainingSummary& training, bool 
 }
 
 /// Trials that went otherwise in the second arm, training by training.
-Grid changed_grid(const StoredRun& stored, const ResultTable& table) {
+Grid changed_grid(const results::StoredRun& stored, const results::ResultTable& table) {
   Grid grid{"Episodes that changed (#: number for segsim explain)",
             {"Episode", "Goal", "Change", table.before, table.after},
             {}};
   const bool several = table.trainings.size() > 1;
   if (several) grid.header.emplace_back("Training");
-  for (const TrainingSummary& training : table.trainings) {
+  for (const results::TrainingSummary& training : table.trainings) {
     add_changed(stored, training, several, grid);
   }
   return grid;
 }
 
 void compare(const CompareFlags& flags) {
-  const TableFormat format = table_format_from(flags.format);
-  const StoredRun stored = load_run(flags.work, flags.run_id);
-  const ResultTable table = summarise(stored, flags.before, flags.after);
-  if (!internal::compares(table)) {
+  const support::TableFormat format = results::table_format_from(flags.format);
+  const results::StoredRun stored = results::load_run(flags.work, flags.run_id);
+  const results::ResultTable table = results::summarise(stored, flags.before, flags.after);
+  if (!results::internal::compares(table)) {
     throw core::InputError::expected(flags.work.string(), "a run of two arms to compare",
                                      std::to_string(stored.arms.size()) + " arms");
   }
@@ -79,12 +79,12 @@ void compare(const CompareFlags& flags) {
                                      "\"" + table.after + "\"");
   }
   const Grid changed = changed_grid(stored, table);
-  if (format == TableFormat::kCsv) {
-    std::fputs(format_table(table, format).c_str(), stdout);
+  if (format == support::TableFormat::kCsv) {
+    std::fputs(results::format_table(table, format).c_str(), stdout);
     return;
   }
-  if (format == TableFormat::kJson) {
-    Json json = Json::parse(format_table(table, format));
+  if (format == support::TableFormat::kJson) {
+    Json json = Json::parse(results::format_table(table, format));
     json["changed"] = Json::array();
     for (const std::vector<std::string>& row : changed.rows) {
       json["changed"].push_back({{"episode", row[0]},
@@ -97,16 +97,16 @@ void compare(const CompareFlags& flags) {
     std::printf("%s\n", json.dump(2).c_str());
     return;
   }
-  std::vector<GroupSummary> rows = table.scenes;
+  std::vector<results::GroupSummary> rows = table.scenes;
   if (table.all) rows.push_back(*table.all);
-  internal::GridDocument document;
-  document.grids = {internal::comparison_grid(table, rows, "Scene", false),
-                    internal::trainings_grid(table),
-                    internal::comparison_grid(table, table.classes, "Goal", true),
-                    internal::paired_grid(table, rows), changed};
+  support::internal::GridDocument document;
+  document.grids = {results::internal::comparison_grid(table, rows, "Scene", false),
+                    results::internal::trainings_grid(table),
+                    results::internal::comparison_grid(table, table.classes, "Goal", true),
+                    results::internal::paired_grid(table, rows), changed};
   if (table.trainings.size() < 2) document.grids.erase(document.grids.begin() + 1);
   document.notes = table.notes;
-  std::fputs(internal::document_text(document, format).c_str(), stdout);
+  std::fputs(support::internal::document_text(document, format).c_str(), stdout);
 }
 
 struct PlanFlags {
@@ -115,24 +115,25 @@ struct PlanFlags {
 };
 
 void plan(const PlanFlags& flags) {
-  const TableFormat format = table_format_from(flags.format);
+  const support::TableFormat format = results::table_format_from(flags.format);
   if (flags.delta == 0.0 || std::abs(flags.delta) > flags.psi) {
     throw core::InputError::expected("--delta", "a difference of at most psi, and not 0",
-                                     print("%g", flags.delta));
+                                     support::print("%g", flags.delta));
   }
-  const int pairs = pairs_needed(flags.psi, flags.delta, flags.power);
-  if (format == TableFormat::kJson) {
+  const int pairs = results::pairs_needed(flags.psi, flags.delta, flags.power);
+  if (format == support::TableFormat::kJson) {
     const Json json{{"schema", "segsim.plan/1"}, {"psi", flags.psi}, {"delta", flags.delta},
                     {"power", flags.power},      {"pairs", pairs},   {"trials", 2 * pairs}};
     std::printf("%s\n", json.dump(2).c_str());
     return;
   }
-  const Grid grid{"Episodes for a paired comparison",
-                  {"psi", "delta", "power", "episodes", "trials of two arms"},
-                  {{print("%g", flags.psi), print("%g", flags.delta), print("%g", flags.power),
-                    std::to_string(pairs), std::to_string(2 * pairs)}}};
-  if (format == TableFormat::kCsv) {
-    std::fputs(internal::csv_of({grid.header, grid.rows}).c_str(), stdout);
+  const Grid grid{
+      "Episodes for a paired comparison",
+      {"psi", "delta", "power", "episodes", "trials of two arms"},
+      {{support::print("%g", flags.psi), support::print("%g", flags.delta),
+        support::print("%g", flags.power), std::to_string(pairs), std::to_string(2 * pairs)}}};
+  if (format == support::TableFormat::kCsv) {
+    std::fputs(support::internal::csv_of({grid.header, grid.rows}).c_str(), stdout);
     return;
   }
   const std::vector<std::string> notes{
@@ -140,7 +141,7 @@ void plan(const PlanFlags& flags) {
       "success rates; two-sided McNemar test at the 5 % level (Connor 1987).",
       "Write the number into the spec (planned_n) before the first trial: looking at a run "
       "until it is significant makes 5 % meaningless."};
-  std::fputs(internal::document_text({"", {grid}, notes}, format).c_str(), stdout);
+  std::fputs(support::internal::document_text({"", {grid}, notes}, format).c_str(), stdout);
 }
 
 }  // namespace
@@ -177,4 +178,4 @@ void add_plan_command(CLI::App& app) {
   command->callback([flags] { plan(*flags); });
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::commands

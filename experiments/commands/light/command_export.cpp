@@ -10,7 +10,7 @@
 #include "experiments/commands/light/light_commands.h"
 #include "experiments/results/trial_export.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::commands {
 namespace {
 
 struct Flags {
@@ -24,12 +24,12 @@ void export_run(const Flags& flags) {
     throw core::InputError::expected("--output", "a file name that ends in .csv or .jsonl",
                                      flags.output.string());
   }
-  const StoredRun stored = load_run(flags.work, flags.run_id);
+  const results::StoredRun stored = results::load_run(flags.work, flags.run_id);
   core::write_file_atomically(flags.output, [&](std::ostream& out) {
     if (ending == ".csv") {
-      write_trials_csv(out, stored.trials);
+      records::write_trials_csv(out, stored.trials);
     } else {
-      write_trials_jsonl(out, stored);
+      results::write_trials_jsonl(out, stored);
     }
   });
   std::printf("%s: %zu trials\n", flags.output.c_str(), stored.trials.size());
@@ -50,4 +50,4 @@ void add_export_command(CLI::App& app) {
   command->callback([flags] { export_run(*flags); });
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::commands

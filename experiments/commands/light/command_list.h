@@ -12,7 +12,7 @@
 #include <span>
 #include <string_view>
 
-namespace segsim::experiments {
+namespace segsim::experiments::commands {
 
 struct CommandWord {
   const char* name;
@@ -110,4 +110,4 @@ constexpr bool is_light(std::span<const char* const> words) {
          !(name == "trial" && names_heavy(kTrialCommands));
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::commands

@@ -11,7 +11,7 @@
 #include "experiments/results/navigation_table.h"
 #include "experiments/results/stored_run.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::commands {
 namespace {
 
 namespace fs = std::filesystem;
@@ -23,34 +23,34 @@ struct Flags {
 };
 
 /// @param work  Empty: where the shipped spec leaves it; only then may it be missing.
-NavigationEntry entry_of(const char* paper_scene, const char* title, const fs::path& work,
-                         const std::string& spec) {
-  NavigationEntry entry{paper_scene, title, std::nullopt, {}};
+results::NavigationEntry entry_of(const char* paper_scene, const char* title,
+                                  const fs::path& work, const std::string& spec) {
+  results::NavigationEntry entry{paper_scene, title, std::nullopt, {}};
   const fs::path folder = work.empty() ? fs::path("out") / spec : work;
   if (work.empty() && !fs::exists(folder / "results.sqlite")) {
     entry.missing = "make it with segsim run experiments/specs/" + spec + ".yaml --data DIR";
     return entry;
   }
-  entry.result = summarise(load_run(folder));
+  entry.result = results::summarise(results::load_run(folder));
   return entry;
 }
 
 void print_table3(const Flags& flags) {
-  const TableFormat format = table_format_from(flags.format);
-  std::vector<NavigationEntry> entries{
+  const support::TableFormat format = results::table_format_from(flags.format);
+  std::vector<results::NavigationEntry> entries{
       entry_of("Laboratory Room", "Break room", flags.room, "breakroom"),
       entry_of("House", "House", flags.house, "house")};
   for (const fs::path& work : flags.others) {
-    entries.push_back({"", work.string(), summarise(load_run(work)), {}});
+    entries.push_back({"", work.string(), results::summarise(results::load_run(work)), {}});
   }
   if (!flags.output.empty()) {
-    for (const auto& [ending, form] : table_files()) {
+    for (const auto& [ending, form] : results::table_files()) {
       core::write_file_atomically(flags.output / ("table3" + ending), [&](std::ostream& out) {
-        out << format_navigation_table(entries, form);
+        out << results::format_navigation_table(entries, form);
       });
     }
   }
-  std::fputs(format_navigation_table(entries, format).c_str(), stdout);
+  std::fputs(results::format_navigation_table(entries, format).c_str(), stdout);
 }
 
 struct TableFlags {
@@ -60,14 +60,14 @@ struct TableFlags {
 };
 
 void print_table(const TableFlags& flags) {
-  const TableFormat format = table_format_from(flags.format);
+  const support::TableFormat format = results::table_format_from(flags.format);
   if (flags.work.empty()) {
     throw core::InputError::expected("segsim table", "a work folder, or 1, 2, 3 or all",
                                      "nothing");
   }
-  const ResultTable table =
-      summarise(load_run(flags.work, flags.run_id), flags.before, flags.after);
-  std::fputs(format_table(table, format).c_str(), stdout);
+  const results::ResultTable table = results::summarise(
+      results::load_run(flags.work, flags.run_id), flags.before, flags.after);
+  std::fputs(results::format_table(table, format).c_str(), stdout);
 }
 
 }  // namespace
@@ -106,4 +106,4 @@ void add_navigation_table(CLI::App& table) {
   command->callback([flags] { print_table3(*flags); });
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::commands

@@ -8,12 +8,13 @@
 #include "experiments/scripted_trials/scripted_run.h"
 #include "experiments/support/shipped_file.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::commands {
 namespace {
 
 void check(const ScriptFlags& flags) {
-  const ScriptedTrial script = load_scripted_trial(find_shipped(flags.file), flags.data);
-  check_script(script);
+  const scripted_trials::ScriptedTrial script =
+      scripted_trials::load_scripted_trial(support::find_shipped(flags.file), flags.data);
+  scripted_trials::check_script(script);
   std::printf("%s: %zu steps, %zu faults, %zu expectations\n", flags.file.c_str(),
               script.steps.size(), script.fault_words.size(), script.expectations.size());
 }
@@ -32,4 +33,4 @@ void add_trial_check(CLI::App& trial) {
   command->callback([flags] { check(*flags); });
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::commands

@@ -6,7 +6,7 @@
 
 #include "core/check.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::commands {
 namespace {
 
 /// The name of a subcommand of segsim-main, so that --help has it.
@@ -73,4 +73,4 @@ void add_light_commands(CLI::App& app) {
   add_all(app, kCommands, kAdders);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::commands

@@ -13,7 +13,7 @@ namespace CLI {
 class App;
 }
 
-namespace segsim::experiments {
+namespace segsim::experiments::commands {
 
 /// Adds the subcommand of this name with the help that its list has.
 CLI::App* add_listed(CLI::App& parent, std::span<const CommandWord> list,
@@ -40,4 +40,4 @@ void add_script_flags(CLI::App& command, ScriptFlags& flags);
 /// All of `segsim`: what is light, and the names of the rest.
 void add_light_commands(CLI::App& app);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::commands

@@ -5,7 +5,7 @@
 
 #include <string>
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::dashboard::internal {
 
 struct DashboardAsset {
   const char* name;
@@ -20,4 +20,4 @@ struct DashboardAsset {
 extern const char* const kThreeLibrary;
 extern const char* const kOrbitControls;
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::dashboard::internal

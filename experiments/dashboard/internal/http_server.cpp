@@ -8,7 +8,7 @@
 
 #include "core/error.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::dashboard::internal {
 namespace {
 
 /// An idle connection of a browser keeps its thread for a moment, and a browser has six.
@@ -185,4 +185,4 @@ int HttpServer::port() const { return impl_->port; }
 void HttpServer::serve() { impl_->server.listen_after_bind(); }
 void HttpServer::stop() { impl_->server.stop(); }
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::dashboard::internal

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::dashboard::internal {
 
 struct HttpRequest {
   /// Of the decoded path, between its slashes; empty for "/". A part may hold any character
@@ -59,4 +59,4 @@ class HttpServer {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::dashboard::internal

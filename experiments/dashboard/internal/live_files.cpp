@@ -9,7 +9,7 @@
 
 #include "experiments/trials/live_view.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::dashboard::internal {
 namespace {
 
 namespace fs = std::filesystem;
@@ -33,7 +33,7 @@ std::string bytes_of(const fs::path& file) {
 }
 
 bool is_live_header(const Json& json) {
-  return json.is_object() && json.value("schema", "") == kLiveSchema &&
+  return json.is_object() && json.value("schema", "") == trials::kLiveSchema &&
          json.contains("parts") && json["parts"].is_array();
 }
 
@@ -43,10 +43,11 @@ std::vector<std::pair<std::string, fs::path>> recent_files(
   std::vector<std::pair<std::string, fs::path>> files;
   for (const fs::path& folder : folders) {
     std::error_code error;
-    for (const auto& entry : fs::directory_iterator(folder / kLiveFolder, error)) {
+    for (const auto& entry : fs::directory_iterator(folder / trials::kLiveFolder, error)) {
       const fs::path& file = entry.path();
       std::error_code gone;
-      if (file.extension() != kLiveEnding || file.filename().string().front() == '.') continue;
+      if (file.extension() != trials::kLiveEnding || file.filename().string().front() == '.')
+        continue;
       if (age_of(file, gone) > kForgottenAfter_s || gone) continue;
       files.emplace_back(file.stem().string(), file);
     }
@@ -59,11 +60,11 @@ std::vector<std::pair<std::string, fs::path>> recent_files(
 }  // namespace
 
 bool ask_for_live_files(const fs::path& folder) {
-  const fs::path marker = folder / kLiveFolder / kLiveMarker;
+  const fs::path marker = folder / trials::kLiveFolder / trials::kLiveMarker;
   std::error_code error;
   fs::last_write_time(marker, fs::file_time_type::clock::now(), error);
   if (!error) return true;
-  fs::create_directory(folder / kLiveFolder, error);
+  fs::create_directory(folder / trials::kLiveFolder, error);
   return static_cast<bool>(std::ofstream(marker));
 }
 
@@ -106,4 +107,4 @@ std::optional<std::string> read_live_part(const std::vector<fs::path>& folders,
   return std::nullopt;
 }
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::dashboard::internal

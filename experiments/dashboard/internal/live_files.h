@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::dashboard::internal {
 
 struct LiveFile {
   std::string worker;
@@ -30,4 +30,4 @@ bool ask_for_live_files(const std::filesystem::path& folder);
     const std::vector<std::filesystem::path>& folders, const std::string& worker,
     const std::string& part);
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::dashboard::internal

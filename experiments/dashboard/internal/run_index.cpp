@@ -7,7 +7,7 @@
 #include "core/error.h"
 #include "core/file_io.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::dashboard::internal {
 namespace {
 
 namespace fs = std::filesystem;
@@ -81,7 +81,7 @@ RunPointer combined_run(const fs::path& work, const RunPointer& merged,
   for (const bool failed : {false, true}) {
     for (std::size_t k = 0; k < parts.size(); ++k) {
       const fs::path below = parts[k]->stored.folder.lexically_relative(work);
-      for (TrialRow trial : parts[k]->stored.trials) {
+      for (records::TrialRow trial : parts[k]->stored.trials) {
         if (trial.failed() != failed) continue;
         if (!taken.emplace(trial.arm, trial.episode, trial.repetition).second) continue;
         trial.trial_id = trial.trial_id * numbers + static_cast<std::int64_t>(k);
@@ -97,7 +97,7 @@ RunPointer combined_run(const fs::path& work, const RunPointer& merged,
     run->live_folders.push_back(part->stored.folder);
   }
   std::sort(run->finish_times.rbegin(), run->finish_times.rend());
-  run->table = summarise(run->stored);
+  run->table = results::summarise(run->stored);
   return run;
 }
 
@@ -145,15 +145,15 @@ void RunIndex::read(const fs::path& file, Database& database) {
   const Clock::time_point start = Clock::now();
   database.stamp = stamp_of(file);
   try {
-    const Store store = Store::for_reading(file);
+    const records::Store store = records::Store::for_reading(file);
     std::vector<RunPointer> runs;
-    for (const RunRow& row : store.runs()) {
+    for (const records::RunRow& row : store.runs()) {
       auto run = std::make_shared<RunSnapshot>();
       run->key = key_of(file, std::to_string(row.run_id));
       run->live_folders = {file.parent_path()};
       run->stored = {file.parent_path(), row, store.scenes(row.run_id), store.arms(row.run_id),
                      store.trials(row.run_id)};
-      run->table = summarise(run->stored);
+      run->table = results::summarise(run->stored);
       run->finish_times = store.finish_times(row.run_id, kFinishTimes);
       runs.push_back(std::move(run));
     }
@@ -231,4 +231,4 @@ std::vector<std::string> RunIndex::problems() {
   return texts;
 }
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::dashboard::internal

@@ -16,13 +16,13 @@
 #include "experiments/results/stored_run.h"
 #include "experiments/results/table.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::dashboard::internal {
 
 /// One run at one moment; never changed once made.
 struct RunSnapshot {
   std::string key;  ///< Of its addresses: letters, digits and one dot.
-  StoredRun stored;
-  ResultTable table;
+  results::StoredRun stored;
+  results::ResultTable table;
   /// When the newest trials finished, newest first.
   std::vector<std::string> finish_times;
   /// Where its workers may show themselves (live_files.h).
@@ -71,4 +71,4 @@ class RunIndex {
   Clock::time_point next_look_;
 };
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::dashboard::internal

@@ -5,7 +5,7 @@
 #include <ctime>
 #include <optional>
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::dashboard::internal {
 namespace {
 
 /// A worker is at work if it wrote within that time; a run too if a trial finished.
@@ -29,10 +29,10 @@ std::vector<double> all_seconds(const std::vector<std::string>& times) {
   return seconds;
 }
 
-Json json_interval(const Interval& interval) { return {interval.low, interval.high}; }
+Json json_interval(const results::Interval& interval) { return {interval.low, interval.high}; }
 
-Json json_arm(const ArmSummary& arm) {
-  const Interval interval = arm.interval();
+Json json_arm(const results::ArmSummary& arm) {
+  const results::Interval interval = arm.interval();
   return {{"name", arm.arm},
           {"successes", arm.success.successes},
           {"episodes", arm.success.trials},
@@ -45,7 +45,7 @@ Json json_arm(const ArmSummary& arm) {
 }
 
 /// Both arms on the same episodes; null if there are no two, or no pair yet.
-Json json_pair(const ResultTable& table, const GroupSummary& group) {
+Json json_pair(const results::ResultTable& table, const results::GroupSummary& group) {
   if (table.before.empty() || table.after.empty() || group.pairs.total() == 0) return nullptr;
   return {{"before", table.before},
           {"after", table.after},
@@ -91,10 +91,10 @@ Pace pace_of(const std::vector<std::string>& finish_times, const std::string& no
 
 Json overview_json(const RunSnapshot& run, const std::vector<LiveFile>& live,
                    const std::string& now) {
-  const RunRow& row = run.stored.run;
-  const auto done =
-      static_cast<int>(std::count_if(run.stored.trials.begin(), run.stored.trials.end(),
-                                     [](const TrialRow& trial) { return !trial.failed(); }));
+  const records::RunRow& row = run.stored.run;
+  const auto done = static_cast<int>(
+      std::count_if(run.stored.trials.begin(), run.stored.trials.end(),
+                    [](const records::TrialRow& trial) { return !trial.failed(); }));
   const int left = std::max(0, row.planned_trials - done);
   const auto alive = static_cast<std::size_t>(
       std::count_if(live.begin(), live.end(),
@@ -125,22 +125,22 @@ Json overview_json(const RunSnapshot& run, const std::vector<LiveFile>& live,
   if (state == "running" && pace.trials_per_s > 0.0) {
     json["eta_s"] = std::round(left / pace.trials_per_s);
   }
-  for (const SceneRow& scene : run.stored.scenes) {
+  for (const records::SceneRow& scene : run.stored.scenes) {
     json["scenes"].push_back({{"name", scene.name}, {"title", scene.title}});
   }
-  const GroupSummary* group = nullptr;
+  const results::GroupSummary* group = nullptr;
   if (run.table.all) {
     group = &*run.table.all;
   } else if (!run.table.scenes.empty()) {
     group = &run.table.scenes.front();
   }
   if (group == nullptr) return json;
-  for (const ArmSummary& arm : group->arms) json["arms"].push_back(json_arm(arm));
+  for (const results::ArmSummary& arm : group->arms) json["arms"].push_back(json_arm(arm));
   json["pair"] = json_pair(run.table, *group);
   return json;
 }
 
-Json trial_json(const TrialRow& t) {
+Json trial_json(const records::TrialRow& t) {
   return {{"id", t.trial_id},
           {"scene", t.scene},
           {"episode", t.episode},
@@ -164,10 +164,12 @@ Json trial_json(const TrialRow& t) {
 }
 
 Json trials_json(const RunSnapshot& run, std::size_t offset, std::size_t count) {
-  std::vector<const TrialRow*> newest;
-  for (const TrialRow& trial : run.stored.trials) newest.push_back(&trial);
+  std::vector<const records::TrialRow*> newest;
+  for (const records::TrialRow& trial : run.stored.trials) newest.push_back(&trial);
   std::sort(newest.begin(), newest.end(),
-            [](const TrialRow* a, const TrialRow* b) { return a->trial_id > b->trial_id; });
+            [](const records::TrialRow* a, const records::TrialRow* b) {
+              return a->trial_id > b->trial_id;
+            });
   Json json{{"total", newest.size()}, {"offset", offset}, {"trials", Json::array()}};
   for (std::size_t k = offset; k < newest.size() && k - offset < count; ++k) {
     json["trials"].push_back(trial_json(*newest[k]));
@@ -175,4 +177,4 @@ Json trials_json(const RunSnapshot& run, std::size_t offset, std::size_t count) 
   return json;
 }
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::dashboard::internal

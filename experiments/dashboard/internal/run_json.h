@@ -10,7 +10,7 @@
 #include "experiments/dashboard/internal/live_files.h"
 #include "experiments/dashboard/internal/run_index.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::dashboard::internal {
 
 using Json = nlohmann::ordered_json;
 
@@ -35,6 +35,6 @@ struct Pace {
 [[nodiscard]] Json trials_json(const RunSnapshot& run, std::size_t offset, std::size_t count);
 
 /// One row of that list.
-[[nodiscard]] Json trial_json(const TrialRow& trial);
+[[nodiscard]] Json trial_json(const records::TrialRow& trial);
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::dashboard::internal

@@ -16,7 +16,7 @@
 #include "experiments/support/formatted.h"
 #include "renderer/cpu_renderer.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::dashboard::internal {
 namespace {
 
 namespace fs = std::filesystem;
@@ -47,8 +47,8 @@ core::Image<core::Rgb8> reduced_floor(const core::Image<core::Rgb8>& floor) {
   if (side <= kFloorSide_px) return floor;
   const double scale = static_cast<double>(kFloorSide_px) / side;
   cv::Mat small;
-  cv::resize(to_bgr(floor), small, cv::Size(), scale, scale, cv::INTER_AREA);
-  return from_bgr(small);
+  cv::resize(drawing::to_bgr(floor), small, cv::Size(), scale, scale, cv::INTER_AREA);
+  return drawing::from_bgr(small);
 }
 
 template <class Value>
@@ -101,12 +101,12 @@ std::string point_bytes(const renderer::SurfelCloud& surfels, std::size_t most) 
     append(bytes, surfels.position_m[k]);
     const glm::vec3 color = 0.5F + renderer::kShC0 * surfels.sh[k * surfels.sh_count()];
     append(colors, core::Rgb8{as_byte(color.x), as_byte(color.y), as_byte(color.z)});
-    append(classes, id_color(surfels.has_labels() ? surfels.semantic_id[k] : 0));
+    append(classes, drawing::id_color(surfels.has_labels() ? surfels.semantic_id[k] : 0));
   }
   return bytes + colors + classes;
 }
 
-fs::path bundle_of(const StoredRun& stored, const TrialLog& log) {
+fs::path bundle_of(const results::StoredRun& stored, const records::TrialLog& log) {
   return log.bundle.is_absolute() ? log.bundle : stored.folder / log.bundle;
 }
 
@@ -118,8 +118,8 @@ SceneViewer::Scene& SceneViewer::scene(const fs::path& bundle) {
   }
   Scene fresh;
   fresh.bundle = core::load_bundle(bundle);
-  fresh.surfels = load_scene_surfels(fresh.bundle);
-  fresh.plan = make_floor_plan(*fresh.surfels.surfels);
+  fresh.surfels = scenes::load_scene_surfels(fresh.bundle);
+  fresh.plan = drawing::make_floor_plan(*fresh.surfels.surfels);
   fresh.floor = reduced_floor(fresh.plan.rgb);
   renderer::RenderOptions options;
   options.threads = kRenderThreads;
@@ -152,7 +152,7 @@ std::string SceneViewer::floor_json(const fs::path& bundle) {
 
 std::string SceneViewer::floor_jpeg(const fs::path& bundle) {
   const std::lock_guard<std::mutex> lock(mutex_);
-  return jpeg(to_bgr(scene(bundle).floor));
+  return jpeg(drawing::to_bgr(scene(bundle).floor));
 }
 
 std::string SceneViewer::points(const fs::path& bundle) {
@@ -160,8 +160,8 @@ std::string SceneViewer::points(const fs::path& bundle) {
   return point_bytes(*scene(bundle).surfels.surfels);
 }
 
-std::shared_ptr<const TrialLog> SceneViewer::log(const StoredRun& stored,
-                                                 const TrialRow& trial) {
+std::shared_ptr<const records::TrialLog> SceneViewer::log(const results::StoredRun& stored,
+                                                          const records::TrialRow& trial) {
   if (trial.log.empty()) {
     throw core::InputError::expected("trial " + std::to_string(trial.trial_id), "a log",
                                      "none (a trial that failed, or of an older version)");
@@ -171,14 +171,15 @@ std::shared_ptr<const TrialLog> SceneViewer::log(const StoredRun& stored,
   // A trial that failed may run again under the same name: its number tells them apart.
   const std::string key = std::to_string(trial.trial_id) + file;
   if (const auto* known = remembered(logs_, key)) return *known;
-  auto fresh = std::make_shared<const TrialLog>(read_trial_log(file));
+  auto fresh = std::make_shared<const records::TrialLog>(records::read_trial_log(file));
   remember(logs_, key, fresh, kLogs);
   return fresh;
 }
 
-std::string SceneViewer::trial_image(const StoredRun& stored, const TrialRow& trial,
-                                     std::size_t tick, TrialImage which) {
-  const std::shared_ptr<const TrialLog> of = log(stored, trial);
+std::string SceneViewer::trial_image(const results::StoredRun& stored,
+                                     const records::TrialRow& trial, std::size_t tick,
+                                     TrialImage which) {
+  const std::shared_ptr<const records::TrialLog> of = log(stored, trial);
   if (tick >= of->track.size()) {
     throw core::InputError::expected("tick", "0 to " + std::to_string(of->track.size() - 1),
                                      std::to_string(tick));
@@ -196,13 +197,14 @@ std::string SceneViewer::trial_image(const StoredRun& stored, const TrialRow& tr
                          of->camera, core::Channels::kRgb | core::Channels::kLabels, frame);
   const core::SceneClass* goal = place.bundle.manifest.find_class(of->episode.class_name);
   const double scale = static_cast<double>(kImageWidth_px) / of->camera.width_px;
-  const core::Image<core::Rgb8> seen =
-      draw_boxes(frame.rgb, goal_boxes(frame, goal != nullptr ? goal->id : std::uint16_t{0}),
-                 {}, {of->episode.class_name}, scale);
-  remember(images_, key(TrialImage::kCamera), jpeg(to_bgr(seen)), kImages);
+  const core::Image<core::Rgb8> seen = drawing::draw_boxes(
+      frame.rgb, drawing::goal_boxes(frame, goal != nullptr ? goal->id : std::uint16_t{0}), {},
+      {of->episode.class_name}, scale);
+  remember(images_, key(TrialImage::kCamera), jpeg(drawing::to_bgr(seen)), kImages);
   remember(images_, key(TrialImage::kPanoptic),
-           jpeg(fitted(to_bgr(panoptic_picture(frame)), cv::INTER_NEAREST)), kImages);
+           jpeg(fitted(drawing::to_bgr(drawing::panoptic_picture(frame)), cv::INTER_NEAREST)),
+           kImages);
   return *remembered(images_, key(which));
 }
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::dashboard::internal

@@ -19,7 +19,7 @@
 #include "experiments/results/stored_run.h"
 #include "experiments/scenes/scene_surfels.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::dashboard::internal {
 
 /// Points of a scene for a 3-D view, at most so many.
 inline constexpr std::size_t kMostPoints = 100'000;
@@ -41,18 +41,19 @@ class SceneViewer {
   [[nodiscard]] std::string points(const std::filesystem::path& bundle);
 
   /// @throws core::InputError if the trial has no log.
-  [[nodiscard]] std::shared_ptr<const TrialLog> log(const StoredRun& stored,
-                                                    const TrialRow& trial);
+  [[nodiscard]] std::shared_ptr<const records::TrialLog> log(const results::StoredRun& stored,
+                                                             const records::TrialRow& trial);
   /// What the camera saw at a tick, drawn again from the true pose; goal objects outlined.
   /// @throws core::InputError for a tick that is not there.
-  [[nodiscard]] std::string trial_image(const StoredRun& stored, const TrialRow& trial,
-                                        std::size_t tick, TrialImage which);
+  [[nodiscard]] std::string trial_image(const results::StoredRun& stored,
+                                        const records::TrialRow& trial, std::size_t tick,
+                                        TrialImage which);
 
  private:
   struct Scene {
     core::SceneBundle bundle;
-    SceneSurfels surfels;
-    FloorPlan plan;
+    scenes::SceneSurfels surfels;
+    drawing::FloorPlan plan;
     core::Image<core::Rgb8> floor;  ///< The plan, reduced.
     std::unique_ptr<core::Renderer> renderer;
   };
@@ -61,11 +62,12 @@ class SceneViewer {
 
   std::mutex mutex_;                                           // Guards what follows.
   std::list<std::pair<std::filesystem::path, Scene>> scenes_;  ///< Newest first.
-  std::list<std::pair<std::string, std::shared_ptr<const TrialLog>>> logs_;
+  std::list<std::pair<std::string, std::shared_ptr<const records::TrialLog>>> logs_;
   std::list<std::pair<std::string, std::string>> images_;
 };
 
 /// Where the bundle of a log lies.
-[[nodiscard]] std::filesystem::path bundle_of(const StoredRun& stored, const TrialLog& log);
+[[nodiscard]] std::filesystem::path bundle_of(const results::StoredRun& stored,
+                                              const records::TrialLog& log);
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::dashboard::internal

@@ -9,15 +9,15 @@
 #include "experiments/drawing/map_canvas.h"
 #include "experiments/drawing/map_legend.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::films::internal {
 
-PageSampler::PageSampler(PageForm form, double step_s, Sink sink,
+PageSampler::PageSampler(video::internal::PageForm form, double step_s, Sink sink,
                          std::function<void()> on_tick)
     : form_(form), step_s_(step_s), sink_(std::move(sink)), on_tick_(std::move(on_tick)) {
   SEGSIM_CHECK(step_s > 0.0, "step_s");
 }
 
-void PageSampler::begin(const TrialScene& scene,
+void PageSampler::begin(const drawing::TrialScene& scene,
                         const std::vector<std::string>& detector_classes) {
   page_.emplace(scene, detector_classes, form_);
   next_s_ = 0.0;
@@ -60,14 +60,15 @@ cv::Mat pair_screen(const std::string& title, const std::string& note, const cv:
   constexpr int kTop = 44;
   constexpr double kLegendScale = 0.72;
   cv::Mat screen(kScreenHeight_px, kScreenWidth_px, CV_8UC3, cv::Scalar(255, 255, 255));
-  draw_text(screen, title, {6.0, 28.0}, 13.0, ink::kText, true);
-  draw_text(screen, note, {kScreenWidth_px - 8.0 - text_width_px(note, 11.0), 29.0}, 11.0,
-            ink::kFaint);
+  drawing::draw_text(screen, title, {6.0, 28.0}, 13.0, drawing::ink::kText, true);
+  drawing::draw_text(screen, note,
+                     {kScreenWidth_px - 8.0 - drawing::text_width_px(note, 11.0), 29.0}, 11.0,
+                     drawing::ink::kFaint);
   left.copyTo(screen(cv::Rect(cv::Point(0, kTop), left.size())));
   right.copyTo(screen(cv::Rect(cv::Point(kScreenWidth_px - right.cols, kTop), right.size())));
-  constexpr int kLegend_y = kTop + kColumnHeight_px + 8;
-  draw_map_legend(screen, {4, kLegend_y}, kScreenWidth_px, kLegendScale);
+  constexpr int kLegend_y = kTop + video::internal::kColumnHeight_px + 8;
+  drawing::draw_map_legend(screen, {4, kLegend_y}, kScreenWidth_px, kLegendScale);
   return screen;
 }
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::films::internal

@@ -14,21 +14,22 @@
 #include "experiments/trials/trial_viewer.h"
 #include "experiments/video/trial_page.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::films::internal {
 
 /// Size of pairs, and of the cards between them.
 inline constexpr int kScreenWidth_px = 1280, kScreenHeight_px = 720;
 
 /// Draws pages at equal steps of simulated time, the last of them with the outcome.
-class PageSampler final : public TrialViewer {
+class PageSampler final : public trials::TrialViewer {
  public:
   using Sink = std::function<void(const cv::Mat& page)>;
   /// @param step_s  Simulated time from one page to the next. A tick longer than that is shown
   /// several times, of shorter ones the first in each step.
   /// @param on_tick  Called once per tick; may be empty.
-  PageSampler(PageForm form, double step_s, Sink sink, std::function<void()> on_tick);
+  PageSampler(video::internal::PageForm form, double step_s, Sink sink,
+              std::function<void()> on_tick);
 
-  void begin(const TrialScene& scene,
+  void begin(const drawing::TrialScene& scene,
              const std::vector<std::string>& detector_classes) override;
   void add(const sim::TickRecord& tick, const core::Frame& frame,
            std::span<const core::Detection> detections, const core::PolicyView& view) override;
@@ -38,11 +39,11 @@ class PageSampler final : public TrialViewer {
   [[nodiscard]] int pages() const { return pages_; }
 
  private:
-  PageForm form_;
+  video::internal::PageForm form_;
   double step_s_, next_s_ = 0.0;
   Sink sink_;
   std::function<void()> on_tick_;
-  std::optional<TrialPage> page_;
+  std::optional<video::internal::TrialPage> page_;
   int pages_ = 0;
 };
 
@@ -63,4 +64,4 @@ class PageTape {
 [[nodiscard]] cv::Mat pair_screen(const std::string& title, const std::string& note,
                                   const cv::Mat& left, const cv::Mat& right);
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::films::internal

@@ -10,7 +10,7 @@
 
 #include "experiments/results/table.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::films::internal {
 
 /// A large text above smaller paragraphs, wrapped.
 [[nodiscard]] cv::Mat title_card(const std::string& title,
@@ -20,10 +20,10 @@ namespace segsim::experiments::internal {
 [[nodiscard]] cv::Mat reading_card(const std::string& before, const std::string& after);
 
 /// Success rates with their intervals as bars, differences, p-values, and what limits them.
-[[nodiscard]] cv::Mat result_card(const ResultTable& table);
+[[nodiscard]] cv::Mat result_card(const results::ResultTable& table);
 
 /// Breaks a text into lines no wider than that.
 [[nodiscard]] std::vector<std::string> wrapped(const std::string& text, double letter_px,
                                                double width_px, bool bold = false);
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::films::internal

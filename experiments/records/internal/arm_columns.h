@@ -11,7 +11,7 @@
 #include "experiments/records/column.h"
 #include "experiments/records/run_rows.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::records {
 
 struct ArmColumns {
   static constexpr double kNotMeasured = -1.0;
@@ -74,4 +74,4 @@ void visit_columns(Row& row, F&& f) {
   return std::move(row.arm);
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::records

@@ -15,7 +15,7 @@
 #include "experiments/records/internal/sqlite_statement.h"
 #include "experiments/support/formatted.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::records {
 
 /// The table of the row, or `attribution`.
 enum class SqlTable : std::uint8_t { kOfRow, kAttribution };
@@ -98,7 +98,7 @@ class ColumnBinder {
   template <std::integral Integer>
   void operator()(const Column& column, Integer number) {
     if (column.hexadecimal) {
-      statement_.bind(texts_.emplace_back(hex(static_cast<std::uint64_t>(number))));
+      statement_.bind(texts_.emplace_back(support::hex(static_cast<std::uint64_t>(number))));
     } else {
       statement_.bind(static_cast<std::int64_t>(number));
     }
@@ -153,4 +153,4 @@ template <class Row>
   return row;
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::records

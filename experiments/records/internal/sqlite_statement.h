@@ -13,7 +13,7 @@
 
 #include "core/error.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::records {
 
 /// What went wrong last.
 [[nodiscard]] inline core::InputError sqlite_error(sqlite3* db,
@@ -106,4 +106,4 @@ class Statement {
   int bound_ = 0, read_ = 0;
 };
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::records

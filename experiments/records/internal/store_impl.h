@@ -13,7 +13,7 @@
 #include "experiments/records/internal/sqlite_statement.h"
 #include "experiments/records/store.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::records {
 
 struct Store::Impl {
   using Clock = std::chrono::steady_clock;
@@ -82,4 +82,4 @@ struct Store::Impl {
   void choose_durability();
 };
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::records

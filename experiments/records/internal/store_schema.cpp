@@ -6,7 +6,7 @@
 #include "experiments/records/internal/sql_columns.h"
 #include "experiments/records/store.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::records {
 namespace {
 
 // A migration is never edited once files of its version exist; the next one is added below,
@@ -99,4 +99,4 @@ std::string present_schema() {
 
 std::span<const Migration> migrations() { return kMigrations; }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::records

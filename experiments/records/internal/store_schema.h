@@ -6,7 +6,7 @@
 #include <span>
 #include <string>
 
-namespace segsim::experiments {
+namespace segsim::experiments::records {
 
 /// SQL that makes the tables of the present version, made from visit_columns of the rows.
 [[nodiscard]] std::string present_schema();
@@ -19,4 +19,4 @@ struct Migration {
 /// By version; the last one leads to the present schema.
 [[nodiscard]] std::span<const Migration> migrations();
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::records

@@ -2,7 +2,7 @@
 
 #include "experiments/support/formatted.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::report::internal {
 namespace {
 
 bool is_plain(char c) {
@@ -45,7 +45,7 @@ std::string url_escaped(const std::string& text) {
       escaped += c;
     } else {
       escaped +=
-          experiments::print("%%%02X", static_cast<unsigned>(static_cast<unsigned char>(c)));
+          support::print("%%%02X", static_cast<unsigned>(static_cast<unsigned char>(c)));
     }
   }
   return escaped;
@@ -76,7 +76,7 @@ std::string trials_href(const TrialFilter& filter, const std::string& root) {
   return href;
 }
 
-std::string html_table(const Grid& grid,
+std::string html_table(const support::internal::Grid& grid,
                        const std::function<std::string(std::size_t, std::size_t)>& href) {
   std::string html = "<div class=\"scroll\"><table>\n";
   if (!grid.title.empty()) html += "<caption>" + html_escaped(grid.title) + "</caption>\n";
@@ -112,4 +112,4 @@ std::string html_page(const std::string& title, const std::string& body,
          "<script src=\"" + root + "report.js\"></script>\n</body>\n</html>\n";
 }
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::report::internal

@@ -11,7 +11,7 @@
 
 #include "experiments/support/grid_document.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::report::internal {
 
 /// For text and for attributes in either kind of quotes.
 [[nodiscard]] std::string html_escaped(const std::string& text);
@@ -32,11 +32,12 @@ using TrialFilter = std::vector<std::pair<std::string, std::string>>;
 
 /// @param href  Of the cell in that row and column (0-based); empty: no link.
 [[nodiscard]] std::string html_table(
-    const Grid& grid, const std::function<std::string(std::size_t, std::size_t)>& href = {});
+    const support::internal::Grid& grid,
+    const std::function<std::string(std::size_t, std::size_t)>& href = {});
 
 /// A whole page. @param body  HTML. @param root  See trials_href().
 /// @param with_plots  Load the plot library, which must lie in the report.
 [[nodiscard]] std::string html_page(const std::string& title, const std::string& body,
                                     const std::string& root, bool with_plots);
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::report::internal

@@ -14,14 +14,14 @@
 #include "experiments/runs/budget_sweep.h"
 #include "experiments/support/formatted.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::report::internal {
 namespace {
 
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
 /// @param grid  The same figures; its title is the plot's. @param note  Below the plot.
-std::string figure(const ReportModel& model, const Json& plot, Grid grid,
+std::string figure(const ReportModel& model, const Json& plot, support::internal::Grid grid,
                    const std::string& note = {}, bool small = false) {
   const std::string title = grid.title;
   grid.title.clear();
@@ -43,22 +43,22 @@ Json series(const ReportModel& model, const std::string& arm) {
   return {{"name", arm}, {"color", arm_color(model, arm)}};
 }
 
-std::vector<GroupSummary> groups_of(const ReportModel& model) {
-  std::vector<GroupSummary> groups = model.table.scenes;
+std::vector<results::GroupSummary> groups_of(const ReportModel& model) {
+  std::vector<results::GroupSummary> groups = model.table.scenes;
   if (model.table.all) groups.push_back(*model.table.all);
   return groups;
 }
 
-std::vector<double> rates_of(const std::vector<Proportion>& proportions) {
+std::vector<double> rates_of(const std::vector<results::Proportion>& proportions) {
   std::vector<double> rates;
-  for (const Proportion& p : proportions) {
+  for (const results::Proportion& p : proportions) {
     if (p.trials > 0) rates.push_back(p.value());
   }
   return rates;
 }
 
 /// Percentage of a share.
-std::string percent(double share) { return experiments::print("%.1f %%", 100.0 * share); }
+std::string percent(double share) { return support::print("%.1f %%", 100.0 * share); }
 
 /// Bins of equal width over what all series have in common.
 struct Bins {
@@ -91,9 +91,10 @@ std::string histogram(const ReportModel& model, const std::string& title,
   if (all.empty()) return {};
   const Bins bins(all);
   Json plot{{"kind", "bars"}, {"x", "ms"}, {"y", unit}};
-  Grid grid{title, {"Arm", "n", "p50 [ms]", "p95 [ms]", "p99 [ms]", "max [ms]"}, {}};
+  support::internal::Grid grid{
+      title, {"Arm", "n", "p50 [ms]", "p95 [ms]", "p99 [ms]", "max [ms]"}, {}};
   for (int k = 0; k < bins.count; ++k) {
-    plot["labels"].push_back(experiments::print("%.3g", bins.low + (k + 0.5) * bins.width));
+    plot["labels"].push_back(support::print("%.3g", bins.low + (k + 0.5) * bins.width));
   }
   for (auto [arm, values] : by_arm) {
     if (values.empty()) continue;
@@ -105,7 +106,7 @@ std::string histogram(const ReportModel& model, const std::string& title,
     std::sort(values.begin(), values.end());
     const auto at = [&](double share) {
       const auto rank = std::ceil(share * static_cast<double>(values.size())) - 1.0;
-      return experiments::print("%.1f", values[static_cast<std::size_t>(std::max(0.0, rank))]);
+      return support::print("%.1f", values[static_cast<std::size_t>(std::max(0.0, rank))]);
     };
     grid.rows.push_back(
         {arm, std::to_string(values.size()), at(0.5), at(0.95), at(0.99), at(1.0)});
@@ -126,9 +127,9 @@ StageDurations played_durations(const ReportModel& model) {
   std::sort(files.begin(), files.end());
   StageDurations durations;
   for (const fs::path& file : files) {
-    ReplayLog log;
+    records::ReplayLog log;
     try {
-      log = read_replay_log(file);
+      log = records::read_replay_log(file);
     } catch (const core::InputError&) {
       continue;  // A log that is being written, or of another version: not ours to judge.
     }
@@ -165,36 +166,36 @@ std::optional<SweepArm> sweep_arm_of(const std::string& name) {
   }
 }
 
-std::string delay_figure(const ReportModel& model, const StoredRun& stored,
+std::string delay_figure(const ReportModel& model, const results::StoredRun& stored,
                          const std::string& where) {
   std::map<std::string, std::vector<double>> delays;
-  for (const ArmRow& arm : stored.arms) {
+  for (const records::ArmRow& arm : stored.arms) {
     if (const auto swept = sweep_arm_of(arm.name)) delays[swept->arm].push_back(swept->add_ms);
   }
   std::string html;
   for (auto& [arm, add_ms] : delays) {
     if (add_ms.size() < 2) continue;
     std::sort(add_ms.begin(), add_ms.end());
-    SweepOptions options;
+    runs::SweepOptions options;
     options.add_ms = add_ms;
     options.arm = arm;
-    const SweepResult result = summarise_sweep(options, arm, stored.trials);
+    const runs::SweepResult result = runs::summarise_sweep(options, arm, stored.trials);
     Json line{{"name", arm}, {"points", Json::array()}};
-    Grid grid{"Success rate against added delay: " + arm + where,
-              {"Added [ms]", "Successes", "SR", "Wilson 95 %", "Against the first [points]"},
-              {}};
-    for (const SweepPoint& point : result.points) {
+    support::internal::Grid grid{
+        "Success rate against added delay: " + arm + where,
+        {"Added [ms]", "Successes", "SR", "Wilson 95 %", "Against the first [points]"},
+        {}};
+    for (const runs::SweepPoint& point : result.points) {
       line["points"].push_back(
           {point.add_ms, point.success.value(), point.interval.low, point.interval.high});
       grid.rows.push_back(
-          {experiments::print("%g", point.add_ms),
+          {support::print("%g", point.add_ms),
            std::to_string(point.success.successes) + "/" +
                std::to_string(point.success.trials),
            percent(point.success.value()),
            percent(point.interval.low) + " to " + percent(point.interval.high),
-           experiments::print("%+.0f [%+.0f, %+.0f]", 100.0 * point.loss.difference,
-                              100.0 * point.loss.interval.low,
-                              100.0 * point.loss.interval.high)});
+           support::print("%+.0f [%+.0f, %+.0f]", 100.0 * point.loss.difference,
+                          100.0 * point.loss.interval.low, 100.0 * point.loss.interval.high)});
     }
     const Json plot{{"kind", "lines"},
                     {"x", "added delay [ms]"},
@@ -212,16 +213,16 @@ std::string success_figure(const ReportModel& model) {
   Json plot{{"kind", "intervals"},
             {"x", several ? "success rate, 95 %; a small dot per training"
                           : "success rate, Wilson 95 %"}};
-  Grid grid{"Success rate with its interval",
-            {"Scene", "Arm", "Successes", "SR", several ? "95 %" : "Wilson 95 %",
-             "Clopper-Pearson 95 %"},
-            {}};
+  support::internal::Grid grid{"Success rate with its interval",
+                               {"Scene", "Arm", "Successes", "SR",
+                                several ? "95 %" : "Wilson 95 %", "Clopper-Pearson 95 %"},
+                               {}};
   std::set<std::string> arms;
-  for (const GroupSummary& group : groups_of(model)) {
-    for (const ArmSummary& arm : group.arms) {
+  for (const results::GroupSummary& group : groups_of(model)) {
+    for (const results::ArmSummary& arm : group.arms) {
       if (arm.success.trials == 0) continue;
-      const Interval interval = arm.interval();
-      const Interval exact = clopper_pearson_interval(arm.success);
+      const results::Interval interval = arm.interval();
+      const results::Interval exact = results::clopper_pearson_interval(arm.success);
       plot["rows"].push_back({{"label", group.title + ", " + arm.arm},
                               {"series", arm.arm},
                               {"low", interval.low},
@@ -247,7 +248,7 @@ std::string causes_figure(const ReportModel& model) {
   }
   if (counts.empty()) return {};
   Json plot{{"kind", "bars"}, {"horizontal", true}, {"x", "failed trials"}, {"y", ""}};
-  Grid grid{"Why trials failed", {"Cause", "What it means"}, {}};
+  support::internal::Grid grid{"Why trials failed", {"Cause", "What it means"}, {}};
   std::vector<std::pair<int, std::string>> order;  // Most frequent first.
   for (const auto& [fate, by_arm] : counts) {
     int total = 0;
@@ -280,9 +281,10 @@ std::string steps_figure(const ReportModel& model) {
             {"stepped", true},
             {"x", "control steps"},
             {"y", "trials that have succeeded"}};
-  Grid grid{"Success against control steps",
-            {"Arm", "Trials", "Succeeded", "Median steps of successes", "Most steps"},
-            {}};
+  support::internal::Grid grid{
+      "Success against control steps",
+      {"Arm", "Trials", "Succeeded", "Median steps of successes", "Most steps"},
+      {}};
   int longest = 0;
   for (const TrialView& view : model.trials) longest = std::max(longest, view.row->ticks);
   if (longest == 0) return {};
@@ -322,7 +324,8 @@ std::string delay_figures(const ReportModel& model) {
   }
   std::sort(sweeps.begin(), sweeps.end());
   for (const fs::path& sweep : sweeps) {
-    html += delay_figure(model, load_run(sweep), " (" + sweep.filename().string() + ")");
+    html +=
+        delay_figure(model, results::load_run(sweep), " (" + sweep.filename().string() + ")");
   }
   return html;
 }
@@ -332,16 +335,16 @@ std::string latency_figures(const ReportModel& model) {
   std::string html;
   for (const auto& [stage, by_arm] : played) {
     std::vector<std::pair<std::string, std::vector<double>>> ordered;
-    for (const ArmRow& arm : model.table.arm_rows) {
+    for (const records::ArmRow& arm : model.table.arm_rows) {
       const auto found = by_arm.find(arm.name);
       if (found != by_arm.end()) ordered.emplace_back(arm.name, found->second);
     }
     html += histogram(model, stage + ": response times of the robot's clock", ordered, "jobs");
   }
-  const std::pair<const char*, double TrialRow::*> stages[] = {
-      {"render", &TrialRow::render_ms},
-      {"detect", &TrialRow::detect_ms},
-      {"policy", &TrialRow::policy_ms}};
+  const std::pair<const char*, double records::TrialRow::*> stages[] = {
+      {"render", &records::TrialRow::render_ms},
+      {"detect", &records::TrialRow::detect_ms},
+      {"policy", &records::TrialRow::policy_ms}};
   for (const auto& [stage, column] : stages) {
     std::vector<std::pair<std::string, std::vector<double>>> ordered;
     bool any = false;
@@ -362,4 +365,4 @@ std::string latency_figures(const ReportModel& model) {
   return html;
 }
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::report::internal

@@ -3,11 +3,11 @@
 #include "experiments/report/internal/report_model.h"
 #include "experiments/support/formatted.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::report::internal {
 namespace {
 
 std::string trial_row(const TrialView& view) {
-  const TrialRow& row = *view.row;
+  const records::TrialRow& row = *view.row;
   const std::string fate = fate_of(row);
   std::string html = "<tr";
   const auto data = [&](const char* key, const std::string& value) {
@@ -36,9 +36,9 @@ std::string trial_row(const TrialView& view) {
   cell(row.success ? "" : fate);
   cell(view.change);
   if (row.counts()) {
-    cell(experiments::print("%.2f", row.spl));
-    cell(experiments::print("%.1f", row.path_m));
-    cell(experiments::print("%.1f", row.sim_s));
+    cell(support::print("%.2f", row.spl));
+    cell(support::print("%.1f", row.path_m));
+    cell(support::print("%.1f", row.sim_s));
     cell(std::to_string(row.contacts));
   } else {
     html += "<td></td><td></td><td></td><td></td>";
@@ -47,7 +47,7 @@ std::string trial_row(const TrialView& view) {
 }
 
 std::string facts(const TrialView& view) {
-  const TrialRow& row = *view.row;
+  const records::TrialRow& row = *view.row;
   std::string html = "<dl>";
   const auto add = [&](const char* what, const std::string& value) {
     html += std::string("<dt>") + what + "</dt><dd>" + html_escaped(value) + "</dd>";
@@ -55,22 +55,21 @@ std::string facts(const TrialView& view) {
   if (!row.success && row.why.known()) add("why", fate_in_words(row.why.cause));
   if (!row.error.empty()) add("error", row.error);
   if (row.counts()) {
-    add("SPL", experiments::print("%.3f", row.spl));
-    add("path",
-        experiments::print("%.1f m (shortest %.1f m)", row.path_m, row.shortest_path_m));
-    add("time", experiments::print("%.1f s, %d steps", row.sim_s, row.ticks));
+    add("SPL", support::print("%.3f", row.spl));
+    add("path", support::print("%.1f m (shortest %.1f m)", row.path_m, row.shortest_path_m));
+    add("time", support::print("%.1f s, %d steps", row.sim_s, row.ticks));
     add("to goal", row.distance_to_goal_m
-                       ? experiments::print("%.2f m at the end", *row.distance_to_goal_m)
+                       ? support::print("%.2f m at the end", *row.distance_to_goal_m)
                        : "off the floor at the end");
     add("stopped", row.stop_reason.empty() ? "no" : row.stop_reason);
     if (row.contacts > 0) {
-      add("contacts", experiments::print("%d, %.1f s", row.contacts, row.contact_s));
+      add("contacts", support::print("%d, %.1f s", row.contacts, row.contact_s));
     }
     if (row.why.known()) {
       add("detector",
-          experiments::print("in view in %d images, detected in %d, %d false detections",
-                             row.why.visible_frames, row.why.detected_frames,
-                             row.why.false_detections));
+          support::print("in view in %d images, detected in %d, %d false detections",
+                         row.why.visible_frames, row.why.detected_frames,
+                         row.why.false_detections));
     }
   }
   return html + "</dl>\n";
@@ -78,7 +77,7 @@ std::string facts(const TrialView& view) {
 
 /// One arm beside the others: outcome, picture from above, figures.
 std::string column(const ReportModel& model, const TrialView& view) {
-  const TrialRow& row = *view.row;
+  const records::TrialRow& row = *view.row;
   std::string html =
       "<section class=\"card\" id=\"" + view.anchor +
       "\"><h2><span class=\"swatch\" style=\"background:" + arm_color(model, row.arm) +
@@ -143,7 +142,7 @@ std::string trials_body(const ReportModel& model) {
 
 std::string episode_body(const ReportModel& model,
                          const std::vector<const TrialView*>& trials) {
-  const TrialRow& first = *trials.front()->row;
+  const records::TrialRow& first = *trials.front()->row;
   std::string change;
   for (const TrialView* view : trials) {
     if (!view->change.empty()) change = view->change;
@@ -167,4 +166,4 @@ std::string episode_body(const ReportModel& model,
   return html;
 }
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::report::internal

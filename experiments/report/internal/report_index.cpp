@@ -12,18 +12,18 @@
 #include "experiments/results/training_grids.h"
 #include "experiments/support/formatted.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::report::internal {
 namespace {
 
 /// All scenes together, or the only one; null without any.
-const GroupSummary* whole(const ResultTable& table) {
+const results::GroupSummary* whole(const results::ResultTable& table) {
   if (table.all) return &*table.all;
   return table.scenes.empty() ? nullptr : &table.scenes.front();
 }
 
 /// "" stands for all scenes.
-TrialFilter of_group(const ReportModel& model, const GroupSummary& group) {
-  for (const SceneRow& scene : model.table.scene_rows) {
+TrialFilter of_group(const ReportModel& model, const results::GroupSummary& group) {
+  for (const records::SceneRow& scene : model.table.scene_rows) {
     if (scene.name == group.name) return {{"scene", group.name}};
   }
   return {};
@@ -35,13 +35,13 @@ TrialFilter with(TrialFilter filter, const std::string& key, const std::string& 
 }
 
 /// "34/40" with a link to these trials.
-std::string rate_link(const TrialFilter& group, const ArmSummary& arm) {
+std::string rate_link(const TrialFilter& group, const results::ArmSummary& arm) {
   const TrialFilter filter = with(with(group, "arm", arm.arm), "counts", "1");
   return html_link(trials_href(filter), std::to_string(arm.success.successes) + "/" +
                                             std::to_string(arm.success.trials));
 }
 
-std::string points(double share) { return experiments::print("%+.0f", 100.0 * share); }
+std::string points(double share) { return support::print("%+.0f", 100.0 * share); }
 
 std::string answer_words(const std::string& verdict) {
   if (verdict == "improved") return "Yes, it got better.";
@@ -52,39 +52,38 @@ std::string answer_words(const std::string& verdict) {
 }
 
 std::string better_card(const ReportModel& model) {
-  const ResultTable& table = model.table;
-  const GroupSummary* group = whole(table);
+  const results::ResultTable& table = model.table;
+  const results::GroupSummary* group = whole(table);
   std::string html = "<section class=\"card\"><h2>Did it get better?</h2>\n";
   if (group == nullptr) return html + "<p class=\"answer\">No trials yet.</p></section>\n";
   const TrialFilter filter = of_group(model, *group);
-  if (!compares(table)) {
+  if (!results::internal::compares(table)) {
     html += "<p class=\"answer\">Success rates of " + std::to_string(group->arms.size()) +
             (group->arms.size() == 1 ? " arm" : " arms") + "; no two are compared.</p>\n<dl>";
-    for (const ArmSummary& arm : group->arms) {
+    for (const results::ArmSummary& arm : group->arms) {
       html += "<dt>" + html_escaped(arm.arm) + "</dt><dd>" + rate_link(filter, arm) +
-              experiments::print(" = %.0f %%</dd>", 100.0 * arm.success.value());
+              support::print(" = %.0f %%</dd>", 100.0 * arm.success.value());
     }
     return html + "</dl></section>\n";
   }
   html += "<p class=\"answer " + html_escaped(group->verdict) + "\">" +
           answer_words(group->verdict) + "</p>\n";
-  const ArmSummary* before = group->find(table.before);
-  const ArmSummary* after = group->find(table.after);
+  const results::ArmSummary* before = group->find(table.before);
+  const results::ArmSummary* after = group->find(table.after);
   if (before != nullptr && after != nullptr) {
-    html +=
-        experiments::print("<p class=\"big\">%.0f %% &rarr; %.0f %%</p>\n",
+    html += support::print("<p class=\"big\">%.0f %% &rarr; %.0f %%</p>\n",
                            100.0 * before->success.value(), 100.0 * after->success.value());
     html += "<p>" + html_escaped(table.before) + " " + rate_link(filter, *before) +
             " episodes succeed, " + html_escaped(table.after) + " " +
             rate_link(filter, *after) +
             (after->members > 1 ? " episodes x trainings.</p>\n" : ".</p>\n");
   }
-  for (const std::string& line : headline_lines(table)) {
+  for (const std::string& line : results::internal::headline_lines(table)) {
     html += "<p class=\"faint\">" + html_escaped(line) + "</p>\n";
   }
   if (table.scenes.size() > 1) {
     html += "<ul>";
-    for (const GroupSummary& scene : table.scenes) {
+    for (const results::GroupSummary& scene : table.scenes) {
       html += "<li>" + html_escaped(scene.title) + ": " + points(scene.difference.difference) +
               " points, " +
               html_link(trials_href(with(of_group(model, scene), "change", "gained")),
@@ -111,14 +110,14 @@ bool is_flag(const std::string& note) {
 }
 
 std::string sure_card(const ReportModel& model) {
-  const ResultTable& table = model.table;
-  const GroupSummary* group = whole(table);
+  const results::ResultTable& table = model.table;
+  const results::GroupSummary* group = whole(table);
   std::string html = "<section class=\"card\"><h2>How sure are we?</h2>\n";
-  if (group != nullptr && compares(table) && group->pairs.total() > 0) {
+  if (group != nullptr && results::internal::compares(table) && group->pairs.total() > 0) {
     const TrialFilter filter = of_group(model, *group);
     const bool several = table.trainings.size() > 1;
-    html += "<p class=\"answer\">p = " + p_text(group->p) + "</p>\n<ul><li>" +
-            html_escaped(difference_text(*group)) +
+    html += "<p class=\"answer\">p = " + results::internal::p_text(group->p) +
+            "</p>\n<ul><li>" + html_escaped(results::internal::difference_text(*group)) +
             (several ? " points (95 % interval over trainings and episodes)</li><li>"
                      : " points (95 % interval, Newcombe, paired)</li><li>") +
             std::to_string(group->pairs.total()) +
@@ -128,16 +127,18 @@ std::string sure_card(const ReportModel& model) {
             ", " +
             html_link(trials_href(with(filter, "change", "lost")),
                       std::to_string(group->pairs.only_before) + " lost") +
-            (several ? "; test over " + trainings_in_words(table) : "; exact McNemar test") +
+            (several ? "; test over " + results::internal::trainings_in_words(table)
+                     : "; exact McNemar test") +
             "</li>";
     if (several) {
       html += "<li>standard deviation between trainings: " +
-              experiments::print("%.0f points", 100.0 * training_rate_sd(table.trainings)) +
+              support::print("%.0f points",
+                             100.0 * results::internal::training_rate_sd(table.trainings)) +
               "</li>";
     } else if (table.compares_trainings) {
       html += "<li><strong>one training</strong>: another may give another result</li>";
     }
-    const ArmSummary* oracle = group->find(table.oracle);
+    const results::ArmSummary* oracle = group->find(table.oracle);
     if (oracle != nullptr && oracle->success.trials > 0) {
       html += "<li>a perfect detector reaches " + rate_link(filter, *oracle) + "</li>";
     }
@@ -198,10 +199,10 @@ std::string why_card(const ReportModel& model) {
 }
 
 /// Rows of a grid whose first cell names a group and whose second names an arm.
-std::string linked_by_arm(const ReportModel& model, const Grid& grid) {
+std::string linked_by_arm(const ReportModel& model, const support::internal::Grid& grid) {
   std::map<std::string, TrialFilter> groups;
   std::set<std::string> twice;
-  for (const GroupSummary& group : model.table.scenes) {
+  for (const results::GroupSummary& group : model.table.scenes) {
     if (!groups.emplace(group.title, of_group(model, group)).second) twice.insert(group.title);
   }
   return html_table(grid, [&](std::size_t row, std::size_t column) -> std::string {
@@ -218,16 +219,16 @@ std::string linked_by_arm(const ReportModel& model, const Grid& grid) {
 }
 
 /// @param key  What a group's name means to the list of trials: "scene" or "goal".
-std::string linked_comparison(const ReportModel& model, const Grid& grid,
-                              const std::vector<GroupSummary>& groups,
+std::string linked_comparison(const ReportModel& model, const support::internal::Grid& grid,
+                              const std::vector<results::GroupSummary>& groups,
                               const std::string& key) {
-  const ResultTable& table = model.table;
+  const results::ResultTable& table = model.table;
   return html_table(grid, [&](std::size_t row, std::size_t column) -> std::string {
-    const GroupSummary& group = groups[row];
+    const results::GroupSummary& group = groups[row];
     TrialFilter filter;
     if (key == "goal" || !of_group(model, group).empty()) filter = {{key, group.name}};
     if (column == 0) return {};
-    if (!compares(table)) {
+    if (!results::internal::compares(table)) {
       return trials_href(with(with(filter, "arm", group.arms[column - 1].arm), "counts", "1"));
     }
     if (column == 1)
@@ -242,37 +243,43 @@ std::string linked_comparison(const ReportModel& model, const Grid& grid,
 }
 
 std::string tables_section(const ReportModel& model) {
-  const ResultTable& table = model.table;
-  std::vector<GroupSummary> groups = table.scenes;
+  const results::ResultTable& table = model.table;
+  std::vector<results::GroupSummary> groups = table.scenes;
   if (table.all) groups.push_back(*table.all);
   std::string html = "<h2 id=\"tables\">Tables</h2>\n";
-  if (compares(table)) {
-    Grid scenes = comparison_grid(table, groups, "Scene", false);
+  if (results::internal::compares(table)) {
+    support::internal::Grid scenes =
+        results::internal::comparison_grid(table, groups, "Scene", false);
     scenes.title = "Success rate by scene";
     html += linked_comparison(model, scenes, groups, "scene");
-    const Grid trainings = trainings_grid(table);
+    const support::internal::Grid trainings = results::internal::trainings_grid(table);
     if (!trainings.rows.empty()) {
       html += html_table(trainings, [&](std::size_t row, std::size_t column) {
         if (column != 0) return std::string();
         return trials_href({{"training", table.trainings[row].arm}, {"counts", "1"}});
       });
     }
-    html += linked_comparison(model, comparison_grid(table, table.classes, "Goal", true),
-                              table.classes, "goal");
-    html += html_table(paired_grid(table, groups));
+    html += linked_comparison(
+        model, results::internal::comparison_grid(table, table.classes, "Goal", true),
+        table.classes, "goal");
+    html += html_table(results::internal::paired_grid(table, groups));
   } else {
-    Grid scenes = rates_grid(table, groups, "Scene");
+    support::internal::Grid scenes = results::internal::rates_grid(table, groups, "Scene");
     scenes.title = "Success rate by scene";
     html += linked_comparison(model, scenes, groups, "scene");
-    Grid classes = rates_grid(table, table.classes, "Goal");
+    support::internal::Grid classes =
+        results::internal::rates_grid(table, table.classes, "Goal");
     classes.title = "By goal class";
     html += linked_comparison(model, classes, table.classes, "goal");
   }
-  for (const Grid& grid : {arms_grid(table, table.scenes), causes_grid(table.scenes),
-                           perception_grid(table.scenes), profiles_grid(table.scenes)}) {
+  for (const support::internal::Grid& grid :
+       {results::internal::arms_grid(table, table.scenes),
+        results::internal::causes_grid(table.scenes),
+        results::internal::perception_grid(table.scenes),
+        results::internal::profiles_grid(table.scenes)}) {
     if (!grid.rows.empty()) html += linked_by_arm(model, grid);
   }
-  const Grid detectors = detectors_grid(table);
+  const support::internal::Grid detectors = results::internal::detectors_grid(table);
   if (!detectors.rows.empty()) html += html_table(detectors);
   return html;
 }
@@ -295,7 +302,7 @@ std::string fate_color(const std::string& fate) {
 std::string path_element(const TrialView& view) {
   const std::string fate = fate_of(*view.row);
   std::string line;
-  for (const glm::dvec2& p : view.path_px) line += experiments::print("%.0f,%.0f ", p.x, p.y);
+  for (const glm::dvec2& p : view.path_px) line += support::print("%.0f,%.0f ", p.x, p.y);
   const glm::dvec2 end = view.path_px.back();
   const std::string color = fate_color(fate);
   return "<a href=\"" + view.page + "#" + view.anchor + "\" data-arm=\"" +
@@ -303,8 +310,8 @@ std::string path_element(const TrialView& view) {
          html_escaped(view.row->episode + ", " + view.row->arm + ": " + fate) +
          "</title><polyline class=\"path\" stroke=\"" + color + "\" points=\"" + line +
          "\"/>" +
-         experiments::print("<circle cx=\"%.0f\" cy=\"%.0f\" r=\"6\" fill=\"%s\"/></a>\n",
-                            end.x, end.y, color.c_str());
+         support::print("<circle cx=\"%.0f\" cy=\"%.0f\" r=\"6\" fill=\"%s\"/></a>\n", end.x,
+                        end.y, color.c_str());
 }
 
 std::string map_section(const ReportModel& model, const SceneMap& map) {
@@ -318,7 +325,7 @@ std::string map_section(const ReportModel& model, const SceneMap& map) {
   std::string html = "<div class=\"box maps\"><h3>" + html_escaped(map.title) +
                      "</h3>\n<div class=\"legend\"><label>Arm <select "
                      "aria-label=\"Arm\"><option value=\"\">all</option>";
-  for (const ArmRow& arm : model.table.arm_rows) {
+  for (const records::ArmRow& arm : model.table.arm_rows) {
     html += "<option" + std::string(arm.name == model.table.after ? " selected" : "") + ">" +
             html_escaped(arm.name) + "</option>";
   }
@@ -329,18 +336,18 @@ std::string map_section(const ReportModel& model, const SceneMap& map) {
             "\"></span>" + html_escaped(fate) + " " + std::to_string(count) + "</label>";
   }
   return html + "</div>\n" +
-         experiments::print(
+         support::print(
              "<svg viewBox=\"0 0 %d %d\" role=\"img\" aria-label=\"Paths seen "
              "from above\"><image href=\"",
              map.width_px, map.height_px) +
          map.image +
-         experiments::print("\" width=\"%d\" height=\"%d\" opacity=\"0.55\"/>\n", map.width_px,
-                            map.height_px) +
+         support::print("\" width=\"%d\" height=\"%d\" opacity=\"0.55\"/>\n", map.width_px,
+                        map.height_px) +
          paths + "</svg></div>\n";
 }
 
 std::string notes_section(const ReportModel& model) {
-  const RunRow& run = model.stored->run;
+  const records::RunRow& run = model.stored->run;
   std::string html = "<h2 id=\"notes\">Notes and provenance</h2>\n<div class=\"box\"><ul>";
   for (const std::string& note : model.table.notes)
     html += "<li>" + html_escaped(note) + "</li>";
@@ -358,15 +365,16 @@ std::string notes_section(const ReportModel& model) {
   add("seed", std::to_string(run.seed));
   add("spec", run.spec_sha256);
   for (const auto& [name, value] : run.provenance) add(html_escaped(name).c_str(), value);
-  for (const SceneRow& scene : model.table.scene_rows) {
+  for (const records::SceneRow& scene : model.table.scene_rows) {
     add("scene",
         scene.name + ": " + scene.scene_sha256 + ", episodes " + scene.episodes_sha256);
   }
-  for (const ArmRow& arm : model.table.arm_rows) {
-    add("arm", arm.name + ": " + arm.detector +
-                   (arm.weights_sha256.empty() ? "" : ", weights " + arm.weights_sha256) +
-                   (arm.tuned_on.empty() ? "" : ", tuned on " + arm.tuned_on) +
-                   (arm.exposure ? ", leakage: " + exposure_text(*arm.exposure) : ""));
+  for (const records::ArmRow& arm : model.table.arm_rows) {
+    add("arm",
+        arm.name + ": " + arm.detector +
+            (arm.weights_sha256.empty() ? "" : ", weights " + arm.weights_sha256) +
+            (arm.tuned_on.empty() ? "" : ", tuned on " + arm.tuned_on) +
+            (arm.exposure ? ", leakage: " + records::exposure_text(*arm.exposure) : ""));
   }
   return html + "</dl>\n<details><summary>Spec of the run</summary><pre>" +
          html_escaped(run.spec_text) +
@@ -385,7 +393,7 @@ std::string plots(const std::string& id, const std::string& title,
 }  // namespace
 
 std::string index_body(const ReportModel& model) {
-  const RunRow& run = model.stored->run;
+  const records::RunRow& run = model.stored->run;
   const std::string delay = delay_figures(model), latency = latency_figures(model);
   std::string html = "<header><h1>" + html_escaped(run.title.empty() ? run.name : run.title) +
                      "</h1><p class=\"faint\">Run " + std::to_string(run.run_id) + " of " +
@@ -407,4 +415,4 @@ std::string index_body(const ReportModel& model) {
   return html + notes_section(model);
 }
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::report::internal

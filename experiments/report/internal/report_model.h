@@ -11,11 +11,11 @@
 #include "experiments/results/stored_run.h"
 #include "experiments/results/table.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::report::internal {
 
 /// One trial. Files are relative to the report's folder, empty if there is none.
 struct TrialView {
-  const TrialRow* row = nullptr;
+  const records::TrialRow* row = nullptr;
   std::string arm, scene;  ///< As the table names them: of all trainings and reconstructions.
   std::string page;        ///< "episodes/flat-3-chair-00.html"
   std::string anchor;      ///< Of the trial on its page.
@@ -33,8 +33,8 @@ struct SceneMap {
 };
 
 struct ReportModel {
-  const StoredRun* stored = nullptr;
-  ResultTable table;
+  const results::StoredRun* stored = nullptr;
+  results::ResultTable table;
   std::vector<TrialView> trials;  ///< In the order of the stored ones.
   std::vector<SceneMap> maps;
   bool with_plots = false;
@@ -47,7 +47,7 @@ struct ReportModel {
 /// ("#rrggbb").
 [[nodiscard]] std::string arm_color(const ReportModel& model, const std::string& arm);
 /// What decided the trial: "success", its cause, or its outcome if the cause is not known.
-[[nodiscard]] std::string fate_of(const TrialRow& trial);
+[[nodiscard]] std::string fate_of(const records::TrialRow& trial);
 /// For people: "time ran out on the way to a true goal".
 [[nodiscard]] std::string fate_in_words(const std::string& fate);
 
@@ -73,4 +73,4 @@ int add_pictures(ReportModel& model, const std::filesystem::path& output, bool d
 [[nodiscard]] std::string episode_body(const ReportModel& model,
                                        const std::vector<const TrialView*>& trials);
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::report::internal

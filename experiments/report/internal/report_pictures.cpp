@@ -19,7 +19,7 @@
 #include "perception/data/image_file.h"
 #include "renderer/cpu_renderer.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::report::internal {
 namespace {
 
 namespace fs = std::filesystem;
@@ -34,15 +34,15 @@ core::Image<core::Rgb8> reduced(const core::Image<core::Rgb8>& image, int long_s
   if (side <= long_side_px) return image;
   const double scale = static_cast<double>(long_side_px) / side;
   cv::Mat small;
-  cv::resize(to_bgr(image), small, cv::Size(), scale, scale, cv::INTER_AREA);
-  return from_bgr(small);
+  cv::resize(drawing::to_bgr(image), small, cv::Size(), scale, scale, cv::INTER_AREA);
+  return drawing::from_bgr(small);
 }
 
 /// What is drawn of one scene, and with what.
 struct SceneStage {
   core::SceneBundle bundle;
-  SceneSurfels surfels;
-  FloorPlan plan;
+  scenes::SceneSurfels surfels;
+  drawing::FloorPlan plan;
   double map_scale = 1.0;  ///< Pixels of the report's map per pixel of the plan.
 };
 
@@ -50,8 +50,8 @@ struct SceneStage {
 SceneStage open_stage(const fs::path& bundle_folder, const fs::path& picture, SceneMap& map) {
   SceneStage stage;
   stage.bundle = core::load_bundle(bundle_folder);
-  stage.surfels = load_scene_surfels(stage.bundle);
-  stage.plan = make_floor_plan(*stage.surfels.surfels);
+  stage.surfels = scenes::load_scene_surfels(stage.bundle);
+  stage.plan = drawing::make_floor_plan(*stage.surfels.surfels);
   const core::Image<core::Rgb8> floor = reduced(stage.plan.rgb, kMapSide_px);
   stage.map_scale = static_cast<double>(floor.width_px()) / stage.plan.rgb.width_px();
   perception::write_image(picture, floor, kJpegQuality);
@@ -60,7 +60,7 @@ SceneStage open_stage(const fs::path& bundle_folder, const fs::path& picture, Sc
   return stage;
 }
 
-std::vector<glm::dvec2> path_of(const TrialLog& log, const SceneStage& stage) {
+std::vector<glm::dvec2> path_of(const records::TrialLog& log, const SceneStage& stage) {
   std::vector<glm::dvec2> path_px;
   glm::dvec2 last(0.0);
   for (std::size_t k = 0; k < log.track.size(); ++k) {
@@ -77,8 +77,8 @@ std::string stem_of(const TrialView& view) { return view.anchor; }
 
 /// Everything of one trial. Others may work on other trials at the same time.
 /// @param stage  Null: no bundle. @return  How many pictures were written.
-int add_trial(TrialView& view, const StoredRun& stored, const fs::path& output, bool draw,
-              const SceneStage* stage, core::Renderer* renderer) {
+int add_trial(TrialView& view, const results::StoredRun& stored, const fs::path& output,
+              bool draw, const SceneStage* stage, core::Renderer* renderer) {
   int pictures = 0;
   std::error_code error;
   if (draw && !view.row->picture.empty() &&
@@ -92,8 +92,8 @@ int add_trial(TrialView& view, const StoredRun& stored, const fs::path& output, 
   }
   if (view.row->log.empty() || !fs::exists(stored.folder / view.row->log, error))
     return pictures;
-  const TrialLog log = read_trial_log(stored.folder / view.row->log);
-  view.story = tell_story(*view.row, log);
+  const records::TrialLog log = records::read_trial_log(stored.folder / view.row->log);
+  view.story = results::tell_story(*view.row, log);
   if (stage == nullptr || log.track.empty()) return pictures;
   view.path_px = path_of(log, *stage);
   view.strip = "strips/" + stem_of(view) + ".jpg";
@@ -105,12 +105,12 @@ int add_trial(TrialView& view, const StoredRun& stored, const fs::path& output, 
 }
 
 /// The bundle that the trials of a scene ran in, from the first log that names one.
-std::optional<fs::path> bundle_of(const StoredRun& stored, const std::string& scene) {
-  for (const TrialRow& row : stored.trials) {
+std::optional<fs::path> bundle_of(const results::StoredRun& stored, const std::string& scene) {
+  for (const records::TrialRow& row : stored.trials) {
     std::error_code error;
     if (row.scene != scene || row.log.empty()) continue;
     if (!fs::exists(stored.folder / row.log, error)) continue;
-    const fs::path bundle = read_trial_log(stored.folder / row.log).bundle;
+    const fs::path bundle = records::read_trial_log(stored.folder / row.log).bundle;
     return bundle.is_absolute() ? bundle : stored.folder / bundle;
   }
   return std::nullopt;
@@ -145,12 +145,12 @@ void add_videos(ReportModel& model, const fs::path& output) {
 }  // namespace
 
 int add_pictures(ReportModel& model, const fs::path& output, bool draw, int threads) {
-  const StoredRun& stored = *model.stored;
+  const results::StoredRun& stored = *model.stored;
   if (threads <= 0)
     threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   core::Progress progress("report", static_cast<std::int64_t>(model.trials.size()));
   std::atomic<int> pictures{0}, done{0};
-  for (const SceneRow& scene : stored.scenes) {
+  for (const records::SceneRow& scene : stored.scenes) {
     std::optional<SceneStage> stage;
     const std::optional<fs::path> bundle = draw ? bundle_of(stored, scene.name) : std::nullopt;
     if (bundle) {
@@ -208,4 +208,4 @@ int add_pictures(ReportModel& model, const fs::path& output, bool draw, int thre
   return pictures;
 }
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::report::internal

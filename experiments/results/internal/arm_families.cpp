@@ -6,12 +6,12 @@
 
 #include "core/error.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::results::internal {
 namespace {
 
 /// An arm of the spec by its name; one row of an arm becomes a family of its own.
 /// @throws core::InputError if there is neither.
-void require_family(const std::vector<ArmRow>& arms, const std::string& name,
+void require_family(const std::vector<records::ArmRow>& arms, const std::string& name,
                     std::vector<Family>& families) {
   if (find_family(families, name) != nullptr) return;
   std::string names;
@@ -26,8 +26,8 @@ void require_family(const std::vector<ArmRow>& arms, const std::string& name,
 }
 
 /// Rows of `family` in one reconstruction.
-std::vector<std::size_t> rows_in(const std::vector<ArmRow>& arms, const Family& family,
-                                 int reconstruction) {
+std::vector<std::size_t> rows_in(const std::vector<records::ArmRow>& arms,
+                                 const Family& family, int reconstruction) {
   std::vector<std::size_t> rows;
   for (const std::size_t row : family.rows) {
     if (arms[row].reconstruction == reconstruction) rows.push_back(row);
@@ -37,16 +37,16 @@ std::vector<std::size_t> rows_in(const std::vector<ArmRow>& arms, const Family& 
 
 }  // namespace
 
-std::vector<Family> arm_families(const std::vector<ArmRow>& arms) {
+std::vector<Family> arm_families(const std::vector<records::ArmRow>& arms) {
   std::vector<Family> families;
   for (std::size_t row = 0; row < arms.size(); ++row) {
     const auto known = std::find_if(families.begin(), families.end(), [&](const Family& f) {
-      return f.name == family_of(arms[row]);
+      return f.name == records::family_of(arms[row]);
     });
     if (known != families.end()) {
       known->rows.push_back(row);
     } else {
-      families.push_back({family_of(arms[row]), {row}});
+      families.push_back({records::family_of(arms[row]), {row}});
     }
   }
   return families;
@@ -59,8 +59,8 @@ const Family* find_family(const std::vector<Family>& families, const std::string
   return nullptr;
 }
 
-std::vector<RowPair> paired_rows(const std::vector<ArmRow>& arms, const Family& before,
-                                 const Family& after) {
+std::vector<RowPair> paired_rows(const std::vector<records::ArmRow>& arms,
+                                 const Family& before, const Family& after) {
   std::vector<RowPair> pairs;
   std::set<int> reconstructions;
   for (const std::size_t row : after.rows) reconstructions.insert(arms[row].reconstruction);
@@ -108,11 +108,12 @@ void choose_arms(const std::string& before, const std::string& after,
   }
 }
 
-bool compares_weights(const std::vector<ArmRow>& arms, const std::vector<RowPair>& pairs) {
+bool compares_weights(const std::vector<records::ArmRow>& arms,
+                      const std::vector<RowPair>& pairs) {
   return std::any_of(pairs.begin(), pairs.end(), [&](const RowPair& pair) {
     const std::string& after = arms[pair.after].weights_sha256;
     return !after.empty() && after != arms[pair.before].weights_sha256;
   });
 }
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::results::internal

@@ -10,7 +10,7 @@
 #include "experiments/records/store.h"
 #include "experiments/results/table.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::results::internal {
 
 /// Rows of the run's arms that are one arm of the spec, or one of them that was asked for.
 struct Family {
@@ -25,7 +25,7 @@ struct RowPair {
 };
 
 /// Arms of the spec, in the order of the run.
-[[nodiscard]] std::vector<Family> arm_families(const std::vector<ArmRow>& arms);
+[[nodiscard]] std::vector<Family> arm_families(const std::vector<records::ArmRow>& arms);
 
 /// nullptr if there is none of that name.
 [[nodiscard]] const Family* find_family(const std::vector<Family>& families,
@@ -34,7 +34,7 @@ struct RowPair {
 /// Rows to compare, in each reconstruction: one with all of the other arm, or, of two arms
 /// with several trainings, those of the same seed.
 /// @throws core::InputError if they do not pair.
-[[nodiscard]] std::vector<RowPair> paired_rows(const std::vector<ArmRow>& arms,
+[[nodiscard]] std::vector<RowPair> paired_rows(const std::vector<records::ArmRow>& arms,
                                                const Family& before, const Family& after);
 
 /// Fills in table.before, .after and .oracle.
@@ -44,7 +44,7 @@ void choose_arms(const std::string& before, const std::string& after,
                  std::vector<Family>& families, ResultTable& table);
 
 /// Whether different weights are compared: what their training drew is then part of chance.
-[[nodiscard]] bool compares_weights(const std::vector<ArmRow>& arms,
+[[nodiscard]] bool compares_weights(const std::vector<records::ArmRow>& arms,
                                     const std::vector<RowPair>& pairs);
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::results::internal

@@ -8,7 +8,7 @@
 #include "experiments/results/statistics.h"
 #include "experiments/results/training_statistics.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::results::internal {
 namespace {
 
 using Episodes = std::span<const Episode>;
@@ -31,7 +31,7 @@ class SeededValues {
   std::vector<SeededValue> values_;
 };
 
-void count_trial(const TrialRow& trial, ArmSummary& summary, int& usable) {
+void count_trial(const records::TrialRow& trial, ArmSummary& summary, int& usable) {
   ++summary.trials;
   if (!trial.counts()) {
     ++(trial.failed() ? summary.failed_trials : summary.excluded_trials);
@@ -61,7 +61,7 @@ ArmSummary summarise_arm(const TableInputs& inputs, const Family& family, Episod
   summary.members = static_cast<int>(family.rows.size());
   summary.by_member.resize(family.rows.size());
   std::map<std::string, int> outcomes;
-  std::vector<const TrialRow*> all;
+  std::vector<const records::TrialRow*> all;
   SeededValues successes;
   int usable = 0;
   for (std::size_t k = 0; k < episodes.size(); ++k) {
@@ -79,7 +79,7 @@ ArmSummary summarise_arm(const TableInputs& inputs, const Family& family, Episod
                          training_number(inputs, family, row)};
         successes.add(of, episodes[k], k, cell.result.success ? 1.0 : 0.0);
       }
-      for (const TrialRow* trial : cell.trials) {
+      for (const records::TrialRow* trial : cell.trials) {
         ++outcomes[trial->outcome];
         all.push_back(trial);
         count_trial(*trial, summary, usable);
@@ -193,4 +193,4 @@ std::vector<TrainingSummary> summarise_trainings(const TableInputs& inputs) {
   return trainings;
 }
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::results::internal

@@ -10,11 +10,11 @@
 #include "experiments/results/internal/sorted_trials.h"
 #include "experiments/results/table.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::results::internal {
 
 /// What a table is made from.
 struct TableInputs {
-  const std::vector<ArmRow>& arms;
+  const std::vector<records::ArmRow>& arms;
   SortedTrials trials;
   std::vector<Family> families;
   std::vector<RowPair> pairs;  ///< Of the compared arms.
@@ -27,4 +27,4 @@ struct TableInputs {
 /// Each training against what it is compared with, over all episodes.
 [[nodiscard]] std::vector<TrainingSummary> summarise_trainings(const TableInputs& inputs);
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::results::internal

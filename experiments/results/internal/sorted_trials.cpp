@@ -5,13 +5,13 @@
 #include <string>
 #include <tuple>
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::results::internal {
 namespace {
 
-EpisodeResult result_of(std::span<const TrialRow* const> trials) {
+EpisodeResult result_of(std::span<const records::TrialRow* const> trials) {
   EpisodeResult result;
   int successes = 0;
-  for (const TrialRow* trial : trials) {
+  for (const records::TrialRow* trial : trials) {
     if (!trial->counts()) continue;
     ++result.usable;
     successes += trial->success ? 1 : 0;
@@ -31,31 +31,32 @@ EpisodeResult result_of(std::span<const TrialRow* const> trials) {
 
 }  // namespace
 
-std::vector<const SceneRow*> scene_families(const std::vector<SceneRow>& scenes) {
-  std::vector<const SceneRow*> families;
-  for (const SceneRow& scene : scenes) {
-    const auto same = [&](const SceneRow* known) {
-      return family_of(*known) == family_of(scene);
+std::vector<const records::SceneRow*> scene_families(
+    const std::vector<records::SceneRow>& scenes) {
+  std::vector<const records::SceneRow*> families;
+  for (const records::SceneRow& scene : scenes) {
+    const auto same = [&](const records::SceneRow* known) {
+      return records::family_of(*known) == records::family_of(scene);
     };
     if (std::none_of(families.begin(), families.end(), same)) families.push_back(&scene);
   }
   return families;
 }
 
-SortedTrials::SortedTrials(const std::vector<TrialRow>& trials,
-                           const std::vector<SceneRow>& scenes,
-                           const std::vector<ArmRow>& arms)
+SortedTrials::SortedTrials(const std::vector<records::TrialRow>& trials,
+                           const std::vector<records::SceneRow>& scenes,
+                           const std::vector<records::ArmRow>& arms)
     : arms_(arms.size()) {
-  const std::vector<const SceneRow*> families = scene_families(scenes);
+  const std::vector<const records::SceneRow*> families = scene_families(scenes);
   std::map<std::string, std::size_t> family;
-  for (const SceneRow& scene : scenes) {
+  for (const records::SceneRow& scene : scenes) {
     std::size_t k = 0;
-    while (family_of(*families[k]) != family_of(scene)) ++k;
+    while (records::family_of(*families[k]) != records::family_of(scene)) ++k;
     family[scene.name] = k;
   }
   std::vector<Entry> entries;
   entries.reserve(trials.size());
-  for (const TrialRow& trial : trials) {
+  for (const records::TrialRow& trial : trials) {
     std::size_t arm = 0;
     while (arm < arms_ && arms[arm].name != trial.arm) ++arm;
     if (arm == arms_) continue;  // In no group.
@@ -108,4 +109,4 @@ void SortedTrials::fill_cells(const std::vector<Entry>& entries) {
   }
 }
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::results::internal

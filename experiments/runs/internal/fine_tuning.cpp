@@ -13,7 +13,7 @@
 #include "experiments/support/side_by_side.h"
 #include "perception/training/training.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::runs::internal {
 namespace {
 
 namespace fs = std::filesystem;
@@ -28,22 +28,23 @@ fs::path with_suffix(const fs::path& file, const std::string& suffix) {
 
 }  // namespace
 
-std::vector<Training> trainings_of(const ExperimentSpec& spec) {
+std::vector<Training> trainings_of(const specs::ExperimentSpec& spec) {
   std::vector<Training> trainings;
-  for (const ArmSpec& arm : spec.arms) {
+  for (const specs::ArmSpec& arm : spec.arms) {
     if (!arm.finetune_seed) continue;
     const auto same = [&](const Training& training) {
       return training.reconstruction == arm.reconstruction &&
              training.seed == *arm.finetune_seed;
     };
     if (std::any_of(trainings.begin(), trainings.end(), same)) continue;
-    trainings.push_back({arm.reconstruction, *arm.finetune_seed,
-                         repetition_suffix(spec, arm.reconstruction, arm.finetune_seed)});
+    trainings.push_back(
+        {arm.reconstruction, *arm.finetune_seed,
+         specs::repetition_suffix(spec, arm.reconstruction, arm.finetune_seed)});
   }
   return trainings;
 }
 
-FineTuning::FineTuning(const ExperimentSpec& spec, const fs::path& before,
+FineTuning::FineTuning(const specs::ExperimentSpec& spec, const fs::path& before,
                        const fs::path& views, const fs::path& validation,
                        const Training& training, const fs::path& work)
     : finetune_(*spec.detectors.finetune),
@@ -92,23 +93,23 @@ std::string FineTuning::recipe() const {
   return text.str();
 }
 
-void fine_tune(const ExperimentSpec& spec, const std::vector<FineTuning>& steps,
-               const fs::path& work, int workers, StageTimes& times) {
-  StageTimes::Timer timer(times, "fine-tuning");
+void fine_tune(const specs::ExperimentSpec& spec, const std::vector<FineTuning>& steps,
+               const fs::path& work, int workers, support::StageTimes& times) {
+  support::StageTimes::Timer timer(times, "fine-tuning");
   std::vector<const FineTuning*> missing;
   for (const FineTuning& step : steps) {
     if (!step.is_current()) missing.push_back(&step);
   }
   if (missing.empty()) return;
   timer.working();
-  const FinetuneSpec& finetune = *spec.detectors.finetune;
+  const specs::FinetuneSpec& finetune = *spec.detectors.finetune;
   fs::path mix;
   if (finetune.mix_share > 0.0) {
-    SourceDatasetOptions source;
+    detection::SourceDatasetOptions source;
     source.seed = kMixSeed;
     source.rooms = finetune.mix_rooms;
     source.views_per_room = kViewsPerRoom;
-    mix = render_source_dataset(source, work / "source_mix");
+    mix = detection::render_source_dataset(source, work / "source_mix");
   }
   const int at_once =
       std::clamp(workers / finetune.threads, 1, static_cast<int>(missing.size()));
@@ -118,14 +119,14 @@ void fine_tune(const ExperimentSpec& spec, const std::vector<FineTuning>& steps,
                           static_cast<std::int64_t>(missing.size()) * finetune.steps);
   std::mutex mutex;  // Guards what follows.
   std::vector<int> done(missing.size(), 0);
-  side_by_side(missing.size(), at_once, [&](std::size_t k) {
+  support::side_by_side(missing.size(), at_once, [&](std::size_t k) {
     missing[k]->make(mix, [&, k](int steps_done, double loss) {
       const std::lock_guard<std::mutex> lock(mutex);
       done[k] = steps_done;
       progress.update(std::accumulate(done.begin(), done.end(), std::int64_t{0}),
-                      print("loss %.3f", loss));
+                      support::print("loss %.3f", loss));
     });
   });
 }
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::runs::internal

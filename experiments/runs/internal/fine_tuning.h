@@ -13,7 +13,7 @@
 #include "experiments/support/stage_times.h"
 #include "experiments/support/step_record.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::runs::internal {
 
 /// Views of a procedural room, wherever such rooms are rendered.
 inline constexpr int kViewsPerRoom = 8;
@@ -26,13 +26,13 @@ struct Training {
 };
 
 /// Each once, though several arms may run its detector.
-[[nodiscard]] std::vector<Training> trainings_of(const ExperimentSpec& spec);
+[[nodiscard]] std::vector<Training> trainings_of(const specs::ExperimentSpec& spec);
 
 /// One fine-tuning and whether it was done.
 class FineTuning {
  public:
   /// @param views, validation  Data sets.
-  FineTuning(const ExperimentSpec& spec, const std::filesystem::path& before,
+  FineTuning(const specs::ExperimentSpec& spec, const std::filesystem::path& before,
              const std::filesystem::path& views, const std::filesystem::path& validation,
              const Training& training, const std::filesystem::path& work);
 
@@ -46,15 +46,15 @@ class FineTuning {
  private:
   [[nodiscard]] std::string recipe() const;
 
-  const FinetuneSpec& finetune_;
+  const specs::FinetuneSpec& finetune_;
   std::filesystem::path before_, views_, validation_;
   std::uint64_t seed_;
   std::filesystem::path output_;
-  StepRecord record_;
+  support::StepRecord record_;
 };
 
 /// Makes those that are not there: as many side by side as the workers have threads for.
-void fine_tune(const ExperimentSpec& spec, const std::vector<FineTuning>& steps,
-               const std::filesystem::path& work, int workers, StageTimes& times);
+void fine_tune(const specs::ExperimentSpec& spec, const std::vector<FineTuning>& steps,
+               const std::filesystem::path& work, int workers, support::StageTimes& times);
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::runs::internal

@@ -15,7 +15,7 @@
 #include "perception/data/dataset.h"
 #include "sim/ground/robot.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::runs::internal {
 namespace {
 
 namespace fs = std::filesystem;
@@ -24,12 +24,12 @@ constexpr int kValidationShare =
     5;  ///< One view in five as many again for each of the other sets.
 constexpr double kStartRegion_m = 0.5;  ///< At least, that the table counts leaks in.
 
-bool takes_part(const FinetuneSpec& finetune, const SceneSpec& scene) {
+bool takes_part(const specs::FinetuneSpec& finetune, const specs::SceneSpec& scene) {
   return finetune.scenes.empty() || std::find(finetune.scenes.begin(), finetune.scenes.end(),
                                               scene.family) != finetune.scenes.end();
 }
 
-ViewRule view_rule(const FinetuneSpec& finetune, const std::string& purpose) {
+ViewRule view_rule(const specs::FinetuneSpec& finetune, const std::string& purpose) {
   if (purpose == "train") return {purpose, finetune.views_per_scene, finetune.facing_share};
   const int views = finetune.validation_views_per_scene > 0
                         ? finetune.validation_views_per_scene
@@ -39,15 +39,15 @@ ViewRule view_rule(const FinetuneSpec& finetune, const std::string& purpose) {
 
 }  // namespace
 
-core::CameraIntrinsics view_camera(const ExperimentSpec& spec) {
-  const FinetuneSpec& finetune = *spec.detectors.finetune;
+core::CameraIntrinsics view_camera(const specs::ExperimentSpec& spec) {
+  const specs::FinetuneSpec& finetune = *spec.detectors.finetune;
   if (finetune.width_px == 0) return spec.camera.intrinsics();
   return spec.camera.intrinsics().resized(finetune.width_px, finetune.height_px);
 }
 
-std::vector<LabelScene> label_scenes_of(const ExperimentSpec& spec, int reconstruction,
+std::vector<LabelScene> label_scenes_of(const specs::ExperimentSpec& spec, int reconstruction,
                                         std::span<const fs::path> bundles,
-                                        std::span<const Starts> starts) {
+                                        std::span<const trials::Starts> starts) {
   std::vector<LabelScene> scenes;
   for (std::size_t i = 0; i < spec.scenes.size(); ++i) {
     if (spec.scenes[i].reconstruction != reconstruction) continue;
@@ -57,7 +57,7 @@ std::vector<LabelScene> label_scenes_of(const ExperimentSpec& spec, int reconstr
   return scenes;
 }
 
-LabelSet::LabelSet(const ExperimentSpec& spec, const std::vector<LabelScene>& scenes,
+LabelSet::LabelSet(const specs::ExperimentSpec& spec, const std::vector<LabelScene>& scenes,
                    const std::string& purpose, std::uint64_t seed, fs::path folder)
     : spec_(spec),
       scenes_(scenes),
@@ -76,7 +76,7 @@ void LabelSet::make(const std::vector<std::string>& class_names,
                     const std::function<void()>& on_view) const {
   perception::CocoDataset all;
   for (const LabelScene& scene : scenes_) {
-    ViewLabelOptions options;
+    detection::ViewLabelOptions options;
     options.seed = core::hash64(scene.spec->name + "/" + rule_.purpose, seed_);
     options.views = rule_.per_scene;
     options.share_facing_object = rule_.facing_share;
@@ -91,9 +91,9 @@ void LabelSet::make(const std::vector<std::string>& class_names,
       options.avoid_m = scene.starts_m;
       options.avoid_radius_m = spec_.detectors.finetune->start_clearance_m;
     }
-    append_dataset(
-        all,
-        label_views(core::load_bundle(scene.bundle), spec_.robot, options, folder_).dataset);
+    detection::append_dataset(all, detection::label_views(core::load_bundle(scene.bundle),
+                                                          spec_.robot, options, folder_)
+                                       .dataset);
   }
   perception::write_coco(json(), all);
   record_.mark_done();
@@ -101,7 +101,7 @@ void LabelSet::make(const std::vector<std::string>& class_names,
 
 std::string LabelSet::recipe() const {
   const core::CameraIntrinsics camera = view_camera(spec_);
-  const FinetuneSpec& finetune = *spec_.detectors.finetune;
+  const specs::FinetuneSpec& finetune = *spec_.detectors.finetune;
   std::ostringstream text;
   text << "views v3, " << rule_.purpose << ", " << rule_.per_scene << " per scene, "
        << rule_.facing_share << " facing, seed " << seed_ << ", robot " << spec_.robot.name
@@ -121,8 +121,8 @@ std::string LabelSet::recipe() const {
 
 void make_label_sets(const std::vector<LabelSet>& sets,
                      const std::vector<std::string>& class_names, int workers,
-                     StageTimes& times) {
-  StageTimes::Timer timer(times, "label views");
+                     support::StageTimes& times) {
+  support::StageTimes::Timer timer(times, "label views");
   std::vector<const LabelSet*> missing;
   std::int64_t views = 0;
   for (const LabelSet& set : sets) {
@@ -135,7 +135,7 @@ void make_label_sets(const std::vector<LabelSet>& sets,
   core::Progress progress("label views", views);
   std::mutex mutex;  // Guards what follows.
   std::int64_t done = 0;
-  side_by_side(missing.size(), workers, [&](std::size_t k) {
+  support::side_by_side(missing.size(), workers, [&](std::size_t k) {
     missing[k]->make(class_names, [&] {
       const std::lock_guard<std::mutex> lock(mutex);
       progress.update(++done);
@@ -143,16 +143,16 @@ void make_label_sets(const std::vector<LabelSet>& sets,
   });
 }
 
-StartLeak start_leak(const fs::path& train_json, const std::vector<LabelScene>& scenes,
-                     double clearance_m) {
+records::StartLeak start_leak(const fs::path& train_json,
+                              const std::vector<LabelScene>& scenes, double clearance_m) {
   const perception::CocoDataset train = perception::read_coco(train_json);
-  StartLeak leak{static_cast<int>(train.images.size()), 0,
-                 std::max(kStartRegion_m, clearance_m)};
+  records::StartLeak leak{static_cast<int>(train.images.size()), 0,
+                          std::max(kStartRegion_m, clearance_m)};
   for (const LabelScene& scene : scenes) {
     const std::string name = core::load_bundle(scene.bundle).manifest.name;
-    leak.near_starts += views_near(train, name, scene.starts_m, leak.radius_m);
+    leak.near_starts += detection::views_near(train, name, scene.starts_m, leak.radius_m);
   }
   return leak;
 }
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::runs::internal

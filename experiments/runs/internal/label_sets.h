@@ -17,23 +17,23 @@
 #include "experiments/support/step_record.h"
 #include "experiments/trials/prepared_detectors.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::runs::internal {
 
 /// A scene with what its views must keep away from.
 struct LabelScene {
-  const SceneSpec* spec;
+  const specs::SceneSpec* spec;
   std::filesystem::path bundle;
-  Starts starts_m;
+  trials::Starts starts_m;
 };
 
 /// Of the views that detectors are tuned on.
-[[nodiscard]] core::CameraIntrinsics view_camera(const ExperimentSpec& spec);
+[[nodiscard]] core::CameraIntrinsics view_camera(const specs::ExperimentSpec& spec);
 
 /// The scenes of one reconstruction that a fine-tuning takes its views from.
 /// @param bundles, starts  Of each scene of the spec.
 [[nodiscard]] std::vector<LabelScene> label_scenes_of(
-    const ExperimentSpec& spec, int reconstruction,
-    std::span<const std::filesystem::path> bundles, std::span<const Starts> starts);
+    const specs::ExperimentSpec& spec, int reconstruction,
+    std::span<const std::filesystem::path> bundles, std::span<const trials::Starts> starts);
 
 /// How the views of a set are drawn.
 struct ViewRule {
@@ -46,7 +46,7 @@ struct ViewRule {
 class LabelSet {
  public:
   /// @param scenes  Outlive this object.
-  LabelSet(const ExperimentSpec& spec, const std::vector<LabelScene>& scenes,
+  LabelSet(const specs::ExperimentSpec& spec, const std::vector<LabelScene>& scenes,
            const std::string& purpose, std::uint64_t seed, std::filesystem::path folder);
 
   [[nodiscard]] std::filesystem::path json() const;
@@ -61,21 +61,22 @@ class LabelSet {
  private:
   [[nodiscard]] std::string recipe() const;
 
-  const ExperimentSpec& spec_;
+  const specs::ExperimentSpec& spec_;
   const std::vector<LabelScene>& scenes_;
   ViewRule rule_;
   std::uint64_t seed_;
   std::filesystem::path folder_;
-  StepRecord record_;
+  support::StepRecord record_;
 };
 
 /// Makes those that are not there, side by side.
 void make_label_sets(const std::vector<LabelSet>& sets,
                      const std::vector<std::string>& class_names, int workers,
-                     StageTimes& times);
+                     support::StageTimes& times);
 
 /// How many views of a data set lie near a start.
-[[nodiscard]] StartLeak start_leak(const std::filesystem::path& train_json,
-                                   const std::vector<LabelScene>& scenes, double clearance_m);
+[[nodiscard]] records::StartLeak start_leak(const std::filesystem::path& train_json,
+                                            const std::vector<LabelScene>& scenes,
+                                            double clearance_m);
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::runs::internal

@@ -9,7 +9,7 @@
 
 #include "experiments/scripted_trials/scripted_run.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::scripted_trials {
 
 /// The step that was under way at that time (the robot's clock); -1: none.
 [[nodiscard]] int step_at(const std::vector<StepOutcome>& steps, core::TimeNs time_ns);
@@ -24,4 +24,4 @@ void measure(const BoundScript& bound, const std::map<std::string, sim::Episode>
 [[nodiscard]] std::optional<double> value_of(const Expectation& expectation,
                                              const ScriptedResult& result);
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::scripted_trials

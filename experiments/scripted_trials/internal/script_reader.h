@@ -11,12 +11,12 @@
 #include "experiments/scripted_trials/scripted_trial.h"
 #include "experiments/support/numbers_in_range.h"
 
-namespace segsim::experiments::script {
+namespace segsim::experiments::scripted_trials::script {
 
 /// Where paths of a file lead to.
 struct Reader {
   std::filesystem::path file;
-  SpecFolders folders;
+  specs::SpecFolders folders;
 
   /// Relative to the file's folder; ${data} and ${spec} are replaced.
   [[nodiscard]] std::filesystem::path path(const core::ConfigNode& node) const;
@@ -30,4 +30,4 @@ struct Reader {
 [[nodiscard]] std::vector<ScriptStep> read_steps(const core::ConfigNode& root,
                                                  const Reader& reader);
 
-}  // namespace segsim::experiments::script
+}  // namespace segsim::experiments::scripted_trials::script

@@ -4,7 +4,7 @@
 #include "experiments/specs/internal/spec_readers.h"
 #include "experiments/support/numbers_in_range.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::specs::internal {
 namespace {
 
 using core::ConfigNode;
@@ -12,10 +12,10 @@ using core::ConfigNode;
 PretrainSpec read_pretrain(const ConfigNode& node) {
   PretrainSpec pretrain;
   pretrain.seed = read_seed(node, pretrain.seed);
-  pretrain.rooms = count_within(node, "rooms", pretrain.rooms, 1, 100000);
+  pretrain.rooms = support::count_within(node, "rooms", pretrain.rooms, 1, 100000);
   pretrain.views_per_room =
-      count_within(node, "views_per_room", pretrain.views_per_room, 1, 100000);
-  pretrain.steps = count_within(node, "steps", pretrain.steps, 1, 10000000);
+      support::count_within(node, "views_per_room", pretrain.views_per_room, 1, 100000);
+  pretrain.steps = support::count_within(node, "steps", pretrain.steps, 1, 10000000);
   node.finish();
   return pretrain;
 }
@@ -39,22 +39,24 @@ FinetuneSpec read_finetune(const ConfigNode& node, const std::vector<SceneSpec>&
     }
   }
   finetune.views_per_scene =
-      count_within(node, "views_per_scene", finetune.views_per_scene, 1, 100000);
-  finetune.width_px = count_within(node, "width", 0, 0, 8192);
-  finetune.height_px = count_within(node, "height", 0, 0, 8192);
-  finetune.steps = count_within(node, "steps", finetune.steps, 1, 10000000);
-  finetune.learning_rate = number_within(node, "learning_rate", 0.0, 0.0, 1.0);
-  finetune.mix_share = number_within(node, "mix_share", 0.0, 0.0, 0.9);
-  finetune.mix_rooms = count_within(node, "mix_rooms", finetune.mix_rooms, 1, 100000);
-  finetune.facing_share = number_within(node, "facing_share", finetune.facing_share, 0.0, 1.0);
+      support::count_within(node, "views_per_scene", finetune.views_per_scene, 1, 100000);
+  finetune.width_px = support::count_within(node, "width", 0, 0, 8192);
+  finetune.height_px = support::count_within(node, "height", 0, 0, 8192);
+  finetune.steps = support::count_within(node, "steps", finetune.steps, 1, 10000000);
+  finetune.learning_rate = support::number_within(node, "learning_rate", 0.0, 0.0, 1.0);
+  finetune.mix_share = support::number_within(node, "mix_share", 0.0, 0.0, 0.9);
+  finetune.mix_rooms = support::count_within(node, "mix_rooms", finetune.mix_rooms, 1, 100000);
+  finetune.facing_share =
+      support::number_within(node, "facing_share", finetune.facing_share, 0.0, 1.0);
   finetune.validation_views_per_scene =
-      count_within(node, "validation_views_per_scene", 0, 0, 100000);
-  finetune.validation_facing_share = number_within(node, "validation_facing_share",
-                                                   finetune.validation_facing_share, 0.0, 1.0);
+      support::count_within(node, "validation_views_per_scene", 0, 0, 100000);
+  finetune.validation_facing_share = support::number_within(
+      node, "validation_facing_share", finetune.validation_facing_share, 0.0, 1.0);
   finetune.measure_elsewhere = node.boolean_or("measure_elsewhere", true);
-  finetune.precision_target = number_within(node, "precision_target", 0.0, 0.0, 0.99);
-  finetune.start_clearance_m = number_within(node, "start_clearance_m", 0.0, 0.0, 10.0);
-  finetune.threads = count_within(node, "threads", finetune.threads, 1, 1024);
+  finetune.precision_target = support::number_within(node, "precision_target", 0.0, 0.0, 0.99);
+  finetune.start_clearance_m =
+      support::number_within(node, "start_clearance_m", 0.0, 0.0, 10.0);
+  finetune.threads = support::count_within(node, "threads", finetune.threads, 1, 1024);
   node.finish();
   return finetune;
 }
@@ -104,7 +106,7 @@ ArmSpec read_arm(const ConfigNode& node, const Variables& variables) {
   }
   if (node.has("policy")) arm.policy = read_policy(node, variables);
   if (node.has("score_threshold")) {
-    arm.score_threshold = number_within(node, "score_threshold", 0.5, 0.0, 1.0);
+    arm.score_threshold = support::number_within(node, "score_threshold", 0.5, 0.0, 1.0);
   }
   arm.clock =
       read_arm_clock(node, [&](const ConfigNode& path) { return variables.expand(path); });
@@ -112,4 +114,4 @@ ArmSpec read_arm(const ConfigNode& node, const Variables& variables) {
   return arm;
 }
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::specs::internal

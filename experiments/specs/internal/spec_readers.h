@@ -13,7 +13,7 @@
 #include "core/config.h"
 #include "experiments/specs/spec.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::specs::internal {
 
 /// Replaces ${data}, ${work} and ${spec} in a path.
 class Variables {
@@ -52,4 +52,4 @@ class Variables {
 /// it. To be called when scenes, detectors and arms are in.
 void read_repetitions(const core::ConfigNode& root, ExperimentSpec& spec);
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::specs::internal

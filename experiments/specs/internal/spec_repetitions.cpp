@@ -5,7 +5,7 @@
 #include "experiments/specs/internal/spec_readers.h"
 #include "experiments/support/numbers_in_range.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::specs {
 namespace {
 
 using core::ConfigNode;
@@ -100,14 +100,16 @@ void read_repetitions(const ConfigNode& root, ExperimentSpec& spec) {
   RepetitionsSpec& repetitions = spec.repetitions;
   const std::optional<ConfigNode> node = root.optional_child("repetitions");
   if (node && node->is_map()) {
-    repetitions.trials = count_within(*node, "trials", 1, 1, kMostTrials);
-    repetitions.finetune_seeds = count_within(*node, "finetune_seeds", 1, 1, kMostSeeds);
-    repetitions.reconstruct_seeds = count_within(*node, "reconstruct_seeds", 1, 1, kMostSeeds);
+    repetitions.trials = support::count_within(*node, "trials", 1, 1, kMostTrials);
+    repetitions.finetune_seeds =
+        support::count_within(*node, "finetune_seeds", 1, 1, kMostSeeds);
+    repetitions.reconstruct_seeds =
+        support::count_within(*node, "reconstruct_seeds", 1, 1, kMostSeeds);
     node->finish();
     check_finetune_seeds(*node, spec);
     check_reconstruct_seeds(*node, spec);
   } else {
-    repetitions.trials = count_within(root, "repetitions", 1, 1, kMostTrials);
+    repetitions.trials = support::count_within(root, "repetitions", 1, 1, kMostTrials);
   }
   // Both read the scenes and arms of the file.
   std::vector<SceneSpec> scenes = expanded_scenes(spec);
@@ -116,4 +118,4 @@ void read_repetitions(const ConfigNode& root, ExperimentSpec& spec) {
 }
 
 }  // namespace internal
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::specs

@@ -5,7 +5,7 @@
 #include "experiments/support/numbers_in_range.h"
 #include "reconstruction/labels/panoptic_head.h"
 
-namespace segsim::experiments::internal {
+namespace segsim::experiments::specs::internal {
 namespace {
 
 namespace fs = std::filesystem;
@@ -15,12 +15,12 @@ CaptureSpec read_capture(const ConfigNode& source) {
   CaptureSpec capture;
   const std::optional<ConfigNode> node = source.optional_child("capture");
   if (!node) return capture;
-  capture.frames = count_within(*node, "frames", capture.frames, 1, 100000);
-  capture.width_px = count_within(*node, "width", capture.width_px, 16, 8192);
-  capture.height_px = count_within(*node, "height", capture.height_px, 16, 8192);
-  capture.hfov_deg = number_within(*node, "hfov_deg", capture.hfov_deg, 10.0, 150.0);
+  capture.frames = support::count_within(*node, "frames", capture.frames, 1, 100000);
+  capture.width_px = support::count_within(*node, "width", capture.width_px, 16, 8192);
+  capture.height_px = support::count_within(*node, "height", capture.height_px, 16, 8192);
+  capture.hfov_deg = support::number_within(*node, "hfov_deg", capture.hfov_deg, 10.0, 150.0);
   capture.camera_height_m =
-      number_within(*node, "camera_height_m", capture.camera_height_m, 0.05, 3.0);
+      support::number_within(*node, "camera_height_m", capture.camera_height_m, 0.05, 3.0);
   node->finish();
   return capture;
 }
@@ -30,13 +30,14 @@ ReconstructSpec read_reconstruct(const ConfigNode& node, const Variables& variab
   if (node.has("config")) reconstruct.config = variables.expand(node.child("config"));
   constexpr int kMost = 10'000'000;
   if (node.has("iterations")) {
-    reconstruct.iterations = count_within(node, "iterations", 0, 0, kMost);
+    reconstruct.iterations = support::count_within(node, "iterations", 0, 0, kMost);
   }
   if (node.has("label_iterations")) {
-    reconstruct.label_iterations = count_within(node, "label_iterations", 1, 1, kMost);
+    reconstruct.label_iterations =
+        support::count_within(node, "label_iterations", 1, 1, kMost);
   }
   if (node.has("head")) {
-    std::vector<std::string> heads = renderer::panoptic_head_names();
+    std::vector<std::string> heads = reconstruction::panoptic_head_names();
     heads.emplace_back("none");
     reconstruct.head = heads[core::choice(node, "head", heads)];
   }
@@ -109,14 +110,15 @@ SourceSpec read_source(const ConfigNode& node, const Variables& variables) {
     case SourceType::kRgbd:
       source.folder = variables.expand(node.child("folder"));
       if (node.has("boxes")) source.boxes = variables.expand(node.child("boxes"));
-      source.frame_step = count_within(node, "frame_step", 1, 1, 1000);
+      source.frame_step = support::count_within(node, "frame_step", 1, 1, 1000);
       if (node.has("floor_height_m")) {
-        source.floor_height_m = number_within(node, "floor_height_m", 0.0, -1000.0, 1000.0);
+        source.floor_height_m =
+            support::number_within(node, "floor_height_m", 0.0, -1000.0, 1000.0);
       }
       break;
   }
   if (source.type != SourceType::kRgbd) source.capture = read_capture(node);
-  source.voxel_m = number_within(node, "voxel_m", source.voxel_m, 0.002, 0.5);
+  source.voxel_m = support::number_within(node, "voxel_m", source.voxel_m, 0.002, 0.5);
   if (const auto reconstruct = node.optional_child("reconstruct")) {
     source.reconstruct = read_reconstruct(*reconstruct, variables);
   }
@@ -144,9 +146,9 @@ SceneSpec read_scene(const ConfigNode& node, const Variables& variables,
     if (scene.goals.empty()) node.child("goals").fail("at least one class name", "none");
   }
   scene.allow_trivial = node.boolean_or("allow_trivial", false);
-  scene.episodes = count_within(node, "episodes", scene.episodes, 1, 100000);
+  scene.episodes = support::count_within(node, "episodes", scene.episodes, 1, 100000);
   scene.camera_height_m =
-      number_within(node, "camera_height_m", robot.camera_height_m, 0.05, 3.0);
+      support::number_within(node, "camera_height_m", robot.camera_height_m, 0.05, 3.0);
   if (node.has("start_distance_m")) {
     const std::vector<double> range = node.numbers("start_distance_m");
     if (range.size() != 2 || range[0] < 0.0 || range[1] <= range[0]) {
@@ -160,4 +162,4 @@ SceneSpec read_scene(const ConfigNode& node, const Variables& variables,
   return scene;
 }
 
-}  // namespace segsim::experiments::internal
+}  // namespace segsim::experiments::specs::internal

@@ -8,7 +8,7 @@
 #include "perception/data/image_file.h"
 #include "sim/ground/geodesy.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::trials {
 namespace {
 
 namespace fs = std::filesystem;
@@ -38,11 +38,12 @@ std::string write_track(const fs::path& work, const std::string& name, const Tri
   return stem + ".geojson";
 }
 
-TrialLog make_log(const TrialScene& scene, const sim::TrialOptions& options,
-                  const LoadedScene& loaded, const fs::path& work,
-                  const sim::TrialResult& result, const TrialWitness& witness,
-                  std::vector<double> distance_m) {
-  TrialLog log;
+records::TrialLog make_log(const drawing::TrialScene& scene, const sim::TrialOptions& options,
+                           const LoadedScene& loaded, const fs::path& work,
+                           const sim::TrialResult& result,
+                           const records::TrialWitness& witness,
+                           std::vector<double> distance_m) {
+  records::TrialLog log;
   log.scene_title = scene.scene_title;
   log.arm = scene.arm;
   // A work folder may be moved with all that lies in it.
@@ -67,10 +68,10 @@ TrialLog make_log(const TrialScene& scene, const sim::TrialOptions& options,
   for (const core::PolicyView::Object& object : result.final_view.objects) {
     if (object.class_index != scene.goal_index) continue;
     log.objects.push_back(object);
-    log.objects.back().position_m = world_from_odom(result, object.position_m);
+    log.objects.back().position_m = records::world_from_odom(result, object.position_m);
   }
   if (result.final_view.target_m) {
-    log.target_m = world_from_odom(result, *result.final_view.target_m);
+    log.target_m = records::world_from_odom(result, *result.final_view.target_m);
   }
   return log;
 }
@@ -86,8 +87,8 @@ std::string file_stem(const TrialTask& task) {
   return stem + "." + task.arm->name;
 }
 
-TrialOutputs::TrialOutputs(const ExperimentSpec& spec, const TrialTask& task,
-                           const TrialScene& scene,
+TrialOutputs::TrialOutputs(const specs::ExperimentSpec& spec, const TrialTask& task,
+                           const drawing::TrialScene& scene,
                            const std::vector<std::string>& detector_classes, fs::path work,
                            core::Renderer& renderer)
     : spec_(spec), task_(task), scene_(scene), work_(std::move(work)), name_(file_stem(task)) {
@@ -112,8 +113,8 @@ void TrialOutputs::add(const sim::TickRecord& tick, const core::Frame& frame,
 }
 
 void TrialOutputs::finish(const sim::TrialResult& result, const sim::TrialOptions& options,
-                          const TrialWitness& witness, std::vector<double> distance_m,
-                          TrialRow& row) {
+                          const records::TrialWitness& witness, std::vector<double> distance_m,
+                          records::TrialRow& row) {
   if (video_) {
     video_->finish(result);
     row.video = video_file();
@@ -126,12 +127,12 @@ void TrialOutputs::finish(const sim::TrialResult& result, const sim::TrialOption
   }
   if (spec_.pictures) {
     row.picture = "pictures/" + name_ + ".png";
-    perception::write_image(work_ / row.picture, draw_trial(scene_, result));
+    perception::write_image(work_ / row.picture, drawing::draw_trial(scene_, result));
   }
   row.track = write_track(work_, name_, task_, result);
   row.log = "logs/" + name_ + ".json.gz";
-  write_trial_log(work_ / row.log, make_log(scene_, options, *task_.scene, work_, result,
-                                            witness, std::move(distance_m)));
+  records::write_trial_log(work_ / row.log, make_log(scene_, options, *task_.scene, work_,
+                                                     result, witness, std::move(distance_m)));
 }
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::trials

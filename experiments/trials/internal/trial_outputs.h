@@ -15,7 +15,7 @@
 #include "experiments/trials/trial_runner.h"
 #include "experiments/video/trial_video.h"
 
-namespace segsim::experiments {
+namespace segsim::experiments::trials {
 
 /// "flat/potted plant/03" -> "flat/potted_plant-03.before", with "-r1" for the second
 /// repetition: the files of a trial, without folder and ending.
@@ -26,7 +26,8 @@ class TrialOutputs {
  public:
   /// Begins what is written tick by tick.
   /// @param renderer  Draws recorded frames once more.
-  TrialOutputs(const ExperimentSpec& spec, const TrialTask& task, const TrialScene& scene,
+  TrialOutputs(const specs::ExperimentSpec& spec, const TrialTask& task,
+               const drawing::TrialScene& scene,
                const std::vector<std::string>& detector_classes, std::filesystem::path work,
                core::Renderer& renderer);
 
@@ -36,18 +37,19 @@ class TrialOutputs {
   /// Writes the rest, as far as the task wants a record, and enters the files in the row.
   /// @param distance_m  To the goal, by tick.
   void finish(const sim::TrialResult& result, const sim::TrialOptions& options,
-              const TrialWitness& witness, std::vector<double> distance_m, TrialRow& row);
+              const records::TrialWitness& witness, std::vector<double> distance_m,
+              records::TrialRow& row);
 
  private:
   [[nodiscard]] std::string video_file() const { return "videos/" + name_ + ".mp4"; }
 
-  const ExperimentSpec& spec_;
+  const specs::ExperimentSpec& spec_;
   const TrialTask& task_;
-  const TrialScene& scene_;
+  const drawing::TrialScene& scene_;
   std::filesystem::path work_;
   std::string name_;
-  std::optional<TrialVideo> video_;
+  std::optional<video::TrialVideo> video_;
   std::optional<FrameRecorder> frames_;
 };
 
-}  // namespace segsim::experiments
+}  // namespace segsim::experiments::trials

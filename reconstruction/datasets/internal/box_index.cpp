@@ -5,7 +5,7 @@
 
 #include <glm/common.hpp>
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace {
 
 constexpr double kMostCells = 1e6;  // Boxes far apart get larger cells.
@@ -109,4 +109,4 @@ BoxLabel BoxIndex::at(const glm::dvec3& point_m) const {
   return {};
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

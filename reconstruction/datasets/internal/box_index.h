@@ -10,7 +10,7 @@
 
 #include "reconstruction/datasets/box_annotation.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 struct BoxLabel {
   std::uint16_t class_id = 0, instance_id = 0;
@@ -44,4 +44,4 @@ class BoxIndex {
   std::vector<std::vector<std::uint16_t>> cells_;  ///< Into candidates_, ascending.
 };
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -10,7 +10,7 @@
 #include "core/error.h"
 #include "core/file_io.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace {
 
 using core::InputError;
@@ -173,4 +173,4 @@ core::CameraPose pose_from_quaternion(const glm::dquat& R_world_camera,
   return {glm::normalize(R_world_camera), p_world_camera_m};
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -12,7 +12,7 @@
 #include "core/frames.h"
 #include "reconstruction/datasets/internal/image_files.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 struct NumberLine {
   int line = 0;  ///< From 1.
@@ -45,4 +45,4 @@ struct NumberLine {
                                                     const glm::dvec3& p_world_camera_m,
                                                     const std::string& place);
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -10,7 +10,7 @@
 #include "core/file_io.h"
 #include "reconstruction/datasets/internal/calibration_files.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace {
 
 namespace fs = std::filesystem;
@@ -288,4 +288,4 @@ Lens common_lens(const ColmapModel& model, const fs::path& folder) {
   return lens;
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -14,7 +14,7 @@
 #include "core/frames.h"
 #include "reconstruction/datasets/internal/lens.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 struct ColmapImage {
   std::string name;  ///< Path below the folder of images.
@@ -41,4 +41,4 @@ struct ColmapModel {
 /// @throws InputError if two of them differ.
 [[nodiscard]] Lens common_lens(const ColmapModel& model, const std::filesystem::path& folder);
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -11,7 +11,7 @@
 #include "reconstruction/datasets/internal/pose_jumps.h"
 #include "renderer/files/exr_io.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace {
 
 using core::CameraPose;
@@ -64,7 +64,7 @@ void check_files(const FrameFiles& frame, const core::CameraIntrinsics& camera,
 core::Image<float> read_stored_depth(const FrameFiles& frame, double unit_m) {
   if (frame.depth_exr.empty() && frame.depth_png.empty()) return {};
   if (frame.depth_exr.empty()) return read_depth_image(frame.depth_png, unit_m);
-  core::Image<float> depth_m = read_depth_exr(frame.depth_exr);
+  core::Image<float> depth_m = renderer::read_depth_exr(frame.depth_exr);
   for (float& value : depth_m.pixels()) {
     if (!(value > 0.0F) || !std::isfinite(value)) value = std::nanf("");
   }
@@ -440,4 +440,4 @@ std::unique_ptr<RgbdSequence> finish_sequence(SequenceParts parts,
   return std::make_unique<FileSequence>(std::move(parts));
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -15,7 +15,7 @@
 #include "reconstruction/datasets/label_map.h"
 #include "reconstruction/datasets/rgbd_sequence.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 /// Files of one frame; empty path = there is none.
 struct FrameFiles {
@@ -113,4 +113,4 @@ void turn_opengl_axes(std::vector<double>& matrix);
 [[nodiscard]] std::unique_ptr<RgbdSequence> open_colmap(const std::filesystem::path& folder,
                                                         const SequenceOptions& options);
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -11,7 +11,7 @@
 #include "core/error.h"
 #include "core/file_io.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace {
 
 using core::InputError;
@@ -186,4 +186,4 @@ core::Image<std::uint16_t> read_id_image(const std::filesystem::path& file) {
   return image;
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -10,7 +10,7 @@
 
 #include "core/image.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 struct ImageSize {
   int width_px = 0, height_px = 0;
@@ -31,4 +31,4 @@ struct ImageSize {
 /// 8- or 16-bit PNG with one channel.
 [[nodiscard]] core::Image<std::uint16_t> read_id_image(const std::filesystem::path& file);
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

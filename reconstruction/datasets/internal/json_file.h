@@ -12,7 +12,7 @@
 #include "core/error.h"
 #include "core/file_io.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 /// A value in a JSON file and the way to it: "transforms.json: frames[3].file_path".
 class JsonNode {
@@ -87,4 +87,4 @@ class JsonNode {
   std::string place_;
 };
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -5,7 +5,7 @@
 
 #include <glm/geometric.hpp>
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace {
 
 /// Does the straight camera, with focal lengths `zoom` times the lens's, stay in the picture?
@@ -110,4 +110,4 @@ core::Image<core::Rgb8> Undistortion::color(const core::Image<core::Rgb8>& image
   return straight;
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

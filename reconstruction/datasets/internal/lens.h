@@ -19,7 +19,7 @@
 #include "core/camera.h"
 #include "core/image.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 enum class LensModel : std::uint8_t { kPinhole, kBrown, kFisheye };
 
@@ -73,4 +73,4 @@ class Undistortion {
   std::vector<glm::vec2> source_px_;
 };
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

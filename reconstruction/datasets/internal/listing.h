@@ -14,7 +14,7 @@
 
 #include "core/error.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 /// Number -> file, for the files "<prefix><number><suffix>" of a folder with one of the
 /// suffixes. Ascending by number, so that 10 follows 9.
@@ -68,4 +68,4 @@ namespace segsim::renderer::internal {
   return std::nullopt;
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

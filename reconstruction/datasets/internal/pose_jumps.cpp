@@ -11,7 +11,7 @@
 
 #include "core/error.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace {
 
 constexpr std::size_t kFewestPoses = 8;
@@ -108,4 +108,4 @@ void check_pose_jumps(SequenceParts& parts, OnBadFrame on_bad_frame) {
   parts.frames = std::move(good);
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -10,7 +10,7 @@
 #include "core/frames.h"
 #include "reconstruction/datasets/internal/file_sequence.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 /// A step is a jump if it is longer than 0.5 m and 20 times the middle one of the path, or
 /// turns by more than 60 degrees and 20 times the middle one. Where more than a quarter of the
@@ -28,4 +28,4 @@ struct PoseJumps {
 /// A lone pose is a broken frame, as accept_frame() treats it; breaks are warnings.
 void check_pose_jumps(SequenceParts& parts, OnBadFrame on_bad_frame);
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace {
 
 /// Adds `pixels` to the segment named by `key`, which is made if it is new. @return  Its
@@ -115,4 +115,4 @@ std::vector<SegmentOverlap> cross(std::span<const Overlap> overlaps, Segmentatio
   return result;
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -11,7 +11,7 @@
 #include "core/scene_bundle.h"
 #include "reconstruction/evaluation/contingency.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 inline constexpr int kVoid = -1;
 
@@ -58,4 +58,4 @@ struct SegmentOverlap {
 [[nodiscard]] const core::SceneClass* find_class(std::span<const core::SceneClass> classes,
                                                  std::uint16_t class_id);
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -6,7 +6,7 @@
 
 #include "core/check.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace {
 
 constexpr double kBeta1 = 0.9, kBeta2 = 0.999, kEpsilon = 1e-8;
@@ -111,4 +111,4 @@ void AdamTensor::load(const StateReader& in, const std::string& name) {
   steps_ = in.take(name + ".steps", steps_);
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -8,7 +8,7 @@
 #include "reconstruction/internal/tensors/state_file.h"
 #include "reconstruction/internal/tensors/tensors.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 /// A parameter of [rows, ...] with Adam's moments. Every row counts its own steps: a surfel
 /// that is first seen late then starts like all others (with one common count its first step
@@ -42,4 +42,4 @@ class AdamTensor {
   Tensor steps_;  ///< [rows], int32.
 };
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -7,7 +7,7 @@
 #include "core/error.h"
 #include "core/file_io.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace {
 
 using core::InputError;
@@ -106,4 +106,4 @@ std::vector<std::int64_t> StateReader::integers(const std::string& name) const {
   return {first, first + tensor.numel()};
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

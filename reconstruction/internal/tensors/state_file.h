@@ -11,7 +11,7 @@
 
 #include "reconstruction/internal/tensors/tensors.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 /// Collects, then writes.
 class StateWriter {
@@ -47,4 +47,4 @@ class StateReader {
   std::map<std::string, Tensor> tensors_;
 };
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

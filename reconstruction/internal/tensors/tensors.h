@@ -8,7 +8,7 @@
 #include <torch/csrc/autograd/variable.h>
 #include <torch/types.h>
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 using at::Tensor;
 
@@ -24,4 +24,4 @@ template <class Value>
   return host.to(device);
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

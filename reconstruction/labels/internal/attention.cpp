@@ -5,7 +5,7 @@
 #include <ATen/Dispatch.h>
 #include <ATen/Parallel.h>
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace {
 
 using torch::autograd::AutogradContext;
@@ -14,16 +14,19 @@ using torch::autograd::variable_list;
 
 constexpr std::int64_t kRowsPerTask = 256;
 
-bool is_softmax(LabelVariant variant) {
-  return variant == LabelVariant::kTemperature || variant == LabelVariant::kLiteral;
+bool is_softmax(renderer::LabelVariant variant) {
+  return variant == renderer::LabelVariant::kTemperature ||
+         variant == renderer::LabelVariant::kLiteral;
 }
 
 double inverse_temperature(const LabelSettings& settings) {
-  return settings.variant == LabelVariant::kLiteral ? 1.0 : 1.0 / settings.temperature;
+  return settings.variant == renderer::LabelVariant::kLiteral ? 1.0
+                                                              : 1.0 / settings.temperature;
 }
 
-bool has_reach(LabelVariant variant) {
-  return variant == LabelVariant::kNormalised || variant == LabelVariant::kRaw;
+bool has_reach(renderer::LabelVariant variant) {
+  return variant == renderer::LabelVariant::kNormalised ||
+         variant == renderer::LabelVariant::kRaw;
 }
 
 /// A of one surfel, and 1 - S.
@@ -45,7 +48,7 @@ void attention_row(const Real* logit, const Real* distance2, std::int64_t querie
 template <class Real>
 Real label_row(const Real* a, std::int64_t queries, const LabelSettings& settings, Real* l) {
   Real sum = Real{0};
-  if (settings.variant == LabelVariant::kRaw) {
+  if (settings.variant == renderer::LabelVariant::kRaw) {
     std::copy(a, a + queries, l);
     return Real{1};
   }
@@ -69,7 +72,7 @@ Real label_row(const Real* a, std::int64_t queries, const LabelSettings& setting
 template <class Real>
 void label_gradient_row(const Real* l, const Real* gradient, std::int64_t queries, Real sum,
                         const LabelSettings& settings, Real* g) {
-  if (settings.variant == LabelVariant::kRaw) {
+  if (settings.variant == renderer::LabelVariant::kRaw) {
     std::copy(gradient, gradient + queries, g);
     return;
   }
@@ -96,8 +99,8 @@ class QueryLabels : public Function<QueryLabels> {
     Tensor sum = torch::empty({logit.size(0)}, logit.options());
     const std::int64_t queries = logit.size(1);
     AT_DISPATCH_FLOATING_TYPES(logit.scalar_type(), "query_labels", [&] {
-      const auto reach2 =
-          static_cast<scalar_t>(has_reach(settings.variant) ? kAttentionReach2 : INFINITY);
+      const auto reach2 = static_cast<scalar_t>(
+          has_reach(settings.variant) ? renderer::kAttentionReach2 : INFINITY);
       const scalar_t *x = logit.data_ptr<scalar_t>(), *d2 = distance2.data_ptr<scalar_t>();
       scalar_t *l = labels.data_ptr<scalar_t>(), *score = a.data_ptr<scalar_t>(),
                *rest = one_minus_s.data_ptr<scalar_t>(), *z = sum.data_ptr<scalar_t>();
@@ -119,7 +122,7 @@ class QueryLabels : public Function<QueryLabels> {
   static variable_list backward(AutogradContext* context, const variable_list& gradients) {
     const variable_list saved = context->get_saved_variables();
     const LabelSettings settings{
-        static_cast<LabelVariant>(context->saved_data["variant"].toInt()),
+        static_cast<renderer::LabelVariant>(context->saved_data["variant"].toInt()),
         context->saved_data["none"].toDouble(), context->saved_data["temperature"].toDouble()};
     const Tensor gradient = gradients[0].contiguous();
     Tensor by_logit = torch::empty_like(gradient), by_distance2 = torch::empty_like(gradient);
@@ -195,13 +198,13 @@ Tensor query_labels_unfused(const Tensor& logit, const Tensor& distance2,
                             const LabelSettings& settings) {
   Tensor a = torch::sigmoid(logit) * torch::exp(-0.5 * distance2);
   if (has_reach(settings.variant)) {
-    a = a * distance2.le(kAttentionReach2).to(a.scalar_type());
+    a = a * distance2.le(renderer::kAttentionReach2).to(a.scalar_type());
   }
-  if (settings.variant == LabelVariant::kRaw) return a;
+  if (settings.variant == renderer::LabelVariant::kRaw) return a;
   if (is_softmax(settings.variant)) {
     return torch::softmax(a * inverse_temperature(settings), 1);
   }
   return a / (a.sum(1, true) + settings.none_score);
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

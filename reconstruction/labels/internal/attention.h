@@ -9,7 +9,7 @@
 #include "reconstruction/internal/tensors/tensors.h"
 #include "renderer/scene/panoptic_field.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 /// Squared Mahalanobis distances. Computed as a quadratic form of the position, so that one
 /// matrix product serves all pairs; positions are taken relative to their mean, which keeps
@@ -21,7 +21,7 @@ namespace segsim::renderer::internal {
                                        const Tensor& log_sigma, const Tensor& rotation);
 
 struct LabelSettings {
-  LabelVariant variant = LabelVariant::kNormalised;
+  renderer::LabelVariant variant = renderer::LabelVariant::kNormalised;
   double none_score = 0.05, temperature = 0.1;
 };
 
@@ -35,4 +35,4 @@ struct LabelSettings {
 [[nodiscard]] Tensor query_labels_unfused(const Tensor& logit, const Tensor& distance2,
                                           const LabelSettings& settings);
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -6,7 +6,7 @@
 
 #include "core/error.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace {
 
 std::vector<std::int64_t> indices_by_id(const std::vector<core::SceneClass>& classes) {
@@ -91,4 +91,4 @@ BatchTargets make_targets(const PanopticBatch& batch, const float* alpha,
   return targets;
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -10,7 +10,7 @@
 #include "reconstruction/internal/tensors/tensors.h"
 #include "reconstruction/labels/panoptic_head.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 /// One instance mask of the frame, of a thing class.
 struct TargetMask {
@@ -39,4 +39,4 @@ struct BatchTargets {
                                         const std::vector<core::SceneClass>& classes,
                                         const PanopticTrainingConfig& config);
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -6,7 +6,7 @@
 
 #include "reconstruction/labels/panoptic_head.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 /// The paper's head, and with another name and factor the heads derived from it.
 /// @param warp_factor  Of the agreement with a neighbouring frame; 0 = off.
@@ -20,4 +20,4 @@ namespace segsim::renderer::internal {
 [[nodiscard]] std::unique_ptr<PanopticHead> make_panoptic_lifting_head(
     PanopticHeadInputs inputs, const PanopticTrainingConfig& config, std::uint64_t seed);
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

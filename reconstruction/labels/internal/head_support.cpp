@@ -7,7 +7,7 @@
 
 #include "core/error.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 at::Device device_of(int cuda_device) {
   if (cuda_device < 0) return {at::kCPU};
@@ -91,10 +91,10 @@ double rate_factor(const HeadRateConfig& rate, double progress) {
   return rate.scale * std::pow(rate.final_factor, phase);
 }
 
-std::vector<PanopticClass> decoder_classes(const std::vector<core::SceneClass>& classes,
-                                           const Tensor& weight, const Tensor& bias) {
+std::vector<renderer::PanopticClass> decoder_classes(
+    const std::vector<core::SceneClass>& classes, const Tensor& weight, const Tensor& bias) {
   const std::vector<core::SemanticFeature> rows = rows_of<core::SemanticFeature>(weight);
-  std::vector<PanopticClass> result;
+  std::vector<renderer::PanopticClass> result;
   for (std::size_t c = 0; c < classes.size(); ++c) {
     result.push_back(
         {classes[c].id, classes[c].thing, rows[c], bias.contiguous().data_ptr<float>()[c]});
@@ -102,10 +102,10 @@ std::vector<PanopticClass> decoder_classes(const std::vector<core::SceneClass>& 
   return result;
 }
 
-SurfelCloud feature_cloud(const std::vector<glm::vec3>& position_m,
-                          const std::vector<core::SemanticFeature>& semantic,
-                          const std::vector<core::InstanceFeature>& instance) {
-  SurfelCloud cloud;
+renderer::SurfelCloud feature_cloud(const std::vector<glm::vec3>& position_m,
+                                    const std::vector<core::SemanticFeature>& semantic,
+                                    const std::vector<core::InstanceFeature>& instance) {
+  renderer::SurfelCloud cloud;
   const std::size_t count = position_m.size();
   cloud.position_m = position_m;
   cloud.R_world_surfel.assign(count, glm::quat(1.0F, 0.0F, 0.0F, 0.0F));
@@ -117,4 +117,4 @@ SurfelCloud feature_cloud(const std::vector<glm::vec3>& position_m,
   return cloud;
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -11,7 +11,7 @@
 #include "reconstruction/labels/panoptic_head.h"
 #include "renderer/scene/surfels.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 /// @throws core::InputError if there is no such CUDA device or libtorch has no CUDA.
 [[nodiscard]] at::Device device_of(int cuda_device);
@@ -60,7 +60,7 @@ class LossSum {
 
 /// Rows of the class table with the decoder's weights.
 /// @param weight  [classes, 16], host.  @param bias  [classes], host.
-[[nodiscard]] std::vector<PanopticClass> decoder_classes(
+[[nodiscard]] std::vector<renderer::PanopticClass> decoder_classes(
     const std::vector<core::SceneClass>& classes, const Tensor& weight, const Tensor& bias);
 
 template <class Row>
@@ -76,8 +76,9 @@ template <class Row>
 }
 
 /// Places and features, and any shape: what folding a model reads.
-[[nodiscard]] SurfelCloud feature_cloud(const std::vector<glm::vec3>& position_m,
-                                        const std::vector<core::SemanticFeature>& semantic,
-                                        const std::vector<core::InstanceFeature>& instance);
+[[nodiscard]] renderer::SurfelCloud feature_cloud(
+    const std::vector<glm::vec3>& position_m,
+    const std::vector<core::SemanticFeature>& semantic,
+    const std::vector<core::InstanceFeature>& instance);
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -1,6 +1,6 @@
 #include "reconstruction/labels/internal/label_losses.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 Tensor negative_log_likelihood(const Tensor& probability, const Tensor& weight) {
   return -(torch::log(probability + kLogFloor) * weight).mean();
@@ -55,4 +55,4 @@ Tensor symmetric_kl(const Tensor& a, const Tensor& b) {
   return 0.5 * ((a - b) * logs).sum(1).mean();
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

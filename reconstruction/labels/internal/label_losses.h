@@ -7,7 +7,7 @@
 
 #include "reconstruction/internal/tensors/tensors.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 inline constexpr double kLogFloor = 1e-6;    ///< Of probabilities in logarithms.
 inline constexpr double kDiceSmooth = 1e-6;  ///< Of numerator and denominator.
@@ -49,4 +49,4 @@ struct MaskCosts {
 /// @param a, b  [pixels, channels], both with derivatives.
 [[nodiscard]] Tensor symmetric_kl(const Tensor& a, const Tensor& b);
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -3,7 +3,7 @@
 #include "reconstruction/labels/assignment.h"
 #include "reconstruction/labels/internal/label_losses.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace {
 
 /// [masks, queries], double, on the host.
@@ -57,4 +57,4 @@ Matching match_queries(const Tensor& mask, const Tensor& class_logits,
   return matching;
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -7,7 +7,7 @@
 
 #include "reconstruction/labels/internal/head_support.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 struct Matching {
   std::vector<std::int64_t> queries;   ///< Of the pairs.
@@ -26,4 +26,4 @@ struct Matching {
                                      const ClassSplit& classes, const QueryConfig& config,
                                      bool gated);
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -9,7 +9,7 @@
 #include "core/error.h"
 #include "core/random.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace {
 
 constexpr std::int64_t kFeatures = core::kInstanceFeatureSize;
@@ -201,4 +201,4 @@ void QuerySet::load(const StateReader& in) {
   }
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

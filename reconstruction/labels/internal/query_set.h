@@ -19,7 +19,7 @@
 #include "reconstruction/labels/internal/attention.h"
 #include "reconstruction/labels/panoptic_head.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 class QuerySet {
  public:
@@ -77,4 +77,4 @@ class QuerySet {
 [[nodiscard]] Tensor linear_weight(std::int64_t out, std::int64_t in, std::uint64_t seed,
                                    const std::string& name, const at::Device& device);
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

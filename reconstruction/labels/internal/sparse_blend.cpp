@@ -8,7 +8,7 @@
 
 #include "core/check.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace {
 
 using torch::autograd::AutogradContext;
@@ -275,4 +275,4 @@ Tensor blend_channel(const BlendMatrix& matrix, const Tensor& labels, const Tens
                        torch::ones({matrix.surfels()}, labels.options()));
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -8,7 +8,7 @@
 #include "reconstruction/internal/tensors/tensors.h"
 #include "reconstruction/rasterizer/differentiable_rasterizer.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 /// W in compressed rows and, for the backward pass, in compressed columns. Rows and columns
 /// are summed in the order of their entries: the result does not depend on threads.
@@ -56,4 +56,4 @@ class BlendMatrixMaker {
 [[nodiscard]] Tensor blend_channel(const BlendMatrix& matrix, const Tensor& labels,
                                    const Tensor& channel);
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -7,7 +7,7 @@
 #include <glm/gtc/quaternion.hpp>
 #include <glm/mat3x3.hpp>
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace {
 
 constexpr int kRadius_px = 2;
@@ -133,4 +133,4 @@ FrameSamples sample_frame(const RgbdFrame& frame, const core::CameraIntrinsics& 
   return result;
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -12,7 +12,7 @@
 #include "reconstruction/datasets/rgbd_sequence.h"
 #include "reconstruction/lifting/lifting.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 /// Class in the upper, instance in the lower half: one vote decides both.
 using LabelPair = std::uint32_t;
@@ -42,4 +42,4 @@ struct FrameSamples {
                                         const core::CameraIntrinsics& intrinsics,
                                         const LiftOptions& options);
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

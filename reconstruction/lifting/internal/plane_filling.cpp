@@ -14,7 +14,7 @@
 #include <glm/geometric.hpp>
 #include <glm/vec2.hpp>
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace {
 
 constexpr int kPlanes = 16;
@@ -224,4 +224,4 @@ std::size_t fill_planes(std::vector<Voxel>& voxels, const FreeSpace& free_space,
   return voxels.size() - before;
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

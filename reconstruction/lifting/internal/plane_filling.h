@@ -4,7 +4,7 @@
 
 #include "reconstruction/lifting/internal/voxel_cleaning.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 /// Closes holes in large flat surfaces (floor, walls, table tops): finds them with PCL, draws
 /// each in a grid of voxel size, and lets the surface grow into empty cells that have it on
@@ -13,4 +13,4 @@ namespace segsim::renderer::internal {
 std::size_t fill_planes(std::vector<Voxel>& voxels, const FreeSpace& free_space,
                         float voxel_m);
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

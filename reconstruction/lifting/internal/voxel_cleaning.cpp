@@ -11,7 +11,7 @@
 
 #include "renderer/scene/parallel.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace {
 
 // A surface is clearly behind a point if it is further by this much.
@@ -107,7 +107,7 @@ FreeSpace::FreeSpace(const RgbdSequence& sequence, std::span<const std::size_t> 
     : max_depth_m_(static_cast<float>(options.max_depth_m)) {
   const std::size_t views = std::min<std::size_t>(frames.size(), std::max(0, count));
   views_.resize(views);
-  parallel_for_each(views, 1, [&](std::size_t v) {
+  renderer::internal::parallel_for_each(views, 1, [&](std::size_t v) {
     const RgbdFrame frame = sequence.load(frames[v * frames.size() / views]);
     View& view = views_[v];
     view.camera =
@@ -140,7 +140,7 @@ FreeSpace::Evidence FreeSpace::at(const glm::vec3& position_m) const {
 
 std::size_t carve(std::vector<Voxel>& voxels, const FreeSpace& free_space, float voxel_m) {
   std::vector<char> marked(voxels.size(), 0);
-  parallel_for_each(voxels.size(), 1024, [&](std::size_t i) {
+  renderer::internal::parallel_for_each(voxels.size(), 1024, [&](std::size_t i) {
     const FreeSpace::Evidence seen = free_space.at(voxels[i].position_m(voxel_m));
     marked[i] = seen.through >= kFewestThrough && seen.through > seen.support ? 1 : 0;
   });
@@ -150,7 +150,7 @@ std::size_t carve(std::vector<Voxel>& voxels, const FreeSpace& free_space, float
 std::vector<Voxel> thin_surfaces(const std::vector<Voxel>& voxels, float voxel_m) {
   const KeyIndex index(voxels);
   std::vector<glm::vec3> positions_m(voxels.size());
-  parallel_for_each(voxels.size(), 1024, [&](std::size_t i) {
+  renderer::internal::parallel_for_each(voxels.size(), 1024, [&](std::size_t i) {
     positions_m[i] = project_on_plane(voxels, index, i, voxel_m);
   });
   return refuse_voxels(voxels, positions_m, voxel_m);
@@ -187,4 +187,4 @@ std::size_t remove_islands(std::vector<Voxel>& voxels, std::size_t fewest) {
   return remove_marked(voxels, marked);
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -10,7 +10,7 @@
 
 #include "reconstruction/lifting/internal/voxel_fusion.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 /// Depth images that say which space was empty.
 class FreeSpace {
@@ -53,4 +53,4 @@ std::size_t remove_sparse(std::vector<Voxel>& voxels, int min_observations);
 /// @return number removed.
 std::size_t remove_islands(std::vector<Voxel>& voxels, std::size_t fewest);
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

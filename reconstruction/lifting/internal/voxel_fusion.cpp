@@ -10,7 +10,7 @@
 #include "core/check.h"
 #include "renderer/scene/parallel.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace {
 
 /// Inserts two zero bits before each of the 21 low bits.
@@ -169,14 +169,14 @@ void VoxelFusion::add(std::span<const FrameSamples> frames) {
     std::uint32_t sample;
   };
   std::vector<std::array<std::vector<Entry>, kShards>> entries(frames.size());
-  parallel_for_each(frames.size(), 1, [&](std::size_t f) {
+  renderer::internal::parallel_for_each(frames.size(), 1, [&](std::size_t f) {
     const std::vector<LiftSample>& samples = frames[f].samples;
     for (std::uint32_t i = 0; i < samples.size(); ++i) {
       const VoxelKey key = voxel_key_at(samples[i].position_m, voxel_m_);
       entries[f][mix(key) >> 60U].push_back({key, i});
     }
   });
-  parallel_for_each(kShards, 1, [&](std::size_t s) {
+  renderer::internal::parallel_for_each(kShards, 1, [&](std::size_t s) {
     for (std::size_t f = 0; f < frames.size(); ++f) {
       for (const Entry& entry : entries[f][s]) {
         add_sample(shards_[s].at(entry.key), frames[f].samples[entry.sample], voxel_m_);
@@ -210,4 +210,4 @@ std::vector<Voxel> refuse_voxels(std::span<const Voxel> voxels,
   return merged;
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

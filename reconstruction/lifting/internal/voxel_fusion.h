@@ -13,7 +13,7 @@
 
 #include "reconstruction/lifting/internal/lift_frame.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 /// Morton code of a voxel, 21 bits per axis: neighbours in space are near in a sorted list.
 using VoxelKey = std::uint64_t;
@@ -96,4 +96,4 @@ void add_moved(Voxel& voxel, const Voxel& moved, const glm::vec3& position_m, fl
                                                std::span<const glm::vec3> positions_m,
                                                float voxel_m);
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -14,7 +14,7 @@
 
 #include "renderer/scene/parallel.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace {
 
 /// Sigma of a surfel in units of the local spacing: the middle of four surfels at the corners
@@ -157,13 +157,15 @@ float outlier_limit_m(const std::vector<Neighborhood>& all) {
 
 }  // namespace
 
-SurfelCloud make_surfels(const std::vector<Voxel>& voxels, const LiftOptions& options,
-                         bool with_labels, SurfelReport& report) {
-  SurfelCloud cloud;
+renderer::SurfelCloud make_surfels(const std::vector<Voxel>& voxels,
+                                   const LiftOptions& options, bool with_labels,
+                                   SurfelReport& report) {
+  renderer::SurfelCloud cloud;
   if (voxels.empty()) return cloud;
   const SurfelMaker maker(voxels, options);
   std::vector<Neighborhood> all(voxels.size());
-  parallel_for_each(voxels.size(), 4096, [&](std::size_t i) { all[i] = maker.look(i); });
+  renderer::internal::parallel_for_each(voxels.size(), 4096,
+                                        [&](std::size_t i) { all[i] = maker.look(i); });
   const float limit_m =
       std::max(outlier_limit_m(all), 2.0F * static_cast<float>(options.voxel_m));
   double agreement = 0.0;
@@ -177,7 +179,7 @@ SurfelCloud make_surfels(const std::vector<Voxel>& voxels, const LiftOptions& op
     cloud.R_world_surfel.push_back(glm::normalize(glm::quat_cast(all[i].axes)));
     cloud.scale_m.push_back(all[i].sigma_m);
     cloud.opacity.push_back(static_cast<float>(options.opacity));
-    cloud.sh.push_back((glm::clamp(all[i].color, 0.0F, 1.0F) - 0.5F) / kShC0);
+    cloud.sh.push_back((glm::clamp(all[i].color, 0.0F, 1.0F) - 0.5F) / renderer::kShC0);
     if (!with_labels) continue;
     const LabelVotes& votes = voxels[i].labels;
     const int winner = votes.winner();
@@ -192,4 +194,4 @@ SurfelCloud make_surfels(const std::vector<Voxel>& voxels, const LiftOptions& op
   return cloud;
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

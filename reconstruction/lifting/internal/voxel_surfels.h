@@ -5,7 +5,7 @@
 #include "reconstruction/lifting/internal/voxel_fusion.h"
 #include "renderer/scene/surfels.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 struct SurfelReport {
   std::size_t outliers = 0;      ///< Voxels left out: neighbours unusually far away.
@@ -15,8 +15,8 @@ struct SurfelReport {
 /// One surfel per voxel: normal and in-plane axes are the principal directions of the nearest
 /// neighbours (PCL kd-tree), scales follow their spacing.
 /// @param with_labels  Fills semantic_id and instance_id.
-[[nodiscard]] SurfelCloud make_surfels(const std::vector<Voxel>& voxels,
-                                       const LiftOptions& options, bool with_labels,
-                                       SurfelReport& report);
+[[nodiscard]] renderer::SurfelCloud make_surfels(const std::vector<Voxel>& voxels,
+                                                 const LiftOptions& options, bool with_labels,
+                                                 SurfelReport& report);
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

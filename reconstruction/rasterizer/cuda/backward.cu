@@ -7,7 +7,7 @@
 
 #include "reconstruction/rasterizer/cuda/tile_parts.cuh"
 
-namespace segsim::renderer::cuda {
+namespace segsim::reconstruction::cuda {
 namespace {
 
 struct BackwardJob {
@@ -18,18 +18,19 @@ struct BackwardJob {
 __device__ PixelLoss<float> loss_at(const TrainingImages<const float>& loss, std::size_t at) {
   const auto scalar = [at](const float* image) { return image != nullptr ? image[at] : 0.0F; };
   const auto vector = [at](const float* image) {
-    return image != nullptr ? Vec3<float>{image[3 * at], image[3 * at + 1], image[3 * at + 2]}
-                            : Vec3<float>{0.0F, 0.0F, 0.0F};
+    return image != nullptr
+               ? renderer::Vec3<float>{image[3 * at], image[3 * at + 1], image[3 * at + 2]}
+               : renderer::Vec3<float>{0.0F, 0.0F, 0.0F};
   };
   return {vector(loss.rgb), scalar(loss.depth_m), scalar(loss.alpha), vector(loss.normal),
           scalar(loss.distortion)};
 }
 
-constexpr int kThreads = kQuarters * kWarp;
+constexpr int kThreads = kQuarters * renderer::cuda::kWarp;
 
 /// The pixels of a warp's quarter; pixel p is (p % 8, p / 8) of it.
 struct QuarterPixels {
-  static constexpr int kPixels = 2 * kWarp;
+  static constexpr int kPixels = 2 * renderer::cuda::kWarp;
   float4 rgb_depth[kPixels];     ///< Loss's derivatives by colour and depth,
   float4 normal_alpha[kPixels];  ///< by normal and alpha,
   float4 distortion[kPixels];    ///< by distortion; then alpha, m1, m2.
@@ -59,14 +60,15 @@ struct QuarterPixels {
 
   /// Fills `dealt`. @return  Pixels dealt out.
   __device__ int deal(unsigned hits0, unsigned hits1) {
-    const int lane = lane_index();
+    const int lane = renderer::cuda::lane_index();
     const unsigned before = (1U << lane) - 1U;
     const int first = __popc(hits0);
     if ((hits0 >> lane & 1U) != 0) {
       dealt[__popc(hits0 & before)] = static_cast<std::uint8_t>(lane);
     }
     if ((hits1 >> lane & 1U) != 0) {
-      dealt[first + __popc(hits1 & before)] = static_cast<std::uint8_t>(kWarp + lane);
+      dealt[first + __popc(hits1 & before)] =
+          static_cast<std::uint8_t>(renderer::cuda::kWarp + lane);
     }
     __syncwarp();
     return first + __popc(hits1);
@@ -89,19 +91,19 @@ struct QuarterPixels {
 
 struct WalkShared {
   StagedSurfels<kThreads> staged;
-  QuarterPixels pixels[kThreads / kWarp];
+  QuarterPixels pixels[kThreads / renderer::cuda::kWarp];
 };
 
 /// Halves the values that a lane holds: it keeps one half, of itself and of lane ^ kStep.
 template <int kStep>
 __device__ void fold(float* v) {
-  const bool upper = (lane_index() & kStep) != 0;
+  const bool upper = (renderer::cuda::lane_index() & kStep) != 0;
   constexpr int kHalf = kStep / 2;
 #pragma unroll
   for (int i = 0; i < kHalf; ++i) {
     const float mine = upper ? v[i + kHalf] : v[i];
     const float theirs = upper ? v[i] : v[i + kHalf];
-    v[i] = mine + __shfl_xor_sync(kAllLanes, theirs, kStep);
+    v[i] = mine + __shfl_xor_sync(renderer::cuda::kAllLanes, theirs, kStep);
   }
 }
 
@@ -115,13 +117,13 @@ __device__ float sums_of_warp(const LocalGradient<float>& g) {
   fold<8>(v);
   fold<4>(v);
   fold<2>(v);
-  return v[0] + __shfl_xor_sync(kAllLanes, v[0], 1);
+  return v[0] + __shfl_xor_sync(renderer::cuda::kAllLanes, v[0], 1);
 }
 
 __device__ float sum_of_warp(float value) {
 #pragma unroll
-  for (int step = kWarp / 2; step > 0; step /= 2) {
-    value += __shfl_xor_sync(kAllLanes, value, step);
+  for (int step = renderer::cuda::kWarp / 2; step > 0; step /= 2) {
+    value += __shfl_xor_sync(renderer::cuda::kAllLanes, value, step);
   }
   return value;
 }
@@ -130,9 +132,9 @@ __device__ float sum_of_warp(float value) {
 template <bool kFixedOrder>
 __device__ void put_sums(const TrainingView& view, std::uint32_t id, std::size_t place,
                          const LocalGradient<float>& g) {
-  const int lane = lane_index();
+  const int lane = renderer::cuda::lane_index();
   const float sum = sums_of_warp(g);
-  const bool reaches = __any_sync(kAllLanes, g.reach != 0.0F);
+  const bool reaches = __any_sync(renderer::cuda::kAllLanes, g.reach != 0.0F);
   const float reach = reaches ? sum_of_warp(g.reach) : 0.0F;
   if constexpr (kFixedOrder) {
     if (lane % 2 == 0) view.part[kSums * place + lane / 2] = sum;
@@ -174,13 +176,14 @@ struct Entry {
 
 /// A lane's entry of the group of 32 that begins at `first`.
 __device__ Entry entry_of(const TrainingView& view, const Segment& s, std::uint32_t first) {
-  const std::uint32_t entry = first + static_cast<std::uint32_t>(lane_index());
+  const std::uint32_t entry = first + static_cast<std::uint32_t>(renderer::cuda::lane_index());
   Entry e{{0, 0}, 0};
   if (entry >= s.end) return e;
   if (entry < s.read[0]) e.hits[0] = view.hits[s.hits[0] + entry];
   if (entry < s.read[1]) e.hits[1] = view.hits[s.hits[1] + entry];
   if (e.counts()) {
-    e.id = static_cast<std::uint32_t>(view.sorted[s.sorted_first + entry]) >> kQuarterBits;
+    e.id = static_cast<std::uint32_t>(view.sorted[s.sorted_first + entry]) >>
+           renderer::cuda::kQuarterBits;
   }
   return e;
 }
@@ -189,8 +192,8 @@ __device__ Entry entry_of(const TrainingView& view, const Segment& s, std::uint3
 __device__ void begin_pixels(const BackwardJob& job, const WalkItem& item, const Segment& s,
                              QuarterPixels& pixels) {
   const TrainingView& view = job.view;
-  const FrameView& frame = view.frame;
-  const int lane = lane_index();
+  const renderer::cuda::FrameView& frame = view.frame;
+  const int lane = renderer::cuda::lane_index();
 #pragma unroll
   for (int half = 0; half < 2; ++half) {
     const int part = static_cast<int>(2 * item.quarter) + half;
@@ -205,7 +208,7 @@ __device__ void begin_pixels(const BackwardJob& job, const WalkItem& item, const
     const auto all = load_sums(view.state + state_place(item.tile, part, lane));
     const std::uint32_t saved = view.segment_base[item.tile] + item.segment;
     const auto before = load_sums(view.segment_state + state_place(saved, part, lane));
-    pixels.put(half * kWarp + lane, begin_adjoint(loss, all, before));
+    pixels.put(half * renderer::cuda::kWarp + lane, begin_adjoint(loss, all, before));
   }
 }
 
@@ -213,9 +216,10 @@ template <bool kFixedOrder>
 __device__ void walk_segment(const BackwardJob& job, WalkShared& shared,
                              const WalkItem& item) {
   const TrainingView& view = job.view;
-  const int lane = lane_index(), warp_first = static_cast<int>(threadIdx.x) - lane;
+  const int lane = renderer::cuda::lane_index(),
+            warp_first = static_cast<int>(threadIdx.x) - lane;
   const Segment segment = segment_of(view, item);
-  QuarterPixels& pixels = shared.pixels[warp_first / kWarp];
+  QuarterPixels& pixels = shared.pixels[warp_first / renderer::cuda::kWarp];
   __syncwarp();
   begin_pixels(job, item, segment, pixels);
   const PixelPlace first = first_pixel_of(view.frame, static_cast<int>(item.tile),
@@ -224,25 +228,26 @@ __device__ void walk_segment(const BackwardJob& job, WalkShared& shared,
   const float y_px = static_cast<float>(first.y) + 0.5F;
   Entry here = entry_of(view, segment, segment.begin);
   if (here.counts()) shared.staged.copy(0, view.drawn[here.id]);
-  Entry next = entry_of(view, segment, segment.begin + kWarp);
+  Entry next = entry_of(view, segment, segment.begin + renderer::cuda::kWarp);
   int buffer = 0;
-  for (std::uint32_t group = segment.begin; group < segment.end; group += kWarp) {
+  for (std::uint32_t group = segment.begin; group < segment.end;
+       group += renderer::cuda::kWarp) {
     shared.staged.wait();
     __syncwarp();
     if (next.counts()) shared.staged.copy(buffer ^ 1, view.drawn[next.id]);
     const Entry mine = here;
     here = next;
-    next = entry_of(view, segment, group + 2 * kWarp);
-    unsigned todo = __ballot_sync(kAllLanes, mine.counts());
+    next = entry_of(view, segment, group + 2 * renderer::cuda::kWarp);
+    unsigned todo = __ballot_sync(renderer::cuda::kAllLanes, mine.counts());
     while (todo != 0) {
       const int i = __ffs(static_cast<int>(todo)) - 1;
       todo &= todo - 1;
-      const int count = pixels.deal(__shfl_sync(kAllLanes, mine.hits[0], i),
-                                    __shfl_sync(kAllLanes, mine.hits[1], i));
-      const std::uint32_t id = __shfl_sync(kAllLanes, mine.id, i);
+      const int count = pixels.deal(__shfl_sync(renderer::cuda::kAllLanes, mine.hits[0], i),
+                                    __shfl_sync(renderer::cuda::kAllLanes, mine.hits[1], i));
+      const std::uint32_t id = __shfl_sync(renderer::cuda::kAllLanes, mine.id, i);
       const DrawnSurfel<float> s = shared.staged.read(buffer, warp_first + i);
       LocalGradient<float> sum;
-      for (int k = lane; k < count; k += kWarp) {
+      for (int k = lane; k < count; k += renderer::cuda::kWarp) {
         pixels.add(pixels.dealt[k], s, x_px, y_px, sum);
       }
       __syncwarp();
@@ -260,8 +265,8 @@ __global__ void __launch_bounds__(kThreads, 6) walk_segments(BackwardJob job) {
   while (true) {
     // Warps do not wait for one another.
     std::uint32_t at = 0;
-    if (lane_index() == 0) at = atomicAdd(&view.queue[kNextItem], 1U);
-    at = __shfl_sync(kAllLanes, at, 0);
+    if (renderer::cuda::lane_index() == 0) at = atomicAdd(&view.queue[kNextItem], 1U);
+    at = __shfl_sync(renderer::cuda::kAllLanes, at, 0);
     if (at >= items) return;
     walk_segment<kFixedOrder>(job, shared, view.item[at]);
   }
@@ -269,18 +274,19 @@ __global__ void __launch_bounds__(kThreads, 6) walk_segments(BackwardJob job) {
 
 /// Where a pair's key lies in a tile's sorted list.
 /// @return  `read` if it is not among the first `read`.
-__device__ std::uint32_t find_key(const ListKey* sorted, std::uint32_t read, ListKey key) {
+__device__ std::uint32_t find_key(const renderer::cuda::ListKey* sorted, std::uint32_t read,
+                                  renderer::cuda::ListKey key) {
   std::uint32_t first = 0, count = read;
   while (count > 0) {
     const std::uint32_t half = count / 2;
-    if (sorted[first + half] >> kQuarterBits < key) {
+    if (sorted[first + half] >> renderer::cuda::kQuarterBits < key) {
       first += half + 1;
       count -= half + 1;
     } else {
       count = half;
     }
   }
-  return first < read && sorted[first] >> kQuarterBits == key ? first : read;
+  return first < read && sorted[first] >> renderer::cuda::kQuarterBits == key ? first : read;
 }
 
 constexpr int kGatherLanes = 8;  ///< Lanes that share a surfel's tiles.
@@ -296,11 +302,14 @@ __global__ void gather_parts(TrainingView view, std::uint32_t visible_count) {
   const std::uint32_t id = any ? view.visible[place] : 0U;
   if (any) {
     const SurfelPixels p = view.pixels[id];
-    const int x_begin = p.x_lo / kTilePx, y_begin = p.y_lo / kTilePx;
-    const int width = p.x_hi / kTilePx + 1 - x_begin;
-    const int count = width * (p.y_hi / kTilePx + 1 - y_begin);
+    const int x_begin = p.x_lo / renderer::cuda::kTilePx,
+              y_begin = p.y_lo / renderer::cuda::kTilePx;
+    const int width = p.x_hi / renderer::cuda::kTilePx + 1 - x_begin;
+    const int count = width * (p.y_hi / renderer::cuda::kTilePx + 1 - y_begin);
     const auto key =
-        static_cast<ListKey>(__float_as_uint(view.drawn[id].surfel.z0_m)) << 28U | id;
+        static_cast<renderer::cuda::ListKey>(__float_as_uint(view.drawn[id].surfel.z0_m))
+            << 28U |
+        id;
     for (int t = lane; t < count; t += kGatherLanes) {
       const auto tile = static_cast<std::uint32_t>((y_begin + t / width) * view.frame.tiles_x +
                                                    x_begin + t % width);
@@ -325,8 +334,8 @@ __global__ void gather_parts(TrainingView view, std::uint32_t visible_count) {
 #pragma unroll
   for (int step = 1; step < kGatherLanes; step *= 2) {
 #pragma unroll
-    for (float& value : sum) value += __shfl_xor_sync(kAllLanes, value, step);
-    reach += __shfl_xor_sync(kAllLanes, reach, step);
+    for (float& value : sum) value += __shfl_xor_sync(renderer::cuda::kAllLanes, value, step);
+    reach += __shfl_xor_sync(renderer::cuda::kAllLanes, reach, step);
   }
   if (!any || lane != 0) return;
 #pragma unroll
@@ -336,12 +345,13 @@ __global__ void gather_parts(TrainingView view, std::uint32_t visible_count) {
 
 template <bool kFixedOrder>
 void launch_walk(const BackwardJob& job, cudaStream_t stream) {
-  const int blocks =
-      resident_blocks(reinterpret_cast<const void*>(walk_segments<kFixedOrder>), kThreads);
-  throw_on_error(cudaMemsetAsync(job.view.queue + kNextItem, 0, sizeof(std::uint32_t), stream),
-                 "cudaMemsetAsync");
+  const int blocks = renderer::cuda::resident_blocks(
+      reinterpret_cast<const void*>(walk_segments<kFixedOrder>), kThreads);
+  renderer::cuda::throw_on_error(
+      cudaMemsetAsync(job.view.queue + kNextItem, 0, sizeof(std::uint32_t), stream),
+      "cudaMemsetAsync");
   walk_segments<kFixedOrder><<<blocks, kThreads, 0, stream>>>(job);
-  throw_on_error(cudaGetLastError(), "walk_segments");
+  renderer::cuda::throw_on_error(cudaGetLastError(), "walk_segments");
 }
 
 }  // namespace
@@ -357,7 +367,7 @@ void launch_backward(const TrainingView& view, const TrainingImages<const float>
   if (visible_count == 0) return;
   gather_parts<<<(visible_count + kSurfels - 1) / kSurfels, kThreads, 0, stream>>>(
       view, visible_count);
-  throw_on_error(cudaGetLastError(), "gather_parts");
+  renderer::cuda::throw_on_error(cudaGetLastError(), "gather_parts");
 }
 
-}  // namespace segsim::renderer::cuda
+}  // namespace segsim::reconstruction::cuda

@@ -12,28 +12,28 @@
 #include "renderer/scene/projection_camera.h"
 #include "renderer/scene/render_options.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
-using cuda::DeviceArray;
-using cuda::throw_on_error;
+using renderer::cuda::DeviceArray;
+using renderer::cuda::throw_on_error;
 
 class CudaRasterizer final : public DifferentiableRasterizer<float> {
  public:
   explicit CudaRasterizer(const CudaRasterizerOptions& options)
       : stream_(options.stream),
         deterministic_(options.deterministic),
-        queue_(cuda::kQueueWords),
+        queue_(renderer::cuda::kQueueWords),
         history_(1),
         status_(1),
         training_queue_(cuda::kTrainingQueueWords),
         bad_pixels_(1) {
     host_status_.reserve(1);
     host_counts_.reserve(3);
-    cuda::FrameView& frame = view_.frame;
+    renderer::cuda::FrameView& frame = view_.frame;
     // Inference's default: training sees what the robot will see.
-    frame.near_m = RenderOptions{}.near_m;
-    frame.bounds = cuda::BoundsRule::kAccuTile;
+    frame.near_m = renderer::RenderOptions{}.near_m;
+    frame.bounds = renderer::cuda::BoundsRule::kAccuTile;
     frame.cameras = 1;
     frame.capacity = kFirstCapacity;
     view_.pair_capacity = kFirstPairs;
@@ -45,17 +45,17 @@ class CudaRasterizer final : public DifferentiableRasterizer<float> {
                const core::CameraPose& T_world_camera, const TrainingImages<float>& images,
                float* max_weight) override {
     internal::check_view(surfels, camera, images);
-    SEGSIM_CHECK(surfels.count < static_cast<std::int64_t>(cuda::kMaxSurfels),
+    SEGSIM_CHECK(surfels.count < static_cast<std::int64_t>(renderer::cuda::kMaxSurfels),
                  std::to_string(surfels.count) + " surfels");
     drawn_ = false;  // Until the end: memory may run out.
     surfel_count_ = surfels.count;
-    cuda::FrameView& frame = view_.frame;
+    renderer::cuda::FrameView& frame = view_.frame;
     frame.width_px = camera.width_px, frame.height_px = camera.height_px;
-    frame.tiles_x = (camera.width_px + cuda::kTilePx - 1) / cuda::kTilePx;
-    frame.tiles_y = (camera.height_px + cuda::kTilePx - 1) / cuda::kTilePx;
-    view_.camera =
-        cuda::view_camera(internal::projection_camera<float>(T_world_camera, camera),
-                          camera.width_px, camera.height_px);
+    frame.tiles_x = (camera.width_px + renderer::cuda::kTilePx - 1) / renderer::cuda::kTilePx;
+    frame.tiles_y = (camera.height_px + renderer::cuda::kTilePx - 1) / renderer::cuda::kTilePx;
+    view_.camera = renderer::cuda::view_camera(
+        renderer::internal::projection_camera<float>(T_world_camera, camera), camera.width_px,
+        camera.height_px);
     set_buffers();
     draw(surfels, images, max_weight);
     while (grow_lists()) {
@@ -111,13 +111,13 @@ class CudaRasterizer final : public DifferentiableRasterizer<float> {
   static constexpr std::size_t kLeastLargeParts = std::size_t{1} << 18U;
 
   void set_buffers() {
-    cuda::FrameView& frame = view_.frame;
+    renderer::cuda::FrameView& frame = view_.frame;
     const auto surfels = static_cast<std::size_t>(surfel_count_);
     const std::size_t tiles =
         static_cast<std::size_t>(frame.tiles_x) * static_cast<std::size_t>(frame.tiles_y);
     const std::size_t pairs = view_.pair_capacity;
     const std::size_t segments = pairs / cuda::kSegment + tiles;
-    constexpr std::size_t kTileSums = cuda::kStatePlanes * cuda::kTilePixels;
+    constexpr std::size_t kTileSums = cuda::kStatePlanes * renderer::cuda::kTilePixels;
     frame.large_capacity = static_cast<std::uint32_t>(std::max(kLeastLargeParts, surfels / 4));
     const auto room = [](auto& array, std::size_t count) {
       array.reserve(count);
@@ -137,7 +137,7 @@ class CudaRasterizer final : public DifferentiableRasterizer<float> {
       view_.part_reach = room(part_reach_, 4 * pairs);
     }
     frame.bucket = room(bucket_, tiles * frame.capacity);
-    frame.large = room(large_, frame.large_capacity * cuda::kLargePartBytes);
+    frame.large = room(large_, frame.large_capacity * renderer::cuda::kLargePartBytes);
     frame.count = room(count_, tiles), frame.order = room(order_, tiles);
     frame.bound_m = room(bound_, tiles), frame.redo = room(redo_, tiles);
     frame.queue = queue_.data(), frame.history = history_.data();
@@ -149,12 +149,13 @@ class CudaRasterizer final : public DifferentiableRasterizer<float> {
             float* max_weight) {
     clear(training_queue_.data(), cuda::kTrainingQueueWords);
     if (max_weight != nullptr) clear(max_weight, static_cast<std::size_t>(surfels.count));
-    cuda::launch_begin_frame(view_.frame, stream_);
+    renderer::cuda::launch_begin_frame(view_.frame, stream_);
     cuda::launch_project(view_, surfels, stream_);
-    cuda::launch_order_tiles(view_.frame, stream_);
-    throw_on_error(cudaMemcpyAsync(host_status_.data(), status_.data(),
-                                   sizeof(cuda::FrameStatus), cudaMemcpyDeviceToHost, stream_),
-                   "cudaMemcpyAsync");
+    renderer::cuda::launch_order_tiles(view_.frame, stream_);
+    throw_on_error(
+        cudaMemcpyAsync(host_status_.data(), status_.data(),
+                        sizeof(renderer::cuda::FrameStatus), cudaMemcpyDeviceToHost, stream_),
+        "cudaMemcpyAsync");
     throw_on_error(cudaEventRecord(lists_made_.get(), stream_), "cudaEventRecord");
     // The device need not wait for the host: it draws what there is room for.
     cuda::launch_forward(view_, images, max_weight, stream_);
@@ -163,7 +164,7 @@ class CudaRasterizer final : public DifferentiableRasterizer<float> {
 
   /// @return  True if the last lists did not fit in their buffers.
   bool grow_lists() {
-    const cuda::FrameStatus& status = *host_status_.data();
+    const renderer::cuda::FrameStatus& status = *host_status_.data();
     const auto enough = [](std::uint64_t wanted) {
       SEGSIM_CHECK(wanted < std::uint64_t{1} << 30U,
                    std::to_string(wanted) + " pairs of a tile and a surfel");
@@ -209,23 +210,23 @@ class CudaRasterizer final : public DifferentiableRasterizer<float> {
   bool drawn_ = false;  ///< Is there a view for backward()?
   std::int64_t surfel_count_ = 0;
   cuda::TrainingView view_{};
-  cuda::Event lists_made_;
-  cuda::PinnedArray<cuda::FrameStatus> host_status_;
-  cuda::PinnedArray<std::int32_t> host_counts_;
+  renderer::cuda::Event lists_made_;
+  renderer::cuda::PinnedArray<renderer::cuda::FrameStatus> host_status_;
+  renderer::cuda::PinnedArray<std::int32_t> host_counts_;
 
   // The view's lists
   DeviceArray<std::uint32_t> queue_, count_, order_;
-  DeviceArray<cuda::ListKey> bucket_;
+  DeviceArray<renderer::cuda::ListKey> bucket_;
   DeviceArray<std::byte> large_;
   DeviceArray<float> bound_;
   DeviceArray<std::uint8_t> redo_;
   DeviceArray<bool> history_;
-  DeviceArray<cuda::FrameStatus> status_;
+  DeviceArray<renderer::cuda::FrameStatus> status_;
   // What forward leaves for backward
   DeviceArray<cuda::DrawnRecord> records_;
   DeviceArray<cuda::SurfelPixels> surfel_pixels_;
   DeviceArray<std::uint32_t> visible_, training_queue_, list_base_, read_count_, segment_base_;
-  DeviceArray<cuda::ListKey> sorted_;
+  DeviceArray<renderer::cuda::ListKey> sorted_;
   DeviceArray<cuda::HitMask> hits_;
   DeviceArray<cuda::WalkItem> item_;
   DeviceArray<float> state_, segment_state_, sum_, reach_sum_, part_, part_reach_;
@@ -239,8 +240,8 @@ class CudaRasterizer final : public DifferentiableRasterizer<float> {
 
 std::unique_ptr<DifferentiableRasterizer<float>> make_cuda_rasterizer(
     const CudaRasterizerOptions& options) {
-  cuda::check_device();
+  renderer::cuda::check_device();
   return std::make_unique<CudaRasterizer>(options);
 }
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

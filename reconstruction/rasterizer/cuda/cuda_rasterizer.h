@@ -22,7 +22,7 @@
 
 struct CUstream_st;
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 
 struct CudaRasterizerOptions {
   /// A cudaStream_t; null is the default stream, which libtorch uses unless told otherwise.
@@ -37,4 +37,4 @@ struct CudaRasterizerOptions {
 [[nodiscard]] std::unique_ptr<DifferentiableRasterizer<float>> make_cuda_rasterizer(
     const CudaRasterizerOptions& options = {});
 
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -4,13 +4,13 @@
 
 #include "reconstruction/rasterizer/cuda/tile_parts.cuh"
 
-namespace segsim::renderer::cuda {
+namespace segsim::reconstruction::cuda {
 namespace {
 
-constexpr int kThreads = kParts * kWarp;
+constexpr int kThreads = kParts * renderer::cuda::kWarp;
 
 struct ForwardShared {
-  ListShared list;
+  renderer::cuda::ListShared list;
   StagedSurfels<kThreads> staged;
   int tile;
   std::uint32_t base, segment_base;
@@ -55,9 +55,9 @@ struct ListEntry {
 
 /// A lane's entry of a group of 32; groups begin at multiples of 32 of the whole list.
 /// @param done  Entries of chunks before.
-__device__ ListEntry entry_of(const TrainingView& view, const ListShared& list,
+__device__ ListEntry entry_of(const TrainingView& view, const renderer::cuda::ListShared& list,
                               const PartWalk& walk, int chunk, int done, int group) {
-  const int entry = group * kWarp + lane_index() - done;
+  const int entry = group * renderer::cuda::kWarp + renderer::cuda::lane_index() - done;
   if (entry < 0 || entry >= chunk) return {false, 0};
   if ((list.quarters(entry) >> (walk.part / 2) & 1U) == 0) return {false, 0};
   const std::uint32_t id = list.id(entry);
@@ -68,9 +68,10 @@ __device__ ListEntry entry_of(const TrainingView& view, const ListShared& list,
 __device__ void blend_chunk(const ForwardJob& job, ForwardShared& shared, int chunk, int done,
                             PartWalk& walk) {
   const TrainingView& view = job.view;
-  const int lane = lane_index(), warp_first = static_cast<int>(threadIdx.x) - lane;
-  int group = done / kWarp;
-  const int end = (done + chunk + kWarp - 1) / kWarp;
+  const int lane = renderer::cuda::lane_index(),
+            warp_first = static_cast<int>(threadIdx.x) - lane;
+  int group = done / renderer::cuda::kWarp;
+  const int end = (done + chunk + renderer::cuda::kWarp - 1) / renderer::cuda::kWarp;
   ListEntry here = entry_of(view, shared.list, walk, chunk, done, group);
   if (here.reaches) shared.staged.copy(group & 1, view.drawn[here.id]);
   ListEntry next = entry_of(view, shared.list, walk, chunk, done, group + 1);
@@ -80,35 +81,37 @@ __device__ void blend_chunk(const ForwardJob& job, ForwardShared& shared, int ch
     // This group has arrived, and all lanes have done with the buffer that is filled next.
     shared.staged.wait();
     __syncwarp();
-    unsigned todo = __ballot_sync(kAllLanes, here.reaches);
+    unsigned todo = __ballot_sync(renderer::cuda::kAllLanes, here.reaches);
     if (next.reaches) shared.staged.copy(buffer ^ 1, view.drawn[next.id]);
     const std::uint32_t my_id = here.id;
     here = next;
     next = entry_of(view, shared.list, walk, chunk, done, group + 2);
-    constexpr int kSegmentGroups = kSegment / kWarp;
-    if (group % kSegmentGroups == 0 && group * kWarp >= done) {
+    constexpr int kSegmentGroups = kSegment / renderer::cuda::kWarp;
+    if (group % kSegmentGroups == 0 && group * renderer::cuda::kWarp >= done) {
       const std::size_t segment = static_cast<std::size_t>(group / kSegmentGroups);
-      save_sums(walk.segment_state + segment * (kStatePlanes * kTilePixels), walk.sums);
+      save_sums(walk.segment_state + segment * (kStatePlanes * renderer::cuda::kTilePixels),
+                walk.sums);
     }
     HitMask my_hits = 0;
     while (todo != 0) {
       const int i = __ffs(static_cast<int>(todo)) - 1;
       todo &= todo - 1;
       const float weight = walk.blend(shared.staged.read(buffer, warp_first + i));
-      const HitMask hits = __ballot_sync(kAllLanes, weight > 0.0F);
+      const HitMask hits = __ballot_sync(renderer::cuda::kAllLanes, weight > 0.0F);
       if (lane == i) my_hits = hits;
       if (job.max_weight != nullptr && hits != 0) {
         // Weights are not negative: their bits are in the same order.
-        const unsigned most = __reduce_max_sync(kAllLanes, __float_as_uint(weight));
+        const unsigned most =
+            __reduce_max_sync(renderer::cuda::kAllLanes, __float_as_uint(weight));
         if (lane == i) atomicMax(reinterpret_cast<unsigned*>(job.max_weight) + my_id, most);
       }
     }
-    const int entry = group * kWarp + lane;
+    const int entry = group * renderer::cuda::kWarp + lane;
     if (entry >= done && entry < done + chunk) walk.hits[entry] = my_hits;
-    live = __any_sync(kAllLanes, walk.open);
+    live = __any_sync(renderer::cuda::kAllLanes, walk.open);
   }
   shared.staged.wait();  // For a group that no one needed.
-  walk.read = static_cast<std::uint32_t>(min(group * kWarp, done + chunk));
+  walk.read = static_cast<std::uint32_t>(min(group * renderer::cuda::kWarp, done + chunk));
 }
 
 __device__ void write_pixel(const TrainingImages<float>& images, std::size_t at,
@@ -137,8 +140,8 @@ __device__ void add_items(const TrainingView& view, std::uint32_t tile,
 /// The block enters and leaves it together.
 __device__ void draw_tile(const ForwardJob& job, ForwardShared& shared, int tile) {
   const TrainingView& view = job.view;
-  const FrameView& frame = view.frame;
-  const int thread = static_cast<int>(threadIdx.x), lane = lane_index();
+  const renderer::cuda::FrameView& frame = view.frame;
+  const int thread = static_cast<int>(threadIdx.x), lane = renderer::cuda::lane_index();
   const std::uint32_t listed = frame.count[tile];
   if (thread == 0) {
     shared.base = atomicAdd(&view.queue[kPairsTaken], listed);
@@ -152,10 +155,11 @@ __device__ void draw_tile(const ForwardJob& job, ForwardShared& shared, int tile
   // The host sees that either did not fit, and draws again.
   const bool fits = listed <= frame.capacity && base + listed <= view.pair_capacity;
   const int count = fits ? static_cast<int>(listed) : 0;
-  const ListKey* list = frame.bucket + static_cast<std::size_t>(tile) * frame.capacity;
+  const renderer::cuda::ListKey* list =
+      frame.bucket + static_cast<std::size_t>(tile) * frame.capacity;
 
   PartWalk walk;
-  walk.part = thread / kWarp;
+  walk.part = thread / renderer::cuda::kWarp;
   walk.first = first_pixel_of(frame, tile, walk.part);
   const PixelPlace at = pixel_of(walk.first, lane);
   walk.x_px = static_cast<float>(at.x) + 0.5F, walk.y_px = static_cast<float>(at.y) + 0.5F;
@@ -168,14 +172,16 @@ __device__ void draw_tile(const ForwardJob& job, ForwardShared& shared, int tile
 
   bool tile_live = true;
   int done = 0;
-  ListKey next = 0;
+  renderer::cuda::ListKey next = 0;
   while (tile_live) {
-    const int chunk = next_chunk<kThreads>(shared.list, list, count, done, next);
+    const int chunk =
+        renderer::cuda::next_chunk<kThreads>(shared.list, list, count, done, next);
     if (chunk == 0) break;
     for (int i = thread; i < chunk; i += kThreads) {
       view.sorted[base + done + i] = shared.list.sorted(i);
     }
-    if (__any_sync(kAllLanes, walk.open)) blend_chunk(job, shared, chunk, done, walk);
+    if (__any_sync(renderer::cuda::kAllLanes, walk.open))
+      blend_chunk(job, shared, chunk, done, walk);
     done += chunk;
     tile_live = __syncthreads_or(walk.open ? 1 : 0) != 0;
   }
@@ -195,7 +201,7 @@ __global__ void __launch_bounds__(kThreads, 4) draw_tiles(ForwardJob job) {
   // More than a block gets without asking: see launch_forward().
   extern __shared__ float4 shared_bytes[];
   ForwardShared& shared = *reinterpret_cast<ForwardShared*>(shared_bytes);
-  const FrameView& frame = job.view.frame;
+  const renderer::cuda::FrameView& frame = job.view.frame;
   const auto tiles = static_cast<std::uint32_t>(frame.tiles_x * frame.tiles_y);
   while (true) {
     if (threadIdx.x == 0) {
@@ -216,13 +222,13 @@ void launch_forward(const TrainingView& view, const TrainingImages<float>& image
                     float* max_weight, cudaStream_t stream) {
   const int tiles = view.frame.tiles_x * view.frame.tiles_y;
   constexpr int kBytes = sizeof(ForwardShared);
-  throw_on_error(
+  renderer::cuda::throw_on_error(
       cudaFuncSetAttribute(draw_tiles, cudaFuncAttributeMaxDynamicSharedMemorySize, kBytes),
       "cudaFuncSetAttribute");
-  const int blocks =
-      resident_blocks(reinterpret_cast<const void*>(draw_tiles), kThreads, kBytes);
+  const int blocks = renderer::cuda::resident_blocks(reinterpret_cast<const void*>(draw_tiles),
+                                                     kThreads, kBytes);
   draw_tiles<<<min(blocks, tiles), kThreads, kBytes, stream>>>({view, images, max_weight});
-  throw_on_error(cudaGetLastError(), "draw_tiles");
+  renderer::cuda::throw_on_error(cudaGetLastError(), "draw_tiles");
 }
 
-}  // namespace segsim::renderer::cuda
+}  // namespace segsim::reconstruction::cuda

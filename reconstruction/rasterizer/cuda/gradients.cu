@@ -5,7 +5,7 @@
 #include "reconstruction/rasterizer/cuda/training_data.h"
 #include "reconstruction/rasterizer/surfel_activation.h"
 
-namespace segsim::renderer::cuda {
+namespace segsim::reconstruction::cuda {
 namespace {
 
 constexpr int kThreads = 128;
@@ -50,10 +50,10 @@ template <int kDegree>
 __global__ void __launch_bounds__(kThreads, 4)
     write_surfels(TrainingView view, SurfelParameters<float> surfels, std::uint32_t count,
                   SurfelGradients<float> gradients) {
-  __shared__ StagedSh<kDegree> staged[kThreads / kWarp];
-  StagedSh<kDegree>& sh = staged[threadIdx.x / kWarp];
+  __shared__ StagedSh<kDegree> staged[kThreads / renderer::cuda::kWarp];
+  StagedSh<kDegree>& sh = staged[threadIdx.x / renderer::cuda::kWarp];
   const auto place = static_cast<std::uint32_t>(blockIdx.x * kThreads + threadIdx.x);
-  const unsigned lanes = __ballot_sync(kAllLanes, place < count);
+  const unsigned lanes = __ballot_sync(renderer::cuda::kAllLanes, place < count);
   const std::uint32_t id = place < count ? view.visible[place] : 0U;
   LocalGradient<float> sums;
   if (place < count) sums = take_sums(view, id);
@@ -81,7 +81,8 @@ void launch_gradients(const TrainingView& view, const SurfelParameters<float>& s
     if (values == nullptr || surfels.count == 0) return;
     const std::size_t bytes =
         static_cast<std::size_t>(surfels.count) * a_surfel * sizeof(float);
-    throw_on_error(cudaMemsetAsync(values, 0, bytes, stream), "cudaMemsetAsync");
+    renderer::cuda::throw_on_error(cudaMemsetAsync(values, 0, bytes, stream),
+                                   "cudaMemsetAsync");
   };
   const int degree = surfels.sh_degree;
   clear(gradients.position_m, 3);
@@ -96,7 +97,7 @@ void launch_gradients(const TrainingView& view, const SurfelParameters<float>& s
     write_surfels<decltype(stored)::value>
         <<<blocks, kThreads, 0, stream>>>(view, surfels, visible_count, gradients);
   });
-  throw_on_error(cudaGetLastError(), "write_surfels");
+  renderer::cuda::throw_on_error(cudaGetLastError(), "write_surfels");
 }
 
-}  // namespace segsim::renderer::cuda
+}  // namespace segsim::reconstruction::cuda

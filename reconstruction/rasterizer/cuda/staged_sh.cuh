@@ -10,7 +10,7 @@
 
 #include "renderer/cuda/warp.cuh"
 
-namespace segsim::renderer::cuda {
+namespace segsim::reconstruction::cuda {
 
 /// @tparam kDegree  Of the stored coefficients.
 template <int kDegree>
@@ -18,9 +18,9 @@ struct StagedSh {
   static constexpr int kRow = 3 * (kDegree + 1) * (kDegree + 1);  ///< Floats of a surfel.
   /// Odd, so that the lanes' rows start in different banks.
   static constexpr int kStride = kRow | 1;
-  float value[kWarp * kStride];
+  float value[renderer::cuda::kWarp * kStride];
 
-  __device__ float* row() { return value + lane_index() * kStride; }
+  __device__ float* row() { return value + renderer::cuda::lane_index() * kStride; }
 
   /// Reads the rows of `lanes`, whose surfels are `id`.
   __device__ void load(const float* sh, unsigned lanes, std::uint32_t id) {
@@ -45,10 +45,12 @@ struct StagedSh {
     while (lanes != 0) {
       const int lane = __ffs(static_cast<int>(lanes)) - 1;
       lanes &= lanes - 1;
-      const std::size_t first = std::size_t{kRow} * __shfl_sync(kAllLanes, id, lane);
+      const std::size_t first =
+          std::size_t{kRow} * __shfl_sync(renderer::cuda::kAllLanes, id, lane);
 #pragma unroll
-      for (int k = 0; k < kRow; k += kWarp) {
-        if (k + lane_index() < kRow) body(first, value + lane * kStride, k + lane_index());
+      for (int k = 0; k < kRow; k += renderer::cuda::kWarp) {
+        if (k + renderer::cuda::lane_index() < kRow)
+          body(first, value + lane * kStride, k + renderer::cuda::lane_index());
       }
     }
   }
@@ -72,4 +74,4 @@ __device__ void with_known_degree(int degree, const Body& body) {
   body(std::integral_constant<int, kMost>());
 }
 
-}  // namespace segsim::renderer::cuda
+}  // namespace segsim::reconstruction::cuda

@@ -9,27 +9,31 @@
 #include "renderer/cuda/tile_list.cuh"
 #include "renderer/cuda/warp.cuh"
 
-namespace segsim::renderer::cuda {
+namespace segsim::reconstruction::cuda {
 
 inline constexpr int kQuarters = 4;
-inline constexpr int kPartWidthPx = kTilePx / 2, kPartHeightPx = kTilePx / 4;
-static_assert(kPartWidthPx * kPartHeightPx == kPartPixels && kPartPixels == kWarp);
-static_assert(kParts * kPartPixels == kTilePixels && kParts == 2 * kQuarters);
+inline constexpr int kPartWidthPx = renderer::cuda::kTilePx / 2,
+                     kPartHeightPx = renderer::cuda::kTilePx / 4;
+static_assert(kPartWidthPx * kPartHeightPx == kPartPixels &&
+              kPartPixels == renderer::cuda::kWarp);
+static_assert(kParts * kPartPixels == renderer::cuda::kTilePixels && kParts == 2 * kQuarters);
 
 struct PixelPlace {
   int x, y;
 };
 
-__device__ inline PixelPlace first_pixel_of(const FrameView& frame, int tile, int part) {
-  return {tile % frame.tiles_x * kTilePx + part / 2 % 2 * kPartWidthPx,
-          tile / frame.tiles_x * kTilePx + (part / 4 * 2 + part % 2) * kPartHeightPx};
+__device__ inline PixelPlace first_pixel_of(const renderer::cuda::FrameView& frame, int tile,
+                                            int part) {
+  return {tile % frame.tiles_x * renderer::cuda::kTilePx + part / 2 % 2 * kPartWidthPx,
+          tile / frame.tiles_x * renderer::cuda::kTilePx +
+              (part / 4 * 2 + part % 2) * kPartHeightPx};
 }
 
 __device__ inline PixelPlace pixel_of(const PixelPlace& first, int lane) {
   return {first.x + lane % kPartWidthPx, first.y + lane / kPartWidthPx};
 }
 
-__device__ inline bool in_image(const FrameView& frame, const PixelPlace& p) {
+__device__ inline bool in_image(const renderer::cuda::FrameView& frame, const PixelPlace& p) {
   return p.x < frame.width_px && p.y < frame.height_px;
 }
 
@@ -65,7 +69,7 @@ struct StagedSurfels {
 
 /// A pixel's place in a tile's sums; planes are kTilePixels apart.
 __device__ inline std::size_t state_place(std::uint32_t tile, int part, int lane) {
-  return std::size_t{tile} * (kStatePlanes * kTilePixels) +
+  return std::size_t{tile} * (kStatePlanes * renderer::cuda::kTilePixels) +
          static_cast<std::size_t>(part * kPartPixels + lane);
 }
 
@@ -76,12 +80,12 @@ __device__ inline void save_sums(float* state, const PixelSums<float>& s) {
       s.first_inverse_depth};
 #pragma unroll
   for (int plane = 0; plane < kStatePlanes; ++plane) {
-    state[plane * kTilePixels] = values[plane];
+    state[plane * renderer::cuda::kTilePixels] = values[plane];
   }
 }
 
 __device__ inline PixelSums<float> load_sums(const float* state) {
-  const auto plane = [state](int i) { return state[i * kTilePixels]; };
+  const auto plane = [state](int i) { return state[i * renderer::cuda::kTilePixels]; };
   PixelSums<float> s;
   s.transmittance = plane(0);
   s.rgb = {plane(1), plane(2), plane(3)};
@@ -106,4 +110,4 @@ __device__ inline std::size_t parts_place(const TrainingView& view, std::uint32_
          static_cast<std::size_t>(quarter) * view.frame.count[tile];
 }
 
-}  // namespace segsim::renderer::cuda
+}  // namespace segsim::reconstruction::cuda

@@ -11,7 +11,7 @@
 #include "renderer/cuda/device_data.h"
 #include "renderer/cuda/device_memory.h"
 
-namespace segsim::renderer::cuda {
+namespace segsim::reconstruction::cuda {
 
 /// In whole words of 16 bytes, as copies to shared memory want it.
 struct alignas(16) DrawnRecord {
@@ -57,8 +57,8 @@ enum TrainingQueue : int {
 /// What forward leaves for backward. Tile t has the pairs list_base[t] ... + frame.count[t];
 /// hits of its part p start at kParts list_base[t] + p frame.count[t].
 struct TrainingView {
-  FrameView frame;  ///< Lists of one camera, and their buffers.
-  ViewCamera camera;
+  renderer::cuda::FrameView frame;  ///< Lists of one camera, and their buffers.
+  renderer::cuda::ViewCamera camera;
 
   DrawnRecord* drawn;      ///< [surfels] Of those in `visible`.
   SurfelPixels* pixels;    ///< [surfels] The same.
@@ -66,11 +66,11 @@ struct TrainingView {
   float* sum;              ///< [surfels, kSums] 0 before backward(), of those in `visible`.
   float* reach_sum;        ///< [surfels] The same.
 
-  std::uint32_t* queue;       ///< [kTrainingQueueWords]
-  std::uint32_t* list_base;   ///< [tiles]
-  std::uint32_t* read_count;  ///< [tiles, kParts] Entries that the part has looked at.
-  ListKey* sorted;            ///< [pair_capacity] Those looked at are in order.
-  HitMask* hits;              ///< [kParts pair_capacity]
+  std::uint32_t* queue;             ///< [kTrainingQueueWords]
+  std::uint32_t* list_base;         ///< [tiles]
+  std::uint32_t* read_count;        ///< [tiles, kParts] Entries that the part has looked at.
+  renderer::cuda::ListKey* sorted;  ///< [pair_capacity] Those looked at are in order.
+  HitMask* hits;                    ///< [kParts pair_capacity]
   std::uint32_t pair_capacity;
   /// [tiles, kStatePlanes, kTilePixels], part by part: sums over all surfels.
   float* state;
@@ -127,4 +127,4 @@ void launch_weight_rows(const TrainingView& view, const WeightTable& table, void
 void launch_weight_entries(const TrainingView& view, const WeightTable& table,
                            cudaStream_t stream);
 
-}  // namespace segsim::renderer::cuda
+}  // namespace segsim::reconstruction::cuda

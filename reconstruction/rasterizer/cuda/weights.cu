@@ -5,7 +5,7 @@
 
 #include "reconstruction/rasterizer/cuda/tile_parts.cuh"
 
-namespace segsim::renderer::cuda {
+namespace segsim::reconstruction::cuda {
 namespace {
 
 constexpr int kThreads = 128;
@@ -16,18 +16,19 @@ struct PixelWalk {
   HitMask bit;  ///< Of the pixel in its part's masks.
 };
 
-__device__ PixelWalk walk_of(const FrameView& frame, std::int32_t pixel) {
+__device__ PixelWalk walk_of(const renderer::cuda::FrameView& frame, std::int32_t pixel) {
   PixelWalk walk;
   walk.x = pixel % frame.width_px, walk.y = pixel / frame.width_px;
-  walk.tile = walk.y / kTilePx * frame.tiles_x + walk.x / kTilePx;
-  const int in_x = walk.x % kTilePx, in_y = walk.y % kTilePx;
+  walk.tile =
+      walk.y / renderer::cuda::kTilePx * frame.tiles_x + walk.x / renderer::cuda::kTilePx;
+  const int in_x = walk.x % renderer::cuda::kTilePx, in_y = walk.y % renderer::cuda::kTilePx;
   const int row = in_y / kPartHeightPx;
   walk.part = row / 2 * 4 + in_x / kPartWidthPx * 2 + row % 2;
   walk.bit = HitMask{1} << (in_y % kPartHeightPx * kPartWidthPx + in_x % kPartWidthPx);
   return walk;
 }
 
-__device__ bool is_in_image(const FrameView& frame, std::int32_t pixel) {
+__device__ bool is_in_image(const renderer::cuda::FrameView& frame, std::int32_t pixel) {
   return pixel >= 0 && pixel < frame.width_px * frame.height_px;
 }
 
@@ -58,7 +59,7 @@ __global__ void fill_weights(TrainingView view, WeightTable table) {
   const PixelWalk walk = walk_of(view.frame, table.pixel[p]);
   const std::uint32_t read = view.read_count[kParts * walk.tile + walk.part];
   const HitMask* hits = view.hits + hits_place(view, walk.tile, walk.part);
-  const ListKey* sorted = view.sorted + view.list_base[walk.tile];
+  const renderer::cuda::ListKey* sorted = view.sorted + view.list_base[walk.tile];
   const bool all = table.max_per_pixel == 0;
   std::int32_t* surfel = all ? table.surfel : table.all_surfel;
   float* weight = all ? table.weight : table.all_weight;
@@ -66,7 +67,7 @@ __global__ void fill_weights(TrainingView view, WeightTable table) {
   float transmittance = 1.0F;
   for (std::uint32_t i = 0; i < read; ++i) {
     if ((hits[i] & walk.bit) == 0) continue;
-    const auto id = static_cast<std::uint32_t>(sorted[i]) >> kQuarterBits;
+    const auto id = static_cast<std::uint32_t>(sorted[i]) >> renderer::cuda::kQuarterBits;
     SurfelHit<float> hit;
     hit.alpha = 0.0F;
     meet_surfel(view.drawn[id].surfel, static_cast<float>(walk.x) + 0.5F,
@@ -80,12 +81,12 @@ __global__ void fill_weights(TrainingView view, WeightTable table) {
 /// One warp a pixel: an entry stays if fewer than max_per_pixel are heavier.
 __global__ void keep_heaviest(WeightTable table) {
   const std::int64_t p =
-      (static_cast<std::int64_t>(blockIdx.x) * kThreads + threadIdx.x) / kWarp;
+      (static_cast<std::int64_t>(blockIdx.x) * kThreads + threadIdx.x) / renderer::cuda::kWarp;
   if (p >= table.pixels) return;
-  const int lane = lane_index();
+  const int lane = renderer::cuda::lane_index();
   const std::int32_t first = table.all_start[p], end = table.all_start[p + 1];
   std::int32_t at = table.row_start[p];
-  for (std::int32_t group = first; group < end; group += kWarp) {
+  for (std::int32_t group = first; group < end; group += renderer::cuda::kWarp) {
     const std::int32_t mine = group + lane;
     bool kept = mine < end;
     if (kept) {
@@ -98,7 +99,7 @@ __global__ void keep_heaviest(WeightTable table) {
       }
       kept = heavier < table.max_per_pixel;
     }
-    const unsigned lanes = __ballot_sync(kAllLanes, kept);
+    const unsigned lanes = __ballot_sync(renderer::cuda::kAllLanes, kept);
     if (kept) {
       const std::int32_t to = at + __popc(lanes & ((1U << lane) - 1U));
       table.surfel[to] = table.all_surfel[mine];
@@ -114,8 +115,9 @@ unsigned blocks_for(std::int64_t threads) {
 
 void scan(void* scratch, std::size_t& bytes, std::int32_t* values, std::int64_t count,
           cudaStream_t stream) {
-  throw_on_error(cub::DeviceScan::ExclusiveSum(scratch, bytes, values, values, count, stream),
-                 "cub::DeviceScan");
+  renderer::cuda::throw_on_error(
+      cub::DeviceScan::ExclusiveSum(scratch, bytes, values, values, count, stream),
+      "cub::DeviceScan");
 }
 
 }  // namespace
@@ -128,10 +130,10 @@ std::size_t weight_scan_bytes(std::int64_t pixels) {
 
 void launch_weight_rows(const TrainingView& view, const WeightTable& table, void* scratch,
                         std::size_t scratch_bytes, cudaStream_t stream) {
-  throw_on_error(cudaMemsetAsync(table.bad_pixels, 0, sizeof(std::int32_t), stream),
-                 "cudaMemsetAsync");
+  renderer::cuda::throw_on_error(
+      cudaMemsetAsync(table.bad_pixels, 0, sizeof(std::int32_t), stream), "cudaMemsetAsync");
   count_weights<<<blocks_for(table.pixels + 1), kThreads, 0, stream>>>(view, table);
-  throw_on_error(cudaGetLastError(), "count_weights");
+  renderer::cuda::throw_on_error(cudaGetLastError(), "count_weights");
   scan(scratch, scratch_bytes, table.all_start, table.pixels + 1, stream);
   scan(scratch, scratch_bytes, table.row_start, table.pixels + 1, stream);
 }
@@ -140,10 +142,11 @@ void launch_weight_entries(const TrainingView& view, const WeightTable& table,
                            cudaStream_t stream) {
   if (table.pixels == 0) return;
   fill_weights<<<blocks_for(table.pixels), kThreads, 0, stream>>>(view, table);
-  throw_on_error(cudaGetLastError(), "fill_weights");
+  renderer::cuda::throw_on_error(cudaGetLastError(), "fill_weights");
   if (table.max_per_pixel == 0) return;
-  keep_heaviest<<<blocks_for(table.pixels * kWarp), kThreads, 0, stream>>>(table);
-  throw_on_error(cudaGetLastError(), "keep_heaviest");
+  keep_heaviest<<<blocks_for(table.pixels * renderer::cuda::kWarp), kThreads, 0, stream>>>(
+      table);
+  renderer::cuda::throw_on_error(cudaGetLastError(), "keep_heaviest");
 }
 
-}  // namespace segsim::renderer::cuda
+}  // namespace segsim::reconstruction::cuda

@@ -15,7 +15,7 @@
 // clang-format on
 
 HWY_BEFORE_NAMESPACE();
-namespace segsim::renderer::internal::training {
+namespace segsim::reconstruction::internal::training {
 namespace HWY_NAMESPACE {
 
 /// PixelAdjoint of a tile: what changes from surfel to surfel.
@@ -206,11 +206,11 @@ void backward(const TileView<float>& tile, const TileRecord<float>& record,
 }
 
 }  // namespace HWY_NAMESPACE
-}  // namespace segsim::renderer::internal::training
+}  // namespace segsim::reconstruction::internal::training
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace training {
 namespace {
 HWY_EXPORT(backward);
@@ -239,5 +239,5 @@ void backward_tile(const TileView<double>& tile, const TileRecord<double>& recor
   plain_backward_tile(tile, record, cells, loss, gradients);
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal
 #endif  // HWY_ONCE

@@ -15,7 +15,7 @@
 // clang-format on
 
 HWY_BEFORE_NAMESPACE();
-namespace segsim::renderer::internal::training {
+namespace segsim::reconstruction::internal::training {
 namespace HWY_NAMESPACE {
 
 /// List entries that are looked at together, a cell at a time.
@@ -86,7 +86,7 @@ HWY_INLINE V blend(const DrawnSurfel<float>& s, const Hits& h, std::uint32_t ent
   const V product = hn::Mul(sums.transmittance, h.alpha);
   const V left = hn::Sub(sums.transmittance, product);
   const M met = hn::And(h.hit, open);
-  const M goes_on = hn::Ge(left, set(kStopTransmittance));
+  const M goes_on = hn::Ge(left, set(renderer::kStopTransmittance));
   const M blended = hn::And(met, goes_on);
   const M stopped = hn::AndNot(goes_on, met);
   if (!none(stopped)) {
@@ -97,7 +97,7 @@ HWY_INLINE V blend(const DrawnSurfel<float>& s, const Hits& h, std::uint32_t ent
   const V w = hn::IfThenElseZero(blended, product);
   const V depth_m = hn::Mul(set(s.z0_m), h.inverse_e);
   const V inverse_depth = hn::Mul(h.e_drawn, set(1.0F / s.z0_m));
-  const V half = set(1.0F - kMinSurfaceAlpha);
+  const V half = set(1.0F - renderer::kMinSurfaceAlpha);
   const M median =
       hn::And(blended, hn::And(hn::Gt(sums.transmittance, half), hn::Le(left, half)));
   sums.median_m = hn::IfThenElse(median, depth_m, sums.median_m);
@@ -194,11 +194,11 @@ void forward(const TileView<float>& tile, TileRecord<float>& record, std::uint16
 }
 
 }  // namespace HWY_NAMESPACE
-}  // namespace segsim::renderer::internal::training
+}  // namespace segsim::reconstruction::internal::training
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace training {
 namespace {
 HWY_EXPORT(forward);
@@ -216,5 +216,5 @@ void forward_tile(const TileView<double>& tile, TileRecord<double>& record,
   plain_forward_tile(tile, record, cells, max_weight);
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal
 #endif  // HWY_ONCE

@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 /// A counting sort. Pairs are numbered in the order in which they are given.
 class PairOrder {
@@ -34,4 +34,4 @@ class PairOrder {
   std::vector<std::uint32_t> first_, pairs_;
 };
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

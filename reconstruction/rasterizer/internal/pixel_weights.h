@@ -12,7 +12,7 @@
 #include "reconstruction/rasterizer/differentiable_rasterizer.h"
 #include "renderer/scene/parallel.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 struct SurfelWeight {
   std::int32_t surfel;
@@ -50,8 +50,8 @@ class WeightRows {
   ///     appends the pixel's weights to the empty `row`, front to back.
   template <class Group, class MakeFill>
   PixelWeights collect(std::span<const std::int32_t> pixels, int max_per_pixel,
-                       Workers& workers, std::size_t group_count, const Group& group,
-                       const MakeFill& make_fill) {
+                       renderer::internal::Workers& workers, std::size_t group_count,
+                       const Group& group, const MakeFill& make_fill) {
     constexpr std::size_t kPixelsPerTask = 1024;
     sort_by_group(pixels, group_count, group);
     const std::size_t tasks = (pixels.size() + kPixelsPerTask - 1) / kPixelsPerTask;
@@ -115,4 +115,4 @@ class WeightRows {
   std::vector<float> weight_;
 };
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -8,7 +8,7 @@
 
 #include "reconstruction/rasterizer/internal/training_tile.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 template <class Real>
 void plain_forward_tile(const TileView<Real>& tile, TileRecord<Real>& record,
@@ -36,7 +36,7 @@ void plain_forward_tile(const TileView<Real>& tile, TileRecord<Real>& record,
           continue;
         }
         reached = static_cast<std::uint16_t>(reached | 1U << cell);
-        heaviest = larger(heaviest, weight);
+        heaviest = renderer::larger(heaviest, weight);
       }
     }
     cells[i] = reached;
@@ -79,4 +79,4 @@ void plain_backward_tile(const TileView<Real>& tile, const TileRecord<Real>& rec
   }
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -10,7 +10,7 @@
 #include "reconstruction/rasterizer/surfel_parameters.h"
 #include "renderer/scene/projection_camera.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 template <class Real>
 void check_parameters(const SurfelParameters<Real>& s) {
@@ -30,7 +30,7 @@ void check_parameters(const SurfelParameters<Real>& s) {
 template <class Real>
 void check_view(const SurfelParameters<Real>& surfels, const core::CameraIntrinsics& camera,
                 const TrainingImages<Real>& images) {
-  check_intrinsics(camera);
+  renderer::internal::check_intrinsics(camera);
   check_parameters(surfels);
   SEGSIM_CHECK(images.width_px == camera.width_px && images.height_px == camera.height_px,
                "images of " + std::to_string(images.width_px) + " x " +
@@ -62,4 +62,4 @@ void check_derivatives(const SurfelParameters<Real>& surfels,
       "a gradient array is null");
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -19,7 +19,7 @@
 #include <hwy/highway.h>
 
 HWY_BEFORE_NAMESPACE();
-namespace segsim::renderer::internal::training {
+namespace segsim::reconstruction::internal::training {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
@@ -66,8 +66,8 @@ struct PixelCentres {
   alignas(64) float x_px[kRecordPixels], y_px[kRecordPixels];
 
   PixelCentres(int first_x_px, int first_y_px) {
-    for (int y = 0; y < kTileSizePx; ++y) {
-      for (int x = 0; x < kTileSizePx; ++x) {
+    for (int y = 0; y < renderer::internal::kTileSizePx; ++y) {
+      for (int x = 0; x < renderer::internal::kTileSizePx; ++x) {
         x_px[place_in_tile(x, y)] = static_cast<float>(first_x_px + x) + 0.5F;
         y_px[place_in_tile(x, y)] = static_cast<float>(first_y_px + y) + 0.5F;
       }
@@ -108,13 +108,13 @@ HWY_INLINE Hits meet(const DrawnSurfel<float>& s, V x_px, V y_px) {
   h.low_pass = hn::Lt(rho_low_pass, rho_disc);
   h.rho = hn::Min(hn::Min(rho_disc, rho_low_pass), set(20.0F));
   const V alpha = hn::Mul(set(s.opacity), gaussian(h.rho));
-  h.opaque = hn::Gt(alpha, set(kMaxAlpha));
-  h.alpha = hn::Min(alpha, set(kMaxAlpha));
+  h.opaque = hn::Gt(alpha, set(renderer::kMaxAlpha));
+  h.alpha = hn::Min(alpha, set(renderer::kMaxAlpha));
   return h;
 }
 
 }  // namespace HWY_NAMESPACE
-}  // namespace segsim::renderer::internal::training
+}  // namespace segsim::reconstruction::internal::training
 HWY_AFTER_NAMESPACE();
 
 #endif  // per target

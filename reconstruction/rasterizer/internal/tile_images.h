@@ -8,15 +8,15 @@
 
 #include "reconstruction/rasterizer/internal/training_tile.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 /// Calls body(place in the tile, index of the pixel in the image) for the tile's pixels that
 /// lie in the image.
 template <class Real, class Body>
 void for_each_pixel(const TileView<Real>& tile, int width_px, int height_px,
                     const Body& body) {
-  const int columns = std::min(kTileSizePx, width_px - tile.x_px);
-  const int rows = std::min(kTileSizePx, height_px - tile.y_px);
+  const int columns = std::min(renderer::internal::kTileSizePx, width_px - tile.x_px);
+  const int rows = std::min(renderer::internal::kTileSizePx, height_px - tile.y_px);
   for (int y = 0; y < rows; ++y) {
     const std::size_t row = static_cast<std::size_t>(tile.y_px + y) * width_px + tile.x_px;
     for (int x = 0; x < columns; ++x) {
@@ -78,4 +78,4 @@ void read_loss(const TileView<Real>& tile, const TrainingImages<const Real>& ima
                  });
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

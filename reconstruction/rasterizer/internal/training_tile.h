@@ -17,12 +17,13 @@
 #include "reconstruction/rasterizer/surfel_adjoint.h"
 #include "renderer/raster/tile_size.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 inline constexpr int kCellSidePx = 4;
 inline constexpr int kCellSize = kCellSidePx * kCellSidePx;
-inline constexpr int kCellsAcross = kTileSizePx / kCellSidePx;
-inline constexpr int kRecordPixels = kTileSizePx * kTileSizePx;
+inline constexpr int kCellsAcross = renderer::internal::kTileSizePx / kCellSidePx;
+inline constexpr int kRecordPixels =
+    renderer::internal::kTileSizePx * renderer::internal::kTileSizePx;
 /// TileRecord::end of a pixel that is not finished.
 inline constexpr std::uint32_t kOpenPixel = std::numeric_limits<std::int32_t>::max();
 
@@ -89,7 +90,10 @@ template <class Real>
 [[nodiscard]] std::uint16_t cells_in_reach(const TileView<Real>& tile,
                                            const ViewSurfel<Real>& s) {
   const auto cell = [](int pixel) {
-    return (pixel < 0 ? 0 : pixel >= kTileSizePx ? kTileSizePx - 1 : pixel) / kCellSidePx;
+    return (pixel < 0                                  ? 0
+            : pixel >= renderer::internal::kTileSizePx ? renderer::internal::kTileSizePx - 1
+                                                       : pixel) /
+           kCellSidePx;
   };
   const unsigned columns = (2U << cell(s.x_hi - tile.x_px)) - (1U << cell(s.x_lo - tile.x_px));
   unsigned cells = 0;
@@ -140,4 +144,4 @@ void weigh_cell(const TileView<float>& tile, const TileRecord<float>& record,
 void weigh_cell(const TileView<double>& tile, const TileRecord<double>& record,
                 const std::uint16_t* cells, int cell, CellWeights<double>& out);
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -15,10 +15,10 @@
 #include "renderer/scene/render_options.h"
 #include "renderer/scene/surfel_geometry.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 /// Inference's default: training sees what the robot will see.
-inline constexpr float kTrainingNearM = RenderOptions{}.near_m;
+inline constexpr float kTrainingNearM = renderer::RenderOptions{}.near_m;
 
 template <class Real>
 struct alignas(32) ViewSurfel {
@@ -27,8 +27,9 @@ struct alignas(32) ViewSurfel {
 };
 
 struct ViewCamera {
-  ProjectionCamera<double> exact;
-  ProjectionCamera<float> key;  ///< Of depth_of_centre(): the same order as inference.
+  renderer::ProjectionCamera<double> exact;
+  renderer::ProjectionCamera<float>
+      key;  ///< Of depth_of_centre(): the same order as inference.
   int width_px, height_px;
 };
 
@@ -38,7 +39,7 @@ class ViewSurfels {
   /// Enters every surfel that reaches the image in the slab of `bins`, which must be open;
   /// slots are indices of surfels.
   void project(const SurfelParameters<Real>& surfels, const ViewCamera& camera,
-               Workers& workers, TileBins& bins);
+               renderer::internal::Workers& workers, renderer::internal::TileBins& bins);
 
   /// Indexed by surfel; undefined for those in no list.
   [[nodiscard]] const ViewSurfel<Real>* data() const { return surfels_.get(); }
@@ -49,9 +50,11 @@ class ViewSurfels {
 };
 
 template <class Real>
-[[nodiscard]] ProjectionCamera<Real> camera_as(const ProjectionCamera<double>& c) {
-  const auto vec = [](const Vec3<double>& v) {
-    return Vec3<Real>{static_cast<Real>(v.x), static_cast<Real>(v.y), static_cast<Real>(v.z)};
+[[nodiscard]] renderer::ProjectionCamera<Real> camera_as(
+    const renderer::ProjectionCamera<double>& c) {
+  const auto vec = [](const renderer::Vec3<double>& v) {
+    return renderer::Vec3<Real>{static_cast<Real>(v.x), static_cast<Real>(v.y),
+                                static_cast<Real>(v.z)};
   };
   return {vec(c.right),
           vec(c.down),
@@ -63,4 +66,4 @@ template <class Real>
           static_cast<Real>(c.cy_px)};
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -13,7 +13,7 @@
 // clang-format on
 
 HWY_BEFORE_NAMESPACE();
-namespace segsim::renderer::internal::training {
+namespace segsim::reconstruction::internal::training {
 namespace HWY_NAMESPACE {
 
 /// Adds what each surfel weighs in one vector of the cell, from pixel `first` of the cell on.
@@ -47,11 +47,11 @@ void weigh(const TileView<float>& tile, const TileRecord<float>& record, int cel
 }
 
 }  // namespace HWY_NAMESPACE
-}  // namespace segsim::renderer::internal::training
+}  // namespace segsim::reconstruction::internal::training
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace training {
 namespace {
 
@@ -98,5 +98,5 @@ void weigh_cell(const TileView<double>& tile, const TileRecord<double>& record,
   }
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal
 #endif  // HWY_ONCE

@@ -8,7 +8,7 @@
 #include "reconstruction/labels/panoptic_config_fields.h"
 #include "reconstruction/training/training_config.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 /// As in panoptic_config_fields.h.
 template <class Visitor>
@@ -62,4 +62,4 @@ void visit_fields(TrainingConfig& config, Visitor& v) {
   visit_panoptic(config.panoptic, v);
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -11,7 +11,7 @@
 
 #include "core/check.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace {
 
 using torch::indexing::Slice;
@@ -203,4 +203,4 @@ Tensor normal_consistency(const Tensor& normal, const Tensor& depth_sum_m, const
   return torch::where(counts, error, torch::zeros_like(error)).mean();
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -8,7 +8,7 @@
 #include "core/frames.h"
 #include "reconstruction/internal/tensors/tensors.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 /// Gaussian window of SSIM (11 x 11, sigma 1.5; Wang et al. 2004), zeros around the image.
 /// @param image  [height, width, channels]. Differentiable.
@@ -43,4 +43,4 @@ namespace segsim::renderer::internal {
                                         const Tensor& alpha, const Tensor& rays,
                                         const core::CameraPose& T_world_camera);
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

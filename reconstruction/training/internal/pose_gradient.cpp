@@ -6,7 +6,7 @@
 #include "reconstruction/rasterizer/sh_adjoint.h"
 #include "renderer/scene/sphere_quadrature.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace {
 
 constexpr int kCoefficients = 16;
@@ -21,17 +21,18 @@ struct Mixing {
 /// degree 6.
 std::vector<Mixing> make_mixings() {
   double sums[3][kCoefficients][kCoefficients] = {};
-  for (const SphereNode& node : sphere_quadrature()) {
-    const Vec3<double> d{node.x, node.y, node.z};
-    const Vec3<double> turned[3] = {{0.0, -d.z, d.y}, {d.z, 0.0, -d.x}, {-d.y, d.x, 0.0}};
+  for (const renderer::internal::SphereNode& node : renderer::internal::sphere_quadrature()) {
+    const renderer::Vec3<double> d{node.x, node.y, node.z};
+    const renderer::Vec3<double> turned[3] = {
+        {0.0, -d.z, d.y}, {d.z, 0.0, -d.x}, {-d.y, d.x, 0.0}};
     double basis[kCoefficients];
-    sh_basis(3, d, basis);
+    renderer::sh_basis(3, d, basis);
     for (int row = 1; row < kCoefficients; ++row) {
       double one[kCoefficients] = {};
       one[row] = 1.0;
-      const Vec3<double> slope = sh_basis_adjoint(3, d, one);
+      const renderer::Vec3<double> slope = sh_basis_adjoint(3, d, one);
       for (int axis = 0; axis < 3; ++axis) {
-        const double change = dot(slope, turned[axis]) * node.weight;
+        const double change = renderer::dot(slope, turned[axis]) * node.weight;
         for (int column = 1; column < kCoefficients; ++column) {
           sums[axis][row][column] += change * basis[column];
         }
@@ -99,4 +100,4 @@ CameraGradient camera_gradient(const SurfelTensors& surfels, const SurfelTensors
   return {{-t.x, -t.y, -t.z}, {-w.x, -w.y, -w.z}};
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

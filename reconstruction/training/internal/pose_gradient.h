@@ -17,7 +17,7 @@
 #include "core/frames.h"
 #include "reconstruction/training/internal/raster_function.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 /// Derivatives by a small motion of the camera in its own axes, T_world_camera * exp(motion).
 struct CameraGradient {
@@ -33,4 +33,4 @@ struct CameraGradient {
                                              const SurfelTensors& gradients,
                                              const core::CameraPose& T_world_camera);
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -8,7 +8,7 @@
 
 #include "core/check.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 /// What backward() needs beside tensors.
 struct RasterCall : torch::CustomClassHolder {
@@ -165,4 +165,4 @@ ViewTensors RasterFunction::draw(const SurfelTensors& surfels, int active_sh_deg
   return view;
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

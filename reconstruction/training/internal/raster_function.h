@@ -11,7 +11,7 @@
 #include "reconstruction/internal/tensors/tensors.h"
 #include "reconstruction/rasterizer/differentiable_rasterizer.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 /// Raw parameters (surfel_parameters.h), float32, contiguous.
 struct SurfelTensors {
@@ -61,4 +61,4 @@ class RasterFunction {
 [[nodiscard]] SurfelParameters<float> parameters_of(const SurfelTensors& surfels,
                                                     int active_sh_degree);
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

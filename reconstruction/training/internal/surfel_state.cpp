@@ -2,7 +2,7 @@
 
 #include "core/check.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace {
 
 Tensor tensor_of(const std::vector<float>& values, std::vector<std::int64_t> shape,
@@ -20,7 +20,8 @@ std::vector<float> host_rows(const Tensor& values, std::int64_t count) {
 
 }  // namespace
 
-SurfelState::SurfelState(const SurfelCloud& surfels, int sh_degree, const at::Device& device)
+SurfelState::SurfelState(const renderer::SurfelCloud& surfels, int sh_degree,
+                         const at::Device& device)
     : sh_degree_(sh_degree) {
   const RawSurfels raw = raw_surfels(surfels, sh_degree);
   const std::int64_t coefficients = (sh_degree + 1) * (sh_degree + 1);
@@ -123,4 +124,4 @@ void SurfelState::load(const StateReader& in) {
   assemble_sh();
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -10,7 +10,7 @@
 #include "reconstruction/training/raw_surfels.h"
 #include "renderer/scene/surfels.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 /// Learning rates of one step.
 struct SurfelRates {
@@ -20,7 +20,7 @@ struct SurfelRates {
 
 class SurfelState {
  public:
-  SurfelState(const SurfelCloud& surfels, int sh_degree, const at::Device& device);
+  SurfelState(const renderer::SurfelCloud& surfels, int sh_degree, const at::Device& device);
 
   [[nodiscard]] std::int64_t count() const { return position_.value().size(0); }
   /// Tensors that share the parameters' memory and collect gradients.
@@ -53,4 +53,4 @@ class SurfelState {
   Tensor sh_;  ///< color_ and rest_ side by side, as the rasterizer reads them.
 };
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -7,7 +7,7 @@
 
 #include "core/check.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace {
 
 constexpr const char* kPoses = "poses";
@@ -115,4 +115,4 @@ void TrainingPoses::load(const StateReader& in) {
   }
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

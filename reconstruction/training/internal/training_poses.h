@@ -9,7 +9,7 @@
 #include "reconstruction/internal/tensors/adam.h"
 #include "reconstruction/training/internal/pose_gradient.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 /// T * exp(motion): translation [m] and rotation vector [rad] in the axes of the camera.
 [[nodiscard]] core::CameraPose moved(const core::CameraPose& T_world_camera,
@@ -37,4 +37,4 @@ class TrainingPoses {
   AdamTensor translation_, rotation_;  ///< [views, 3]: sums of the steps; double.
 };
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -4,7 +4,7 @@
 
 #include "reconstruction/training/internal/geometry_losses.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 ViewTargets view_targets(const TrainingView& view, const at::Device& device) {
   const std::int64_t height = view.rgb.height_px(), width = view.rgb.width_px();
@@ -61,4 +61,4 @@ SurfelTensors gradients_of(const SurfelTensors& leaves) {
           leaves.opacity_logit.grad(), leaves.sh.grad()};
 }
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

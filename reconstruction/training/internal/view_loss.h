@@ -8,7 +8,7 @@
 #include "reconstruction/training/training_config.h"
 #include "reconstruction/training/training_set.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 
 /// A view's images as tensors.
 struct ViewTargets {
@@ -31,4 +31,4 @@ struct ViewTargets {
 /// The derivatives of leaves after backward().
 [[nodiscard]] SurfelTensors gradients_of(const SurfelTensors& leaves);
 
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -10,7 +10,7 @@
 #include "core/check.h"
 #include "core/random.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 /// Sum of an assignment; fails if a column is taken twice or too few pairs were made.
@@ -98,4 +98,4 @@ TEST(Assignment, BadCostsAreRefused) {
 }
 
 }  // namespace
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

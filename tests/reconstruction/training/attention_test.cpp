@@ -9,7 +9,7 @@
 #include "tests/reconstruction/training/finite_differences.h"
 #include "tests/renderer/panoptic_scenes.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 using internal::LabelSettings;
@@ -20,15 +20,16 @@ using testing::expect_derivatives;
 using testing::random_tensor;
 using Inputs = std::vector<at::Tensor>;
 
-constexpr std::array kVariants{LabelVariant::kTemperature, LabelVariant::kNormalised,
-                               LabelVariant::kLogSoftmax, LabelVariant::kRaw,
-                               LabelVariant::kLiteral};
+constexpr std::array kVariants{renderer::LabelVariant::kTemperature,
+                               renderer::LabelVariant::kNormalised,
+                               renderer::LabelVariant::kLogSoftmax,
+                               renderer::LabelVariant::kRaw, renderer::LabelVariant::kLiteral};
 
 /// A model as the tensors that training has.
 struct ModelTensors {
-  explicit ModelTensors(const PanopticModel& model) {
+  explicit ModelTensors(const renderer::PanopticModel& model) {
     std::vector<float> p, s, r, f;
-    for (const InstanceQuery& q : model.queries) {
+    for (const renderer::InstanceQuery& q : model.queries) {
       p.insert(p.end(), {q.position_m.x, q.position_m.y, q.position_m.z});
       s.insert(s.end(), {std::log(q.sigma_m.x), std::log(q.sigma_m.y), std::log(q.sigma_m.z)});
       // Any length stands for the same rotation.
@@ -45,18 +46,18 @@ struct ModelTensors {
   at::Tensor position_m, log_sigma, rotation, feature;
 };
 
-at::Tensor features_of(const SurfelCloud& cloud) {
+at::Tensor features_of(const renderer::SurfelCloud& cloud) {
   std::vector<float> f;
   for (const auto& row : cloud.instance_feature) f.insert(f.end(), row.begin(), row.end());
   return ModelTensors::tensor(f, 32);
 }
 
 TEST(Attention, TrainingAndFoldingComputeTheSameLabels) {
-  SurfelCloud cloud = testing::random_scene(5, 400);
-  testing::add_random_features(cloud, 9);
-  for (const LabelVariant variant : kVariants) {
+  renderer::SurfelCloud cloud = renderer::testing::random_scene(5, 400);
+  renderer::testing::add_random_features(cloud, 9);
+  for (const renderer::LabelVariant variant : kVariants) {
     SCOPED_TRACE(static_cast<int>(variant));
-    PanopticModel model = testing::random_model(3, 4, 20, 0.2F, 1.0);
+    renderer::PanopticModel model = renderer::testing::random_model(3, 4, 20, 0.2F, 1.0);
     model.variant = variant;
     model.none_score = 0.07F;
     const ModelTensors t(model);
@@ -66,7 +67,7 @@ TEST(Attention, TrainingAndFoldingComputeTheSameLabels) {
                           t.position_m, t.log_sigma, t.rotation),
         {variant, static_cast<double>(model.none_score),
          static_cast<double>(model.temperature)});
-    const PanopticField field = fold_panoptic_model(
+    const renderer::PanopticField field = renderer::fold_panoptic_model(
         cloud, model, {.max_classes = 4, .max_instances = 21, .min_excess = 0.0F});
     double worst = 0.0, largest = 0.0;
     for (std::size_t i = 0; i < cloud.size(); ++i) {
@@ -83,12 +84,13 @@ TEST(Attention, TrainingAndFoldingComputeTheSameLabels) {
         largest = std::max(largest, trained);
         sum += trained;
       }
-      if (variant == LabelVariant::kNormalised || variant == LabelVariant::kLogSoftmax) {
+      if (variant == renderer::LabelVariant::kNormalised ||
+          variant == renderer::LabelVariant::kLogSoftmax) {
         EXPECT_NEAR(p[20], 1.0 - sum, 5e-3);  // The none-score takes the rest.
       }
     }
     EXPECT_LT(worst, 5e-3);
-    EXPECT_GT(largest, variant == LabelVariant::kLiteral ? 0.08 : 0.5);
+    EXPECT_GT(largest, variant == renderer::LabelVariant::kLiteral ? 0.08 : 0.5);
   }
 }
 
@@ -96,7 +98,7 @@ TEST(Attention, FusedIsUnfused) {
   const at::Tensor logit = random_tensor({50, 7}, 1, -4.0, 4.0);
   const at::Tensor distance2 = random_tensor({50, 7}, 2, 0.0, 20.0);
   const at::Tensor weight = random_tensor({50, 7}, 3);
-  for (const LabelVariant variant : kVariants) {
+  for (const renderer::LabelVariant variant : kVariants) {
     SCOPED_TRACE(static_cast<int>(variant));
     const LabelSettings settings{variant, 0.05, 0.3};
     std::array<std::array<at::Tensor, 3>, 2> results;
@@ -134,7 +136,7 @@ TEST(Attention, DerivativesAreThoseOfFiniteDifferences) {
   const at::Tensor weight = random_tensor({9, 4}, 12);
   const Inputs at{random_tensor({4, 3}, 13), random_tensor({4, 3}, 14, -0.7, 0.3),
                   random_tensor({4, 4}, 15, 0.2, 1.0), random_tensor({9, 4}, 16, -2.0, 2.0)};
-  for (const LabelVariant variant : kVariants) {
+  for (const renderer::LabelVariant variant : kVariants) {
     SCOPED_TRACE(static_cast<int>(variant));
     expect_derivatives(
         [&](const Inputs& x) {
@@ -146,4 +148,4 @@ TEST(Attention, DerivativesAreThoseOfFiniteDifferences) {
 }
 
 }  // namespace
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -20,7 +20,7 @@
 #include "tests/reconstruction/training/training_surfels.h"
 #include "tests/temporary_folder.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 using testing::OwnedGradients;
@@ -211,4 +211,4 @@ TEST(PoseChange, MeansAndLargest) {
 }
 
 }  // namespace
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -12,7 +12,7 @@
 #include "tests/reconstruction/training/training_surfels.h"
 #include "tests/renderer/scenes.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 using testing::OwnedGradients;
@@ -24,7 +24,7 @@ const OwnedSurfels<float>& room(int sh_degree) {
   static OwnedSurfels<float> rooms[4];
   OwnedSurfels<float>& surfels = rooms[sh_degree];
   if (surfels.count() > 0) return surfels;
-  surfels = testing::parameters_of<float>(testing::room_scene(0.0323F));
+  surfels = testing::parameters_of<float>(renderer::testing::room_scene(0.0323F));
   core::RandomStream random(1, "room");
   const auto coefficients = static_cast<std::size_t>((sh_degree + 1) * (sh_degree + 1));
   std::vector<float> sh(surfels.opacity_logit.size() * coefficients * 3);
@@ -99,4 +99,4 @@ void register_all() {
 const bool registered = (register_all(), true);
 
 }  // namespace
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

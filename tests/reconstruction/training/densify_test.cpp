@@ -7,7 +7,7 @@
 #include "core/check.h"
 #include "reconstruction/training/raw_surfels.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 using ::testing::ElementsAre;
@@ -63,8 +63,8 @@ TEST(Keep, RefusesListsOfOtherLengths) {
 }
 
 /// Turned by 90 degrees about z: t_u = y.
-SurfelCloud one_surfel() {
-  SurfelCloud cloud;
+renderer::SurfelCloud one_surfel() {
+  renderer::SurfelCloud cloud;
   cloud.position_m = {{1.0F, 2.0F, 3.0F}};
   cloud.R_world_surfel = {glm::angleAxis(0.5F * 3.14159265F, glm::vec3(0.0F, 0.0F, 1.0F))};
   cloud.scale_m = {{0.1F, 0.02F}};
@@ -76,11 +76,11 @@ SurfelCloud one_surfel() {
 TEST(SplitSurfels, HalvesAlongTheLongerAxis) {
   RawSurfels first = raw_surfels(one_surfel(), 0);
   const RawSurfels second = split_surfels(first);
-  const SurfelCloud a = surfel_cloud(first), b = surfel_cloud(second);
+  const renderer::SurfelCloud a = surfel_cloud(first), b = surfel_cloud(second);
   EXPECT_NEAR(a.position_m[0].y, 2.06F, 1e-5F);
   EXPECT_NEAR(b.position_m[0].y, 1.94F, 1e-5F);
   EXPECT_NEAR(a.position_m[0].x, 1.0F, 1e-5F);
-  for (const SurfelCloud& half : {a, b}) {
+  for (const renderer::SurfelCloud& half : {a, b}) {
     EXPECT_NEAR(half.scale_m[0].x, 0.07F, 1e-5F);
     EXPECT_NEAR(half.scale_m[0].y, 0.018F, 1e-5F);
     EXPECT_NEAR(half.opacity[0], 0.8F, 1e-5F);
@@ -89,16 +89,16 @@ TEST(SplitSurfels, HalvesAlongTheLongerAxis) {
 }
 
 TEST(RawSurfels, ThereAndBack) {
-  SurfelCloud cloud = one_surfel();
+  renderer::SurfelCloud cloud = one_surfel();
   cloud.sh_degree = 1;
   cloud.sh.resize(4, {0.5F, 0.25F, 0.125F});
-  const SurfelCloud back = surfel_cloud(raw_surfels(cloud, 1));
+  const renderer::SurfelCloud back = surfel_cloud(raw_surfels(cloud, 1));
   EXPECT_EQ(back.position_m, cloud.position_m);
   EXPECT_EQ(back.sh, cloud.sh);
   EXPECT_NEAR(back.scale_m[0].y, cloud.scale_m[0].y, 1e-7F);
   EXPECT_NEAR(back.opacity[0], cloud.opacity[0], 1e-6F);
   EXPECT_EQ(surfel_cloud(raw_surfels(cloud, 0)).sh.size(), 1U);
-  const SurfelCloud more = surfel_cloud(raw_surfels(cloud, 2));
+  const renderer::SurfelCloud more = surfel_cloud(raw_surfels(cloud, 2));
   ASSERT_EQ(more.sh.size(), 9U);
   EXPECT_EQ(more.sh[3], cloud.sh[3]);
   EXPECT_EQ(more.sh[4], glm::vec3(0.0F));
@@ -126,14 +126,14 @@ TEST(HoleFiller, FillsWhereNothingIsDrawn) {
   ASSERT_EQ(filler.pending().count(), 1);
   const RawSurfels taken = filler.take(10);
   EXPECT_EQ(filler.pending().count(), 0);
-  const SurfelCloud cloud = surfel_cloud(taken);
+  const renderer::SurfelCloud cloud = surfel_cloud(taken);
   const glm::dvec3 expected = camera.back_project({4.5, 2.5}, 2.0);
   EXPECT_NEAR(cloud.position_m[0].x, expected.x, 1e-5);
   EXPECT_NEAR(cloud.position_m[0].z, 2.0, 1e-5);
   const glm::vec3 normal = cloud.R_world_surfel[0] * glm::vec3(0.0F, 0.0F, 1.0F);
   EXPECT_NEAR(normal.z, -1.0F, 1e-3F);
-  EXPECT_NEAR(0.5F + kShC0 * cloud.sh[0].r, 1.0F, 1e-5F);
-  EXPECT_NEAR(0.5F + kShC0 * cloud.sh[0].b, 0.2F, 1e-5F);
+  EXPECT_NEAR(0.5F + renderer::kShC0 * cloud.sh[0].r, 1.0F, 1e-5F);
+  EXPECT_NEAR(0.5F + renderer::kShC0 * cloud.sh[0].b, 0.2F, 1e-5F);
   EXPECT_EQ(cloud.sh.size(), 4U);
 }
 
@@ -162,4 +162,4 @@ TEST(HoleFiller, KeepsToTheBudgetAndToWhatTheSensorMeasured) {
 }
 
 }  // namespace
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -13,7 +13,7 @@
 #include "core/random.h"
 #include "reconstruction/internal/tensors/tensors.h"
 
-namespace segsim::renderer::testing {
+namespace segsim::reconstruction::testing {
 
 inline at::Tensor random_tensor(const std::vector<std::int64_t>& shape, std::uint64_t seed,
                                 double lo = -1.0, double hi = 1.0) {
@@ -62,4 +62,4 @@ inline void expect_derivatives(
   }
 }
 
-}  // namespace segsim::renderer::testing
+}  // namespace segsim::reconstruction::testing

@@ -11,7 +11,7 @@
 #include "reconstruction/evaluation/image_quality.h"
 #include "renderer/scene/depth_normal.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace {
 
 using ::testing::DoubleNear;
@@ -85,7 +85,7 @@ TEST(Ssim, EqualsTheMetricOnImages) {
     return device_tensor(v, torch::kFloat32, torch::kCPU).view({height, width, 3});
   };
   EXPECT_NEAR(ssim(tensor(values[0]), tensor(values[1])).item<double>(),
-              renderer::ssim(image, truth), 1e-4);
+              reconstruction::ssim(image, truth), 1e-4);
   EXPECT_NEAR(ssim(tensor(values[1]), tensor(values[1])).item<double>(), 1.0, 1e-6);
 }
 
@@ -164,7 +164,8 @@ TEST(NormalConsistency, ZeroOnAPlaneWithItsOwnNormal) {
                                  plane.T_world_camera)
                   .item<double>(),
               2.0, 1e-6);
-  const auto of_depth = depth_normals(plane.image, plane.camera, plane.T_world_camera);
+  const auto of_depth =
+      renderer::depth_normals(plane.image, plane.camera, plane.T_world_camera);
   const Tensor n = plane.normal[5][6];
   EXPECT_NEAR(of_depth(6, 5).x, n[0].item<double>(), 1e-3);
   EXPECT_NEAR(of_depth(6, 5).z, n[2].item<double>(), 1e-3);
@@ -189,4 +190,4 @@ TEST(Ssim, RefusesOtherSizes) {
 }
 
 }  // namespace
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

@@ -17,19 +17,19 @@
 #include "renderer/scene/room_scene.h"
 #include "tests/temporary_folder.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 /// A small room, its exact pictures, and a start that is off in place and colour.
 class SmallRoom {
  public:
   SmallRoom() {
-    truth_ = std::make_shared<SurfelCloud>(
-        make_room_scene({.surfel_count = 4000, .seed = 3, .spread = 1.2}));
+    truth_ = std::make_shared<renderer::SurfelCloud>(
+        renderer::make_room_scene({.surfel_count = 4000, .seed = 3, .spread = 1.2}));
     set_.intrinsics = core::CameraIntrinsics::from_fov(64, 48, 1.2);
-    const auto renderer = make_cpu_renderer(truth_);
+    const auto renderer = renderer::make_cpu_renderer(truth_);
     std::size_t frame = 0;
-    for (const core::CameraPose& pose : room_camera_ring(20)) {
+    for (const core::CameraPose& pose : renderer::room_camera_ring(20)) {
       const core::Frame drawn = renderer->render(pose, set_.intrinsics, core::Channels::kRgbd);
       TrainingView view;
       view.frame = frame;
@@ -72,8 +72,9 @@ class SmallRoom {
     ColorQuality color;
     DepthQuality depth;
   };
-  [[nodiscard]] Quality held_out(const SurfelCloud& cloud) const {
-    const auto renderer = make_cpu_renderer(std::make_shared<SurfelCloud>(cloud));
+  [[nodiscard]] Quality held_out(const renderer::SurfelCloud& cloud) const {
+    const auto renderer =
+        renderer::make_cpu_renderer(std::make_shared<renderer::SurfelCloud>(cloud));
     Quality quality;
     for (const TrainingView& view : set_.held_out) {
       const core::Frame drawn =
@@ -84,13 +85,13 @@ class SmallRoom {
     return quality;
   }
 
-  std::shared_ptr<SurfelCloud> truth_;
+  std::shared_ptr<renderer::SurfelCloud> truth_;
   TrainingSet set_;
-  SurfelCloud start_;
+  renderer::SurfelCloud start_;
   GeometryConfig config_;
 };
 
-void expect_same(const SurfelCloud& a, const SurfelCloud& b) {
+void expect_same(const renderer::SurfelCloud& a, const renderer::SurfelCloud& b) {
   ASSERT_EQ(a.size(), b.size());
   EXPECT_EQ(a.position_m, b.position_m);
   EXPECT_EQ(a.sh, b.sh);
@@ -105,13 +106,13 @@ TEST(GeometryTraining, ImprovesViewsItHasNotSeen) {
   const double before_db = room.held_out(room.start_).color.psnr_db();
   std::int64_t surfels = 0;
   while (trainer->iteration() < room.config_.iterations) surfels = trainer->step().surfels;
-  const SurfelCloud after = trainer->surfels();
+  const renderer::SurfelCloud after = trainer->surfels();
   EXPECT_EQ(static_cast<std::int64_t>(after.size()), surfels);
   EXPECT_GT(room.held_out(after).color.psnr_db(), before_db + 5.0)
       << before_db << " dB before training";
   EXPECT_EQ(after.sh_degree, 1);
   EXPECT_LT(after.size(), room.start_.size());  // The faint ones are gone.
-  check_surfels(after);
+  renderer::check_surfels(after);
 }
 
 TEST(GeometryTraining, SplitsWithinTheBudget) {
@@ -125,7 +126,7 @@ TEST(GeometryTraining, SplitsWithinTheBudget) {
   }
   EXPECT_GT(most, 4500);
   EXPECT_LE(most, room.config_.densify.max_surfels);
-  check_surfels(trainer->surfels());
+  renderer::check_surfels(trainer->surfels());
 }
 
 TEST(GeometryTraining, SplitsAlsoWhenItIsLongerThanPruningWaits) {
@@ -302,14 +303,14 @@ TEST(GeometryTraining, ViewsWithoutDepthTrainOnColorAlone) {
   EXPECT_GT(normal, 0.0);  // Of the surfels' own depth.
   EXPECT_GT(room.held_out(trainer->surfels()).color.psnr_db(),
             room.held_out(room.start_).color.psnr_db() + 5.0);
-  check_surfels(trainer->surfels());
+  renderer::check_surfels(trainer->surfels());
 }
 
 TEST(GeometryTraining, LossThatIsNoNumberLeavesTheSurfels) {
   SmallRoom room;
   const auto trainer = room.make();
   (void)trainer->step();
-  const SurfelCloud before = trainer->surfels();
+  const renderer::SurfelCloud before = trainer->surfels();
   room.config_.loss.depth = INFINITY;
   const auto broken = room.make();
   try {
@@ -325,7 +326,7 @@ TEST(GeometryTraining, LossThatIsNoNumberLeavesTheSurfels) {
 TEST(GeometryTraining, HolesAreFilled) {
   SmallRoom room;
   // Everything in half of the room is missing.
-  SurfelCloud part;
+  renderer::SurfelCloud part;
   for (std::size_t i = 0; i < room.start_.size(); ++i) {
     if (room.start_.position_m[i].x > 3.5F) continue;
     part.position_m.push_back(room.start_.position_m[i]);
@@ -363,10 +364,11 @@ TEST(ViewOfIteration, EveryViewOnceAnEpoch) {
 
 TEST(TrainingDevice, CudaMustBeThere) {
 #ifndef SEGSIM_WITH_CUDA_TRAINING
-  EXPECT_THROW((void)make_training_rasterizer({.backend = Backend::kCuda}), core::InputError);
+  EXPECT_THROW((void)make_training_rasterizer({.backend = renderer::Backend::kCuda}),
+               core::InputError);
 #endif
-  EXPECT_FALSE(trains_on_gpu({.backend = Backend::kCpu}));
+  EXPECT_FALSE(trains_on_gpu({.backend = renderer::Backend::kCpu}));
 }
 
 }  // namespace
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

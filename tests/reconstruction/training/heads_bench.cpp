@@ -13,6 +13,7 @@
 namespace {
 
 using namespace segsim;
+using namespace segsim::reconstruction;
 using namespace segsim::renderer;
 
 constexpr int kSurfels = 300'000, kVisible = 60'000, kPixels = 16384, kPerPixel = 10;

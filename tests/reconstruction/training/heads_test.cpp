@@ -8,7 +8,7 @@
 #include "core/error.h"
 #include "tests/reconstruction/training/label_scene.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 using testing::LabelScene;
@@ -57,15 +57,16 @@ PanopticTrainingConfig grid_config() {
 
 TEST_F(Heads, TheLiteralSoftmaxIsWorse) {
   PanopticTrainingConfig config = grid_config();
-  config.query.variant = LabelVariant::kLiteral;
+  config.query.variant = renderer::LabelVariant::kLiteral;
   const double literal = scene().evaluate(scene().train("query", config)->result().field).pq;
   EXPECT_LT(literal, 0.85);  // The others reach 0.95.
 }
 
 TEST_F(Heads, AllOtherVariantsConverge) {
   PanopticTrainingConfig config = grid_config();
-  for (const LabelVariant variant : {LabelVariant::kNormalised, LabelVariant::kRaw,
-                                     LabelVariant::kTemperature, LabelVariant::kLogSoftmax}) {
+  for (const renderer::LabelVariant variant :
+       {renderer::LabelVariant::kNormalised, renderer::LabelVariant::kRaw,
+        renderer::LabelVariant::kTemperature, renderer::LabelVariant::kLogSoftmax}) {
     config.query.variant = variant;
     const double pq = scene().evaluate(scene().train("query", config)->result().field).pq;
     EXPECT_GT(pq, 0.9) << static_cast<int>(variant);
@@ -124,7 +125,7 @@ TEST_F(Heads, ResumedTrainingIsTheSameTraining) {
     ASSERT_EQ(resumed.size(), 20U);
     for (std::size_t i = 0; i < resumed.size(); ++i) EXPECT_EQ(resumed[i], through[30 + i]);
     EXPECT_EQ(first->result().instance_feature, second->result().instance_feature);
-    const PanopticField one = first->result().field, two = second->result().field;
+    const renderer::PanopticField one = first->result().field, two = second->result().field;
     for (std::size_t s = 0; s < one.size(); s += 7) {
       ASSERT_EQ(one.instances.row(s).size(), two.instances.row(s).size());
       if (one.instances.row(s).empty()) continue;
@@ -193,7 +194,7 @@ class OneStep : public Heads {
 TEST_F(OneStep, UntrainedLossesAreThoseOfEqualProbabilities) {
   add_pixels(10, 1, 0);
   add_pixels(10, 3, 1);
-  config_.query.variant = LabelVariant::kRaw;
+  config_.query.variant = renderer::LabelVariant::kRaw;
   const auto losses = step();
   // Classes: the decoder's bias and the features are 0. log 5.
   EXPECT_NEAR(value_of(losses, "semantic"), std::log(5.0), 1e-4);
@@ -344,4 +345,4 @@ TEST_F(OneStep, StatesOfAnotherHeadOrSceneAreRefused) {
 }
 
 }  // namespace
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

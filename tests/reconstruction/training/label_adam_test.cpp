@@ -10,7 +10,7 @@
 #include "core/file_io.h"
 #include "tests/reconstruction/training/finite_differences.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 using internal::AdamTensor;
@@ -130,4 +130,4 @@ TEST_F(StateFile, BadFilesAreRefused) {
 }
 
 }  // namespace
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

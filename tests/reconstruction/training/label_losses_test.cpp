@@ -6,7 +6,7 @@
 
 #include "tests/reconstruction/training/finite_differences.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 using internal::bce_losses;
@@ -142,4 +142,4 @@ TEST(LabelLosses, DerivativesAreThoseOfFiniteDifferences) {
 }
 
 }  // namespace
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

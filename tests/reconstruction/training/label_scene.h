@@ -22,7 +22,7 @@
 #include "tests/reconstruction/training/training_surfels.h"
 #include "tests/renderer/scenes.h"
 
-namespace segsim::renderer::testing {
+namespace segsim::reconstruction::testing {
 
 inline std::vector<core::SceneClass> label_scene_classes() {
   return {{1, "floor", false},
@@ -33,8 +33,9 @@ inline std::vector<core::SceneClass> label_scene_classes() {
 }
 
 /// A rectangle of surfels: corner + a u + b v, a, b in [0, 1].
-inline void add_plate(SurfelCloud& cloud, const glm::vec3& corner, const glm::vec3& u,
-                      const glm::vec3& v, std::uint16_t semantic, std::uint16_t instance) {
+inline void add_plate(renderer::SurfelCloud& cloud, const glm::vec3& corner,
+                      const glm::vec3& u, const glm::vec3& v, std::uint16_t semantic,
+                      std::uint16_t instance) {
   constexpr float kSpacing_m = 0.08F;
   const int nu = std::max(1, static_cast<int>(std::lround(glm::length(u) / kSpacing_m)));
   const int nv = std::max(1, static_cast<int>(std::lround(glm::length(v) / kSpacing_m)));
@@ -42,18 +43,20 @@ inline void add_plate(SurfelCloud& cloud, const glm::vec3& corner, const glm::ve
     for (int j = 0; j < nv; ++j) {
       const float a = (static_cast<float>(i) + 0.5F) / static_cast<float>(nu);
       const float b = (static_cast<float>(j) + 0.5F) / static_cast<float>(nv);
-      add(cloud, {.position_m = corner + a * u + b * v,
-                  .R_world_surfel = facing(glm::normalize(glm::cross(u, v))),
-                  .scale_m = glm::vec2(0.7F * kSpacing_m),
-                  .opacity = 0.95F,
-                  .colour = glm::vec3(0.5F),
-                  .semantic = semantic,
-                  .instance = instance});
+      renderer::testing::add(
+          cloud,
+          {.position_m = corner + a * u + b * v,
+           .R_world_surfel = renderer::testing::facing(glm::normalize(glm::cross(u, v))),
+           .scale_m = glm::vec2(0.7F * kSpacing_m),
+           .opacity = 0.95F,
+           .colour = glm::vec3(0.5F),
+           .semantic = semantic,
+           .instance = instance});
     }
   }
 }
 
-inline void add_box(SurfelCloud& cloud, const glm::vec3& lo, const glm::vec3& size,
+inline void add_box(renderer::SurfelCloud& cloud, const glm::vec3& lo, const glm::vec3& size,
                     std::uint16_t semantic, std::uint16_t instance) {
   const glm::vec3 x(size.x, 0, 0), y(0, size.y, 0), z(0, 0, size.z);
   add_plate(cloud, lo + z, x, y, semantic, instance);
@@ -63,8 +66,8 @@ inline void add_box(SurfelCloud& cloud, const glm::vec3& lo, const glm::vec3& si
   add_plate(cloud, lo + x, y, z, semantic, instance);
 }
 
-inline SurfelCloud label_scene_cloud() {
-  SurfelCloud cloud;
+inline renderer::SurfelCloud label_scene_cloud() {
+  renderer::SurfelCloud cloud;
   add_plate(cloud, {-2.0F, -2.0F, 0.0F}, {4.0F, 0, 0}, {0, 4.0F, 0}, 1, 0);
   add_plate(cloud, {-2.0F, 2.0F, 0.0F}, {4.0F, 0, 0}, {0, 0, 1.5F}, 2, 0);
   add_plate(cloud, {2.0F, -2.0F, 0.0F}, {0, 4.0F, 0}, {0, 0, 1.5F}, 2, 0);
@@ -90,10 +93,10 @@ class LabelScene : public PanopticViews {
   const core::CameraIntrinsics camera = core::CameraIntrinsics::from_fov(80, 60, 1.2);
 
   LabelScene()
-      : cloud_(std::make_shared<const SurfelCloud>(label_scene_cloud())),
+      : cloud_(std::make_shared<const renderer::SurfelCloud>(label_scene_cloud())),
         parameters_(parameters_of<float>(*cloud_)) {
     // One vote: class and instance of a pixel are of the same surfel.
-    auto renderer = make_cpu_renderer(cloud_, {.top_k = 1, .threads = 1});
+    auto renderer = renderer::make_cpu_renderer(cloud_, {.top_k = 1, .threads = 1});
     for (int place = 0; place < 2 * kViews; ++place) {
       const core::CameraPose pose = label_scene_pose(place, 2 * kViews);
       core::Frame frame =
@@ -103,7 +106,7 @@ class LabelScene : public PanopticViews {
     set_masks(1);
   }
 
-  [[nodiscard]] const SurfelCloud& cloud() const { return *cloud_; }
+  [[nodiscard]] const renderer::SurfelCloud& cloud() const { return *cloud_; }
   [[nodiscard]] std::vector<core::FrameMasks>& all_masks() { return masks_; }
 
   /// Exact masks; ids are shuffled in every view, and differently for every seed.
@@ -153,9 +156,11 @@ class LabelScene : public PanopticViews {
   }
 
   /// Strict panoptic quality on the test views.
-  [[nodiscard]] PanopticQuality evaluate(const PanopticField& field, int top_k = 4) const {
-    auto renderer = make_cpu_renderer(cloud_, {.top_k = top_k, .threads = 1},
-                                      std::make_shared<const PanopticField>(field));
+  [[nodiscard]] PanopticQuality evaluate(const renderer::PanopticField& field,
+                                         int top_k = 4) const {
+    auto renderer =
+        renderer::make_cpu_renderer(cloud_, {.top_k = top_k, .threads = 1},
+                                    std::make_shared<const renderer::PanopticField>(field));
     ContingencyTable table;
     for (const core::Frame& truth : test_) {
       const core::Frame frame =
@@ -198,7 +203,7 @@ class LabelScene : public PanopticViews {
   }
 
  private:
-  std::shared_ptr<const SurfelCloud> cloud_;
+  std::shared_ptr<const renderer::SurfelCloud> cloud_;
   OwnedSurfels<float> parameters_;
   std::vector<core::Frame> training_, test_;
   std::vector<core::FrameMasks> masks_;
@@ -206,4 +211,4 @@ class LabelScene : public PanopticViews {
       rasterizers_;
 };
 
-}  // namespace segsim::renderer::testing
+}  // namespace segsim::reconstruction::testing

@@ -7,7 +7,7 @@
 
 #include "core/random.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 constexpr int kSize = 96;
@@ -169,4 +169,4 @@ TEST(MaskAssociation, PixelsWithoutDepthAreNotThere) {
 }
 
 }  // namespace
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

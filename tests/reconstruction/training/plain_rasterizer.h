@@ -17,7 +17,7 @@
 #include "renderer/scene/render_options.h"
 #include "tests/reconstruction/training/training_surfels.h"
 
-namespace segsim::renderer::testing {
+namespace segsim::reconstruction::testing {
 
 template <class Real>
 class PlainRasterizer {
@@ -31,8 +31,8 @@ class PlainRasterizer {
                   const core::CameraPose& T_world_camera)
       : surfels_(surfels),
         intrinsics_(camera),
-        camera_(internal::projection_camera<Real>(T_world_camera, camera)),
-        key_camera_(internal::projection_camera<float>(T_world_camera, camera)) {
+        camera_(renderer::internal::projection_camera<Real>(T_world_camera, camera)),
+        key_camera_(renderer::internal::projection_camera<float>(T_world_camera, camera)) {
     for (std::int64_t i = 0; i < surfels.count(); ++i) project(i);
     std::sort(drawn_.begin(), drawn_.end(), [](const Drawn& a, const Drawn& b) {
       return std::pair(a.key, a.id) < std::pair(b.key, b.id);
@@ -86,26 +86,27 @@ class PlainRasterizer {
 
   void project(std::int64_t i) {
     const SurfelParameters<Real> view = surfels_.view();
-    const Vec3<Real> p = load_vec3(view.position_m, i);
-    constexpr float kNearM = RenderOptions{}.near_m;
+    const renderer::Vec3<Real> p = load_vec3(view.position_m, i);
+    constexpr float kNearM = renderer::RenderOptions{}.near_m;
     Drawn d;
     d.id = i;
-    d.key = depth_of_centre(key_camera_,
-                            Vec3<float>{static_cast<float>(p.x), static_cast<float>(p.y),
-                                        static_cast<float>(p.z)});
+    d.key = renderer::depth_of_centre(
+        key_camera_, renderer::Vec3<float>{static_cast<float>(p.x), static_cast<float>(p.y),
+                                           static_cast<float>(p.z)});
     if (!(d.key > kNearM)) return;
     const ActiveSurfel<Real> active = activate(view, i);
-    const Real k2 = extent_squared(active.opacity);
+    const Real k2 = renderer::extent_squared(active.opacity);
     if (!(k2 > Real(0))) return;
-    const SurfelProjection<Real> s =
-        project_surfel(camera_, p, scaled(active.t_u, active.scale_u_m),
-                       scaled(active.t_v, active.scale_v_m));
+    const renderer::SurfelProjection<Real> s =
+        renderer::project_surfel(camera_, p, scaled(active.t_u, active.scale_u_m),
+                                 scaled(active.t_v, active.scale_v_m));
     d.surfel = drawn_surfel(active, s, k2, Real(kNearM), camera_);
     d.surfel.colour = colour_of(view, i, camera_);
     d.x_lo = d.y_lo = 0.0;
     d.x_hi = intrinsics_.width_px, d.y_hi = intrinsics_.height_px;
-    if (!crosses_near_plane(s, k2 * Real(1.01), Real(kNearM))) {
-      const ScreenBox<Real> box = with_low_pass(box_of(outline_of_disc(s, k2)), s, k2);
+    if (!renderer::crosses_near_plane(s, k2 * Real(1.01), Real(kNearM))) {
+      const renderer::ScreenBox<Real> box =
+          renderer::with_low_pass(renderer::box_of(renderer::outline_of_disc(s, k2)), s, k2);
       constexpr double kMarginPx = 1.0;
       d.x_lo = static_cast<double>(box.x_min_px) - kMarginPx;
       d.x_hi = static_cast<double>(box.x_max_px) + kMarginPx;
@@ -167,7 +168,7 @@ class PlainRasterizer {
 
   static PixelLoss<Real> loss_at(std::size_t at, const OwnedImages<Real>& loss) {
     const auto vector = [at](const std::vector<Real>& v) {
-      return Vec3<Real>{v[3 * at], v[3 * at + 1], v[3 * at + 2]};
+      return renderer::Vec3<Real>{v[3 * at], v[3 * at + 1], v[3 * at + 2]};
     };
     return {vector(loss.rgb), loss.depth_m[at], loss.alpha[at], vector(loss.normal),
             loss.distortion[at]};
@@ -183,9 +184,9 @@ class PlainRasterizer {
 
   const OwnedSurfels<Real>& surfels_;
   core::CameraIntrinsics intrinsics_;
-  ProjectionCamera<Real> camera_;
-  ProjectionCamera<float> key_camera_;
+  renderer::ProjectionCamera<Real> camera_;
+  renderer::ProjectionCamera<float> key_camera_;
   std::vector<Drawn> drawn_;
 };
 
-}  // namespace segsim::renderer::testing
+}  // namespace segsim::reconstruction::testing

@@ -12,7 +12,7 @@
 #include "reconstruction/rasterizer/differentiable_rasterizer.h"
 #include "tests/renderer/scenes.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 using testing::OwnedGradients;
@@ -71,8 +71,9 @@ TEST(PlainRasterizer, CpuRasterizerInDoubleAgrees) {
   for (const int degree : {0, 3}) {
     expect_agreement<double>(testing::random_surfels<double>(11, 600, degree), {}, 1e-9);
   }
-  expect_agreement<double>(testing::parameters_of<double>(testing::random_scene(10, 1500)),
-                           core::look_at({0.1, 0.2, -0.1}, {1.0, 0.3, 0.2}), 1e-9);
+  expect_agreement<double>(
+      testing::parameters_of<double>(renderer::testing::random_scene(10, 1500)),
+      core::look_at({0.1, 0.2, -0.1}, {1.0, 0.3, 0.2}), 1e-9);
 }
 
 TEST(PlainRasterizer, CpuRasterizerInFloatAgrees) {
@@ -80,4 +81,4 @@ TEST(PlainRasterizer, CpuRasterizerInFloatAgrees) {
 }
 
 }  // namespace
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

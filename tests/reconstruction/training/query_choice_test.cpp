@@ -11,7 +11,7 @@
 #include "reconstruction/labels/query_pruning.h"
 #include "reconstruction/labels/query_seeding.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 const core::CameraIntrinsics kCamera = core::CameraIntrinsics::from_fov(40, 30, 1.0);
@@ -210,4 +210,4 @@ TEST(WarpPixels, WhatIsHiddenOrUnknownThereIsNotFound) {
 }
 
 }  // namespace
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

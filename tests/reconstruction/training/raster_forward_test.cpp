@@ -19,7 +19,7 @@
 #include "tests/renderer/blending_oracle.h"
 #include "tests/renderer/scenes.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 using testing::OwnedGradients;
@@ -32,8 +32,8 @@ const core::CameraIntrinsics kCamera{75, 52, 60.0, 58.0, 36.3, 27.1};
 core::CameraPose inside_the_box() { return core::look_at({0.3, -0.2, 0.1}, {2.0, 1.0, 0.4}); }
 
 /// A scene of awkward discs, with colours of degree 2.
-SurfelCloud awkward_scene(std::uint64_t seed, int count) {
-  SurfelCloud cloud = testing::random_scene(seed, count);
+renderer::SurfelCloud awkward_scene(std::uint64_t seed, int count) {
+  renderer::SurfelCloud cloud = renderer::testing::random_scene(seed, count);
   core::RandomStream random(seed, "colours");
   std::vector<glm::vec3> sh;
   for (const glm::vec3& dc : cloud.sh) {
@@ -51,7 +51,7 @@ SurfelCloud awkward_scene(std::uint64_t seed, int count) {
 }
 
 /// The definition in surfel_parameters.h.
-double distortion_of(const testing::OraclePixel& pixel) {
+double distortion_of(const renderer::testing::OraclePixel& pixel) {
   const auto m = [](double z) { return 100.0 / (100.0 - 0.2) * (1.0 - 0.2 / z); };
   double sum = 0.0;
   for (std::size_t i = 0; i < pixel.contributors.size(); ++i) {
@@ -71,9 +71,9 @@ struct Worst {
 
 template <class Real>
 Worst compare_with_oracle(std::uint64_t seed) {
-  const auto cloud = std::make_shared<const SurfelCloud>(awkward_scene(seed, 900));
+  const auto cloud = std::make_shared<const renderer::SurfelCloud>(awkward_scene(seed, 900));
   const OwnedSurfels<Real> surfels = testing::parameters_of<Real>(*cloud);
-  const testing::BlendingOracle oracle(cloud, inside_the_box(), kCamera);
+  const renderer::testing::BlendingOracle oracle(cloud, inside_the_box(), kCamera);
   OwnedImages<Real> images(kCamera);
   make_cpu_rasterizer<Real>({1})->forward(surfels.view(), kCamera, inside_the_box(),
                                           images.view(), nullptr);
@@ -83,7 +83,7 @@ Worst compare_with_oracle(std::uint64_t seed) {
   };
   for (int y = 0; y < kCamera.height_px; ++y) {
     for (int x = 0; x < kCamera.width_px; ++x) {
-      const testing::OraclePixel expected = oracle.pixel(x, y);
+      const renderer::testing::OraclePixel expected = oracle.pixel(x, y);
       if (!expected.certain) continue;
       ++worst.pixels;
       const auto p = static_cast<std::size_t>(y * kCamera.width_px + x);
@@ -132,13 +132,14 @@ TEST(RasterForward, FloatMatchesTheOracle) {
 
 /// A room of opaque surfels, as in training.
 TEST(RasterForward, FloatMatchesTheInferenceRenderer) {
-  const auto cloud = std::make_shared<const SurfelCloud>(testing::room_scene(0.06F));
+  const auto cloud =
+      std::make_shared<const renderer::SurfelCloud>(renderer::testing::room_scene(0.06F));
   const auto camera = core::CameraIntrinsics::from_fov(160, 120, 1.2);
   const core::CameraPose pose = core::look_at({3.0, 2.4, 1.3}, {0.5, 1.0, 0.8});
-  RenderOptions options;
-  options.depth = DepthMode::kExpected;
+  renderer::RenderOptions options;
+  options.depth = renderer::DepthMode::kExpected;
   const core::Frame frame =
-      make_cpu_renderer(cloud, options)->render(pose, camera, core::Channels::kAll);
+      renderer::make_cpu_renderer(cloud, options)->render(pose, camera, core::Channels::kAll);
   const OwnedSurfels<float> surfels = testing::parameters_of<float>(*cloud);
   OwnedImages<float> images(camera);
   make_cpu_rasterizer<float>()->forward(surfels.view(), camera, pose, images.view(), nullptr);
@@ -275,7 +276,9 @@ TEST(RasterWeights, SumToAlphaAndExplainTheLargest) {
         const double w = static_cast<double>(weights.weight[k]);
         EXPECT_GT(w, 0.0);
         alpha += w;
-        red += w * std::max(0.0, 0.5 + static_cast<double>(kShC0 * surfels.sh[3 * surfel]));
+        red +=
+            w *
+            std::max(0.0, 0.5 + static_cast<double>(renderer::kShC0 * surfels.sh[3 * surfel]));
         largest[surfel] = std::max(largest[surfel], weights.weight[k]);
       }
       const auto pixel = static_cast<std::size_t>(pixels[static_cast<std::size_t>(row)]);
@@ -394,4 +397,4 @@ TEST(RasterInput, BrokenCallsAreRefused) {
 }
 
 }  // namespace
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

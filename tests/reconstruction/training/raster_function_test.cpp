@@ -5,7 +5,7 @@
 #include "core/check.h"
 #include "tests/reconstruction/training/training_surfels.h"
 
-namespace segsim::renderer::internal {
+namespace segsim::reconstruction::internal {
 namespace {
 
 using testing::OwnedGradients;
@@ -99,4 +99,4 @@ TEST(RasterFunction, RefusesOtherShapes) {
 }
 
 }  // namespace
-}  // namespace segsim::renderer::internal
+}  // namespace segsim::reconstruction::internal

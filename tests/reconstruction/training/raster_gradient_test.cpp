@@ -12,7 +12,7 @@
 #include "reconstruction/rasterizer/differentiable_rasterizer.h"
 #include "tests/reconstruction/training/training_surfels.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 using testing::OwnedGradients;
@@ -222,4 +222,4 @@ TEST(RasterGradientScreen, IsTheDerivativeByTheProjectedCentre) {
 }
 
 }  // namespace
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -16,7 +16,7 @@
 #include "renderer/scene/simd_target.h"
 #include "tests/reconstruction/training/training_surfels.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 using testing::OwnedGradients;
@@ -101,7 +101,7 @@ void expect_double_precision() {
 #ifdef SEGSIM_ONLY_TARGET
 
 TEST(RasterTargets, PortableOneIsNearDoublePrecision) {
-  ASSERT_EQ(simd_target(), SEGSIM_ONLY_TARGET);
+  ASSERT_EQ(renderer::simd_target(), SEGSIM_ONLY_TARGET);
   expect_double_precision();
 }
 
@@ -126,4 +126,4 @@ TEST(RasterTargets, OfThisProcessorAreNearDoublePrecision) {
 #endif
 
 }  // namespace
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

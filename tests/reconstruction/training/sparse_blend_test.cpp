@@ -6,7 +6,7 @@
 #include "core/random.h"
 #include "tests/reconstruction/training/finite_differences.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 using internal::blend;
@@ -145,4 +145,4 @@ TEST(SparseBlend, ABatchWithoutAnythingIsEmpty) {
 }
 
 }  // namespace
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -8,7 +8,7 @@
 #include "core/error.h"
 #include "core/file_io.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 using ::testing::HasSubstr;
@@ -51,7 +51,7 @@ TEST(TrainingConfig, NamesASubset) {
   EXPECT_EQ(config.geometry.iterations, 77);
   EXPECT_EQ(config.geometry.loss.ssim, 0.5);
   EXPECT_EQ(config.geometry.loss.depth, GeometryConfig{}.loss.depth);
-  EXPECT_EQ(config.panoptic.query.variant, LabelVariant::kLiteral);
+  EXPECT_EQ(config.panoptic.query.variant, renderer::LabelVariant::kLiteral);
   EXPECT_EQ(config.panoptic.void_policy, VoidPolicy::kNegative);
   const std::string text = training_config_text(config);
   EXPECT_EQ(training_config_text(parse_training_config(text, "copy")), text);
@@ -74,4 +74,4 @@ TEST(TrainingConfig, BadInput) {
 }
 
 }  // namespace
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

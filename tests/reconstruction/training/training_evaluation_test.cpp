@@ -4,7 +4,7 @@
 
 #include "core/check.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 TEST(ExposureBetween, IsLinearInTheFramesAndConstantAtTheEnds) {
@@ -28,4 +28,4 @@ TEST(ExposureBetween, IsLinearInTheFramesAndConstantAtTheEnds) {
 }
 
 }  // namespace
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

@@ -8,7 +8,7 @@
 #include "core/error.h"
 #include "core/file_io.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 using ::testing::HasSubstr;
@@ -39,8 +39,8 @@ TrainingSet two_and_one() {
   return set;
 }
 
-SurfelCloud two_surfels() {
-  SurfelCloud cloud;
+renderer::SurfelCloud two_surfels() {
+  renderer::SurfelCloud cloud;
   cloud.position_m = {{1.0F, 2.0F, 3.0F}, {-4.0F, 5.0F, 6.5F}};
   cloud.R_world_surfel = {{1.0F, 0.0F, 0.0F, 0.0F}, {0.6F, 0.0F, 0.8F, 0.0F}};
   cloud.scale_m = {{0.5F, 0.25F}, {0.1F, 0.2F}};
@@ -124,4 +124,4 @@ TEST_F(TrainingPackFile, AViewWithoutDepthIsTheCallersMistake) {
 }
 
 }  // namespace
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

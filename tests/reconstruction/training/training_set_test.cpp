@@ -6,7 +6,7 @@
 #include "tests/error_message.h"
 #include "tests/reconstruction/tiny_sequence.h"
 
-namespace segsim::renderer {
+namespace segsim::reconstruction {
 namespace {
 
 using ::testing::ElementsAre;
@@ -249,4 +249,4 @@ TEST(TrainingSet, LoadsShrunkAndRefusesToShrinkToNothing) {
 }
 
 }  // namespace
-}  // namespace segsim::renderer
+}  // namespace segsim::reconstruction

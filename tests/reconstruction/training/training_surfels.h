@@ -16,7 +16,7 @@
 #include "reconstruction/rasterizer/differentiable_rasterizer.h"
 #include "renderer/scene/surfels.h"
 
-namespace segsim::renderer::testing {
+namespace segsim::reconstruction::testing {
 
 template <class Real>
 struct OwnedSurfels {
@@ -206,7 +206,7 @@ OwnedSurfels<To> converted(const OwnedSurfels<From>& from) {
 
 /// The parameters of a scene; opacities below 1.
 template <class Real>
-OwnedSurfels<Real> parameters_of(const SurfelCloud& cloud) {
+OwnedSurfels<Real> parameters_of(const renderer::SurfelCloud& cloud) {
   OwnedSurfels<Real> surfels;
   surfels.sh_degree = surfels.active_sh_degree = cloud.sh_degree;
   const auto push = [](std::vector<Real>& to, double value) {
@@ -240,4 +240,4 @@ OwnedImages<Real> random_loss(std::uint64_t seed, const core::CameraIntrinsics& 
   return loss;
 }
 
-}  // namespace segsim::renderer::testing
+}  // namespace segsim::reconstruction::testing

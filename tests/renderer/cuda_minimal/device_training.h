@@ -37,7 +37,7 @@ inline cuda::DeviceArray<float> poisoned(std::size_t count) {
 }
 
 struct DeviceSurfels {
-  explicit DeviceSurfels(const OwnedSurfels<float>& s)
+  explicit DeviceSurfels(const reconstruction::testing::OwnedSurfels<float>& s)
       : sh_degree(s.sh_degree),
         active_sh_degree(s.active_sh_degree),
         count(s.count()),
@@ -46,7 +46,7 @@ struct DeviceSurfels {
         rotation(uploaded(s.rotation)),
         opacity_logit(uploaded(s.opacity_logit)),
         sh(uploaded(s.sh)) {}
-  [[nodiscard]] SurfelParameters<float> view() const {
+  [[nodiscard]] reconstruction::SurfelParameters<float> view() const {
     return {count,
             sh_degree,
             active_sh_degree,
@@ -71,11 +71,11 @@ struct DeviceGradients {
         sh(poisoned(s.sh.size())),
         screen(poisoned(s.opacity_logit.size())),
         max_weight(poisoned(s.opacity_logit.size())) {}
-  [[nodiscard]] SurfelGradients<float> view() const {
+  [[nodiscard]] reconstruction::SurfelGradients<float> view() const {
     return {position_m.data(), log_scale.data(), rotation.data(),  opacity_logit.data(),
             sh.data(),         screen.data(),    max_weight.data()};
   }
-  void download(OwnedGradients<float>& to) const {
+  void download(reconstruction::testing::OwnedGradients<float>& to) const {
     to.position_m = downloaded(position_m.data(), position_m.size());
     to.log_scale = downloaded(log_scale.data(), log_scale.size());
     to.rotation = downloaded(rotation.data(), rotation.size());
@@ -98,7 +98,7 @@ struct DeviceTrainingImages {
         normal(poisoned(3 * area())),
         median_m(poisoned(area())),
         distortion(poisoned(area())) {}
-  explicit DeviceTrainingImages(const OwnedImages<float>& images)
+  explicit DeviceTrainingImages(const reconstruction::testing::OwnedImages<float>& images)
       : width_px(images.width_px),
         height_px(images.height_px),
         rgb(uploaded(images.rgb)),
@@ -111,11 +111,11 @@ struct DeviceTrainingImages {
     return static_cast<std::size_t>(width_px) * static_cast<std::size_t>(height_px);
   }
   template <class Value = float>
-  [[nodiscard]] TrainingImages<Value> view() const {
+  [[nodiscard]] reconstruction::TrainingImages<Value> view() const {
     return {width_px,     height_px,     rgb.data(),      depth_m.data(),
             alpha.data(), normal.data(), median_m.data(), distortion.data()};
   }
-  void download(OwnedImages<float>& to) const {
+  void download(reconstruction::testing::OwnedImages<float>& to) const {
     to.rgb = downloaded(rgb.data(), rgb.size());
     to.depth_m = downloaded(depth_m.data(), depth_m.size());
     to.alpha = downloaded(alpha.data(), alpha.size());

@@ -35,7 +35,7 @@ DeviceSurfels make_surfels(int count, double spread, int sh_degree) {
   RoomSceneOptions options;
   options.surfel_count = count;
   options.spread = spread;
-  auto surfels = testing::parameters_of<float>(make_room_scene(options));
+  auto surfels = reconstruction::testing::parameters_of<float>(make_room_scene(options));
   const std::size_t stored = 3 * static_cast<std::size_t>((sh_degree + 1) * (sh_degree + 1));
   std::vector<float> sh(surfels.opacity_logit.size() * stored, 0.0F);
   for (std::size_t i = 0; i < surfels.opacity_logit.size(); ++i) {
@@ -51,9 +51,10 @@ void run(const std::string& name, const DeviceSurfels& surfels, int width_px, in
          std::optional<core::MeasurementGoal> together_goal = {}) {
   const core::CameraIntrinsics camera = room_camera(width_px, height_px);
   const std::vector<core::CameraPose> ring = room_camera_ring(frames);
-  const DeviceTrainingImages images(camera), loss(testing::random_loss<float>(1, camera));
+  const DeviceTrainingImages images(camera),
+      loss(reconstruction::testing::random_loss<float>(1, camera));
   const DeviceGradients gradients(surfels);
-  const auto gpu = make_cuda_rasterizer({.deterministic = deterministic});
+  const auto gpu = reconstruction::make_cuda_rasterizer({.deterministic = deterministic});
   const cuda::Event start, middle, end;
   std::vector<double> forward_ms, backward_ms;
   const auto record = [](const cuda::Event& event) {

@@ -38,14 +38,14 @@ inline double share_off(const std::vector<float>& a, const std::vector<double>& 
 
 template <class A>
 std::vector<std::pair<const char*, const A*>> arrays_of(
-    const OwnedGradients<typename A::value_type>& g) {
+    const reconstruction::testing::OwnedGradients<typename A::value_type>& g) {
   return {{"position", &g.position_m},   {"scale", &g.log_scale}, {"rotation", &g.rotation},
           {"opacity", &g.opacity_logit}, {"sh", &g.sh},           {"screen", &g.screen}};
 }
 
 template <class A>
 std::vector<std::pair<const char*, const A*>> arrays_of(
-    const OwnedImages<typename A::value_type>& i) {
+    const reconstruction::testing::OwnedImages<typename A::value_type>& i) {
   return {{"rgb", &i.rgb},       {"depth", &i.depth_m},   {"alpha", &i.alpha},
           {"normal", &i.normal}, {"median", &i.median_m}, {"distortion", &i.distortion}};
 }
