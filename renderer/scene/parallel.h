@@ -4,8 +4,9 @@
 /// The threads of one renderer: oneTBB's or, where a build has no oneTBB (SEGSIM_STD_THREADS),
 /// the standard library's. Either brings
 ///
-///     run_ranges(count, grain, body)   calls body(begin, end) for ranges that cover [0, count)
-///     ThreadArena(threads)             what its execute() runs uses so many; 0 = all processors
+///     run_ranges(count, grain, body)   calls body(begin, end) for ranges that cover [0,
+///     count) ThreadArena(threads)             what its execute() runs uses so many; 0 = all
+///     processors
 
 #include <cstddef>
 #include <memory>

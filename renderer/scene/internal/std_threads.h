@@ -12,9 +12,9 @@ namespace segsim::renderer::internal {
 
 /// What a thread knows about the loop that it works in.
 struct LoopThread {
-  int index = 0;        ///< Below the size of the arena.
-  int arena_size = 0;   ///< 0: outside of all arenas.
-  bool in_loop = false; ///< A loop inside a loop stays on its thread.
+  int index = 0;         ///< Below the size of the arena.
+  int arena_size = 0;    ///< 0: outside of all arenas.
+  bool in_loop = false;  ///< A loop inside a loop stays on its thread.
 };
 inline thread_local LoopThread this_loop_thread;
 
