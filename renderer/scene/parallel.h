@@ -2,11 +2,11 @@
 
 /// @file
 /// The threads of one renderer: oneTBB's or, where a build has no oneTBB (SEGSIM_STD_THREADS),
-/// the standard library's. Either brings
+/// the standard library's.
 ///
-///     run_ranges(count, grain, body)   calls body(begin, end) for ranges that cover [0,
-///     count) ThreadArena(threads)             what its execute() runs uses so many; 0 = all
-///     processors
+/// Either brings run_ranges(count, grain, body), which calls body(begin, end) for ranges that
+/// cover [0, count), and a ThreadArena of so many threads (0 = all processors), which what its
+/// execute() runs has for itself.
 
 #include <cstddef>
 #include <memory>
