@@ -20,6 +20,12 @@
 
 namespace segsim::renderer::internal {
 
+#ifdef SEGSIM_STD_THREADS
+using ThreadArena = StdThreadArena;
+#else
+using ThreadArena = TbbThreadArena;
+#endif
+
 /// Calls body(i) for each i < count, in any order, in the present arena; at least `grain`
 /// calls a task. The body must write to places of its own.
 template <class Body>

@@ -53,9 +53,9 @@ void run_ranges(std::size_t count, std::size_t grain, const Body& body) {
   if (error) std::rethrow_exception(error);
 }
 
-class ThreadArena {
+class StdThreadArena {
  public:
-  explicit ThreadArena(int threads) : size_(threads == 0 ? processors() : threads) {}
+  explicit StdThreadArena(int threads) : size_(threads == 0 ? processors() : threads) {}
   [[nodiscard]] int size() const { return size_; }
   [[nodiscard]] static int thread_index() { return this_loop_thread.index; }
   template <class Body>

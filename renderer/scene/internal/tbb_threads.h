@@ -16,9 +16,9 @@ void run_ranges(std::size_t count, std::size_t grain, const Body& body) {
       tbb::simple_partitioner());
 }
 
-class ThreadArena {
+class TbbThreadArena {
  public:
-  explicit ThreadArena(int threads)
+  explicit TbbThreadArena(int threads)
       : arena_(threads == 0 ? static_cast<int>(tbb::task_arena::automatic) : threads) {}
   [[nodiscard]] int size() const { return arena_.max_concurrency(); }
   [[nodiscard]] static int thread_index() {
