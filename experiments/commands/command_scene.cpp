@@ -106,6 +106,7 @@ void add_scene_command(CLI::App& app) {
       ->capture_default_str();
   command->callback([flags] { inspect(flags->folder, flags->robot); });
   add_scene_mesh(*scene);
+  add_scene_coverage(*scene);
 }
 
 }  // namespace segsim::experiments::commands
