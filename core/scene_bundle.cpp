@@ -1,12 +1,14 @@
 #include "core/scene_bundle.h"
 
 #include <cmath>
+#include <cstdio>
 #include <set>
 #include <utility>
 
 #include <yaml-cpp/yaml.h>
 
 #include "core/bundle_parts.h"
+#include "core/check.h"
 #include "core/config.h"
 #include "core/error.h"
 #include "core/file_io.h"
@@ -46,12 +48,12 @@ BundleFile read_file_entry(const ConfigNode& files, const std::string& key,
 
 int read_version(const ConfigNode& root) {
   const std::int64_t version = root.integer("version");
-  if (version > kBundleVersion) {
-    root.child("version").fail("version 1 or " + std::to_string(kBundleVersion) +
+  if (version > kRenderingOnlyVersion) {
+    root.child("version").fail("version 1 to " + std::to_string(kRenderingOnlyVersion) +
                                    " (a newer bundle needs a newer program)",
                                std::to_string(version));
   }
-  if (version < 1) root.child("version").fail("version 1 or 2", std::to_string(version));
+  if (version < 1) root.child("version").fail("version 1 to 3", std::to_string(version));
   return static_cast<int>(version);
 }
 
@@ -70,6 +72,23 @@ SceneLevelling read_levelling(const ConfigNode& node) {
   return levelling;
 }
 
+RenderingOnly read_rendering_only(const ConfigNode& node) {
+  RenderingOnly only;
+  only.reason = node.text("reason");
+  only.robot = node.text("robot");
+  if (const std::optional<ConfigNode> disc = node.optional_child("free_disc")) {
+    const std::vector<double> center_m = disc->numbers("center_m");
+    if (center_m.size() != 2) {
+      disc->child("center_m").fail("2 numbers", std::to_string(center_m.size()));
+    }
+    only.free_disc = FreeDisc{{center_m[0], center_m[1]}, disc->number("radius_m")};
+    disc->finish();
+  }
+  only.fitting = node.texts("robots_that_fit");
+  node.finish();
+  return only;
+}
+
 BundleParts read_parts(const ConfigNode& root, const fs::path& folder) {
   BundleParts parts;
   parts.version = read_version(root);
@@ -80,6 +99,9 @@ BundleParts read_parts(const ConfigNode& root, const fs::path& folder) {
     parts.labels = read_file_entry(root, "label_distributions", folder);
   }
   if (root.has("cameras")) parts.cameras = read_file_entry(root, "cameras", folder);
+  if (parts.version >= kRenderingOnlyVersion) {
+    parts.rendering_only = read_rendering_only(root.child("rendering_only"));
+  }
   return parts;
 }
 
@@ -103,7 +125,32 @@ void emit_file(YAML::Emitter& out, const char* key, const BundleFile& file) {
       << YAML::EndMap;
 }
 
+void emit_rendering_only(YAML::Emitter& out, const RenderingOnly& only) {
+  out << YAML::Key << "rendering_only" << YAML::Value << YAML::BeginMap;
+  out << YAML::Key << "reason" << YAML::Value << only.reason;
+  out << YAML::Key << "robot" << YAML::Value << only.robot;
+  if (only.free_disc) {
+    const FreeDisc& disc = *only.free_disc;
+    out << YAML::Key << "free_disc" << YAML::Value << YAML::BeginMap;
+    out << YAML::Key << "center_m" << YAML::Value << YAML::Flow << YAML::BeginSeq
+        << disc.center_m.x << disc.center_m.y << YAML::EndSeq;
+    out << YAML::Key << "radius_m" << YAML::Value << disc.radius_m << YAML::EndMap;
+  }
+  out << YAML::Key << "robots_that_fit" << YAML::Value << YAML::Flow << only.fitting
+      << YAML::EndMap;
+}
+
 }  // namespace
+
+std::string RenderingOnly::text() const {
+  if (!free_disc) return reason + "; no free disc on a floor";
+  char disc[96];
+  std::snprintf(disc, sizeof disc, "largest free disc: radius %.2f m at (%.2f, %.2f) m",
+                free_disc->radius_m, free_disc->center_m.x, free_disc->center_m.y);
+  std::string robots;
+  for (const std::string& name : fitting) robots += (robots.empty() ? "" : ", ") + name;
+  return reason + "; " + disc + "; robots that fit: " + (robots.empty() ? "none" : robots);
+}
 
 const SceneClass* SceneManifest::find_class(const std::string& class_name) const {
   for (const SceneClass& c : classes) {
@@ -133,7 +180,7 @@ std::string SceneManifest::class_name(std::uint16_t class_id) const {
 
 SceneBundle load_bundle(const fs::path& folder) {
   const ConfigNode root = open_manifest(folder);
-  static_cast<void>(read_parts(root, folder));
+  const bool drivable = !read_parts(root, folder).rendering_only;
   SceneBundle bundle{
       .folder = folder, .manifest = {}, .scene_sha256 = sha256_of_file(folder / "scene.yaml")};
   SceneManifest& m = bundle.manifest;
@@ -201,8 +248,10 @@ SceneBundle load_bundle(const fs::path& folder) {
 
   const ConfigNode files = root.child("files");
   m.surfels = read_file_entry(files, "surfels", folder);
-  m.collision_mesh = read_file_entry(files, "collision_mesh", folder);
-  m.navmesh = read_file_entry(files, "navmesh", folder);
+  if (drivable || files.has("collision_mesh")) {
+    m.collision_mesh = read_file_entry(files, "collision_mesh", folder);
+  }
+  if (drivable) m.navmesh = read_file_entry(files, "navmesh", folder);
   files.finish();
   root.finish();
   return bundle;
@@ -212,15 +261,27 @@ BundleParts load_bundle_parts(const fs::path& folder) {
   return read_parts(open_manifest(folder), folder);
 }
 
+void require_drivable(const SceneBundle& bundle) {
+  if (!bundle.manifest.navmesh.name.empty()) return;
+  const RenderingOnly why =
+      read_rendering_only(open_manifest(bundle.folder).child("rendering_only"));
+  const char* advice = bundle.manifest.collision_mesh.name.empty()
+                           ? "`segsim scene remesh --floor-height` takes another floor"
+                           : "`segsim scene navmesh` tries another robot";
+  throw InputError::expected(
+      bundle.folder.string(), "a scene to drive in",
+      "one for rendering and labels only (" + why.text() + "); " + advice);
+}
+
 void write_bundle_manifest(const fs::path& folder, SceneManifest m) {
   write_bundle_manifest(folder, std::move(m), BundleParts{});
 }
 
 void write_bundle_manifest(const fs::path& folder, SceneManifest m, BundleParts parts) {
-  m.surfels.sha256 = sha256_of_file(folder / m.surfels.name);
-  m.collision_mesh.sha256 = sha256_of_file(folder / m.collision_mesh.name);
-  m.navmesh.sha256 = sha256_of_file(folder / m.navmesh.name);
-  for (BundleFile* file : {&parts.labels, &parts.cameras}) {
+  SEGSIM_CHECK(parts.rendering_only.has_value() == m.navmesh.name.empty(),
+               "navmesh or reason");
+  for (BundleFile* file :
+       {&m.surfels, &m.collision_mesh, &m.navmesh, &parts.labels, &parts.cameras}) {
     if (!file->name.empty()) file->sha256 = sha256_of_file(folder / file->name);
   }
 
@@ -228,7 +289,8 @@ void write_bundle_manifest(const fs::path& folder, SceneManifest m, BundleParts 
   out.SetDoublePrecision(12);
   out << YAML::BeginMap;
   out << YAML::Key << "schema" << YAML::Value << kSchema;
-  out << YAML::Key << "version" << YAML::Value << kBundleVersion;
+  out << YAML::Key << "version" << YAML::Value
+      << (parts.rendering_only ? kRenderingOnlyVersion : kBundleVersion);
   out << YAML::Key << "name" << YAML::Value << m.name;
   out << YAML::Key << "world" << YAML::Value << YAML::BeginMap;
   out << YAML::Key << "up" << YAML::Value << "z" << YAML::Key << "unit" << YAML::Value << "m";
@@ -243,6 +305,7 @@ void write_bundle_manifest(const fs::path& folder, SceneManifest m, BundleParts 
   out << YAML::Key << "mesh_source" << YAML::Value << parts.mesh_source;
   if (!parts.labels.name.empty()) emit_file(out, "label_distributions", parts.labels);
   if (!parts.cameras.name.empty()) emit_file(out, "cameras", parts.cameras);
+  if (parts.rendering_only) emit_rendering_only(out, *parts.rendering_only);
   out << YAML::Key << "geodetic_origin" << YAML::Value << YAML::BeginMap;
   out << YAML::Key << "latitude_deg" << YAML::Value << m.origin.latitude_deg;
   out << YAML::Key << "longitude_deg" << YAML::Value << m.origin.longitude_deg;
@@ -262,8 +325,8 @@ void write_bundle_manifest(const fs::path& folder, SceneManifest m, BundleParts 
   out << YAML::EndMap;
   out << YAML::Key << "files" << YAML::Value << YAML::BeginMap;
   emit_file(out, "surfels", m.surfels);
-  emit_file(out, "collision_mesh", m.collision_mesh);
-  emit_file(out, "navmesh", m.navmesh);
+  if (!m.collision_mesh.name.empty()) emit_file(out, "collision_mesh", m.collision_mesh);
+  if (!m.navmesh.name.empty()) emit_file(out, "navmesh", m.navmesh);
   out << YAML::EndMap;
   out << YAML::Key << "classes" << YAML::Value << YAML::BeginSeq;
   for (const SceneClass& c : m.classes) {

@@ -9,7 +9,9 @@
 ///     collision.ply        triangle mesh, world frame
 ///     navmesh.bin          Detour navigation mesh; labels.bin: see core/bundle_parts.h
 ///
-/// World frame: metres, z up, floor at z = 0.
+/// World frame: metres, z up, floor at z = 0. A scene that nothing drives in lacks navmesh.bin
+/// and perhaps collision.ply (core/bundle_parts.h says why): the manifest's names are then
+/// empty.
 
 #include <cstdint>
 #include <filesystem>
@@ -90,7 +92,8 @@ struct SceneBundle {
 /// missing file, a hash that differs, an unknown key, an instance of an unknown class.
 [[nodiscard]] SceneBundle load_bundle(const std::filesystem::path& folder);
 
-/// Writes scene.yaml, after hashing the three files, which must already lie in `folder`.
+/// Writes scene.yaml, after hashing the files that it names, which must already lie in
+/// `folder`.
 void write_bundle_manifest(const std::filesystem::path& folder, SceneManifest manifest);
 
 }  // namespace segsim::core

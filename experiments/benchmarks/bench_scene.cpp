@@ -8,6 +8,7 @@
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 
+#include "core/bundle_parts.h"
 #include "core/check.h"
 #include "core/error.h"
 #include "core/random.h"
@@ -129,6 +130,7 @@ BenchScene load_bench_scene(const BenchSceneOptions& options) {
     return scene;
   }
   const core::SceneBundle bundle = core::load_bundle(place);
+  core::require_drivable(bundle);  // The cameras walk.
   scene.surfels = std::make_shared<renderer::SurfelCloud>(
       renderer::read_surfels_ply(bundle.surfels_file()));
   const sim::Navmesh navmesh = sim::Navmesh::load(bundle.navmesh_file());

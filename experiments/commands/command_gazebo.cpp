@@ -10,6 +10,7 @@
 
 #include <CLI/CLI.hpp>
 
+#include "core/bundle_parts.h"
 #include "core/error.h"
 #include "core/progress.h"
 #include "experiments/commands/commands.h"
@@ -234,6 +235,7 @@ void serve(const ServeFlags& flags) {
 
 void export_world(const ExportFlags& flags) {
   const core::SceneBundle bundle = core::load_bundle(flags.bundle);
+  core::require_drivable(bundle);
   sim::GazeboWorldOptions options = world_options(flags.camera, bundle.manifest);
   options.robot = sim::RobotModel::by_name(flags.robot);
   options.flavour = flavour_of(flags.flavour);

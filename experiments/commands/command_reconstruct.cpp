@@ -86,6 +86,7 @@ void reconstruct(Flags flags) {
       reconstruction::parse_on_bad_frame(flags.on_bad_frame, "--on-bad-frame");
   options.label_map = flags.label_map;
   if (flags.floor_given) options.floor_height_m = flags.floor_height_m;
+  flags.reconstruct.collision.floor_is_known = flags.floor_given;
   if (!flags.start.empty()) {
     flags.reconstruct.start = reconstruction::read_point_cloud(flags.start);
     options.floor_points_m = thinned(flags.reconstruct.start->position_m);
@@ -107,9 +108,10 @@ void reconstruct(Flags flags) {
   flags.reconstruct.robot = sim::RobotModel::by_name(flags.robot);
   const core::SceneBundle bundle =
       scenes::reconstruct_bundle(*sequence, flags.reconstruct, flags.out);
-  std::printf("%s: %zu classes, %zu instances; see `segsim scene inspect`\n",
+  std::printf("%s: %zu classes, %zu instances%s; see `segsim scene inspect`\n",
               flags.out.string().c_str(), bundle.manifest.classes.size(),
-              bundle.manifest.instances.size());
+              bundle.manifest.instances.size(),
+              bundle.manifest.navmesh.name.empty() ? ", for rendering and labels only" : "");
 }
 
 void add_training_options(CLI::App& command, const std::shared_ptr<Flags>& flags) {

@@ -1,9 +1,11 @@
 #include <charconv>
+#include <cstdint>
 #include <cstdio>
 #include <filesystem>
 #include <map>
 #include <memory>
 #include <numbers>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -16,10 +18,9 @@
 #include "experiments/commands/commands.h"
 #include "experiments/drawing/frame_picture.h"
 #include "experiments/reproducibility/backend_warning.h"
-#include "experiments/scenes/scene_surfels.h"
+#include "experiments/scenes/viewed_place.h"
 #include "perception/data/image_file.h"
 #include "renderer/files/exr_io.h"
-#include "renderer/files/ply_io.h"
 #include "renderer/reference_renderer.h"
 #include "renderer/renderer_backend.h"
 #include "renderer/scene/render_options.h"
@@ -32,6 +33,7 @@ namespace fs = std::filesystem;
 struct Flags {
   fs::path scene, out;
   std::vector<double> pose{0.0, 0.0, 1.2, 0.0, 0.0};
+  std::int64_t view = -1;  ///< >= 0: a camera of the recording instead of `pose` and sizes.
   int width_px = 640, height_px = 480;
   double hfov_deg = 70.0;
   renderer::RenderOptions options;
@@ -85,20 +87,15 @@ void add_choice(CLI::App& command, const std::string& flag, Enum& value,
       ->option_text(choices(names) + "=" + default_name);
 }
 
-/// A bundle's surfels and names, or those of a bare surfel file, which has none.
-std::pair<scenes::SceneSurfels, renderer::FrameInfo> read_scene(const fs::path& scene) {
+/// What a bundle adds to the images that are written; a bare surfel file has no names.
+renderer::FrameInfo frame_info(const std::optional<core::SceneBundle>& bundle) {
   renderer::FrameInfo info;
-  if (scene.extension() == ".ply") {
-    return {
-        {std::make_shared<renderer::SurfelCloud>(renderer::read_surfels_ply(scene)), nullptr},
-        info};
-  }
-  const core::SceneBundle bundle = core::load_bundle(scene);
-  info.scene = bundle.manifest.name;
-  info.scene_sha256 = bundle.scene_sha256;
+  if (!bundle) return info;
+  info.scene = bundle->manifest.name;
+  info.scene_sha256 = bundle->scene_sha256;
   info.names =
-      std::make_shared<const renderer::SceneNames>(renderer::SceneNames::of(bundle.manifest));
-  return {scenes::load_scene_surfels(bundle), info};
+      std::make_shared<const renderer::SceneNames>(renderer::SceneNames::of(bundle->manifest));
+  return info;
 }
 
 core::CameraPose camera_pose(const std::vector<double>& pose) {
@@ -108,23 +105,35 @@ core::CameraPose camera_pose(const std::vector<double>& pose) {
          core::mast_camera(pose[2], pose[4] * kDegree);
 }
 
+/// Where the picture is taken from, and with what.
+std::pair<core::CameraPose, core::CameraIntrinsics> camera(const Flags& flags,
+                                                           const scenes::ViewedPlace& place) {
+  if (flags.view < 0) {
+    return {camera_pose(flags.pose),
+            core::CameraIntrinsics::from_fov(flags.width_px, flags.height_px,
+                                             flags.hfov_deg * std::numbers::pi / 180.0)};
+  }
+  const auto& view =
+      scenes::recorded_view(place, flags.scene, static_cast<std::size_t>(flags.view));
+  return {view.T_world_camera, place.cameras->intrinsics};
+}
+
 void render(const Flags& flags) {
-  const auto [scene, info] = read_scene(flags.scene);
+  const scenes::ViewedPlace place = scenes::open_viewed_place(flags.scene);
+  const scenes::SceneSurfels& scene = place.scene;
   const auto renderer =
       flags.reference ? renderer::make_reference_renderer(scene.surfels, flags.options)
                       : renderer::make_renderer(renderer::backend_of(flags.backend),
                                                 scene.surfels, flags.options, scene.labels,
                                                 reproducibility::warn_about_backend);
-  const auto intrinsics = core::CameraIntrinsics::from_fov(
-      flags.width_px, flags.height_px, flags.hfov_deg * std::numbers::pi / 180.0);
-  const core::Frame frame =
-      renderer->render(camera_pose(flags.pose), intrinsics, core::Channels::kAll);
+  const auto [T_world_camera, intrinsics] = camera(flags, place);
+  const core::Frame frame = renderer->render(T_world_camera, intrinsics, core::Channels::kAll);
 
   const std::string extension = flags.out.extension().string();
   if (extension == ".exr") {
     renderer::ExrOptions options;
     if (flags.single_part) options.layout = renderer::ExrLayout::kSinglePart;
-    renderer::write_frame_exr(flags.out, frame, info, options);
+    renderer::write_frame_exr(flags.out, frame, frame_info(place.bundle), options);
   } else if (extension == ".png" || extension == ".jpg") {
     perception::write_image(flags.out, drawing::frame_picture(frame));
   } else {
@@ -176,18 +185,26 @@ void add_render_command(CLI::App& app) {
   auto flags = std::make_shared<Flags>();
   CLI::App* command = add_listed(app, kCommands, "render");
   command
-      ->add_option("scene", flags->scene, "Bundle folder, or surfels in the 2DGS PLY layout")
+      ->add_option("scene", flags->scene,
+                   "Bundle folder, OUT.training of an unfinished training, or surfels in the "
+                   "2DGS PLY layout")
       ->required();
   command
       ->add_option("--out", flags->out,
                    "view.exr: R, G, B, A, Z, N.x, N.y, N.z, semantic, instance, Cryptomatte; "
                    "view.png: colour, depth, normals and panoptic image side by side")
       ->required();
+  CLI::Option* pose =
+      command
+          ->add_option("--pose", flags->pose,
+                       "Camera in the world: x y z [m], yaw, pitch down [degrees]")
+          ->expected(5)
+          ->capture_default_str();
   command
-      ->add_option("--pose", flags->pose,
-                   "Camera in the world: x y z [m], yaw, pitch down [degrees]")
-      ->expected(5)
-      ->capture_default_str();
+      ->add_option("--view", flags->view,
+                   "The recording's n-th camera, from 0, in its own size (cameras.txt)")
+      ->check(CLI::Range(0, 100'000'000))
+      ->excludes(pose);
   command->add_option("--width", flags->width_px, "Image width [px]")
       ->check(CLI::Range(8, 8192))
       ->capture_default_str();

@@ -5,6 +5,7 @@
 #include <map>
 #include <memory>
 #include <numbers>
+#include <optional>
 #include <string>
 
 #include <CLI/CLI.hpp>
@@ -15,6 +16,8 @@
 #include "experiments/commands/commands.h"
 #include "experiments/scenes/coverage.h"
 #include "experiments/scenes/scene_surfels.h"
+#include "experiments/scenes/viewed_place.h"
+#include "experiments/training/training_folder.h"
 #include "sim/ground/robot.h"
 #include "sim/ground/world.h"
 
@@ -43,13 +46,56 @@ std::string levelling_in_words(const core::SceneLevelling& levelling) {
   return text;
 }
 
+void inspect_training(const std::filesystem::path& folder) {
+  const scenes::ViewedPlace place = scenes::open_viewed_place(folder);
+  const renderer::SurfelCloud& surfels = *place.scene.surfels;
+  std::printf("folder         %s\n", folder.string().c_str());
+  std::printf("unfinished     a training that has no bundle yet: %s\n",
+              training::training_progress(folder).c_str());
+  std::printf("surfels        %zu, SH degree %d, %s\n", surfels.size(), surfels.sh_degree,
+              surfels.has_labels() ? "labelled" : "without labels");
+  std::printf("views          %zu\n", place.cameras->views.size());
+  std::printf("look at it     segsim render %s --view 0 --out view.png\n",
+              folder.string().c_str());
+}
+
+void print_rendering_only(const core::RenderingOnly& only) {
+  std::printf("to drive in    no: for rendering and labels only\n");
+  std::printf("reason         %s\n", only.reason.c_str());
+  std::printf("looked for     the room of %s\n", only.robot.c_str());
+  if (only.free_disc) {
+    const core::FreeDisc& disc = *only.free_disc;
+    std::printf("free disc      the largest has a radius of %.3f m, at (%.2f, %.2f) m\n",
+                disc.radius_m, disc.center_m.x, disc.center_m.y);
+  } else {
+    std::printf("free disc      none\n");
+  }
+  std::string robots;
+  for (const std::string& name : only.fitting) robots += (robots.empty() ? "" : ", ") + name;
+  std::printf("room for       %s\n", robots.empty() ? "none" : robots.c_str());
+}
+
+void print_free_space(const sim::World& world, const std::string& mesh_source) {
+  std::printf("collision mesh %zu triangles, from %s\n", world.mesh().triangles.size(),
+              mesh_source.empty() ? "an unknown source" : mesh_source.c_str());
+  std::printf("free space     %.1f m2 for a robot of radius %.3f m\n",
+              world.free_space().area_m2(1), world.free_space().radius_m);
+}
+
 void inspect(const std::filesystem::path& folder, const std::string& robot_name) {
+  if (training::is_training_folder(folder)) {
+    inspect_training(folder);
+    return;
+  }
   const core::SceneBundle bundle = core::load_bundle(folder);
   const core::SceneManifest& m = bundle.manifest;
   const core::BundleParts parts = core::load_bundle_parts(folder);
   const scenes::SceneSurfels scene = scenes::load_scene_surfels(bundle);
   const renderer::SurfelCloud& surfels = *scene.surfels;
-  const sim::World world = sim::World::load(bundle, sim::RobotModel::by_name(robot_name));
+  std::optional<sim::World> world;
+  if (!parts.rendering_only) {
+    world = sim::World::load(bundle, sim::RobotModel::by_name(robot_name));
+  }
 
   std::printf("scene          %s\n", m.name.c_str());
   std::printf("folder         %s\n", folder.string().c_str());
@@ -65,10 +111,8 @@ void inspect(const std::filesystem::path& folder, const std::string& robot_name)
               surfels.has_labels() ? "labelled" : "without labels");
   std::printf("labels         %s\n", labels_in_words(scene).c_str());
   std::printf("levelled       %s\n", levelling_in_words(parts.levelling).c_str());
-  std::printf("collision mesh %zu triangles, from %s\n", world.mesh().triangles.size(),
-              parts.mesh_source.empty() ? "an unknown source" : parts.mesh_source.c_str());
-  std::printf("free space     %.1f m2 for a robot of radius %.3f m\n",
-              world.free_space().area_m2(1), world.free_space().radius_m);
+  parts.rendering_only ? print_rendering_only(*parts.rendering_only)
+                       : print_free_space(*world, parts.mesh_source);
 
   std::map<std::uint16_t, std::size_t> surfels_of_class;
   for (const std::uint16_t id : surfels.semantic_id) ++surfels_of_class[id];
@@ -101,7 +145,10 @@ void add_scene_command(CLI::App& app) {
   auto flags = std::make_shared<Flags>();
   CLI::App* command = scene->add_subcommand(
       "inspect", "Check a bundle and print what it holds; a damaged one is refused");
-  command->add_option("bundle", flags->folder, "Folder with scene.yaml")->required();
+  command
+      ->add_option("bundle", flags->folder,
+                   "Folder with scene.yaml, or OUT.training of an unfinished training")
+      ->required();
   command->add_option("--robot", flags->robot, "Robot whose free space is reported")
       ->capture_default_str();
   command->callback([flags] { inspect(flags->folder, flags->robot); });

@@ -16,6 +16,7 @@
 #include "experiments/scenes/coverage.h"
 #include "experiments/scenes/mesh_accuracy.h"
 #include "experiments/scenes/mesh_source.h"
+#include "experiments/scenes/robot_room.h"
 #include "experiments/scenes/scene_surfels.h"
 #include "reconstruction/lifting/lifting.h"
 #include "renderer/files/panoptic_field_file.h"
@@ -36,6 +37,8 @@ struct RemeshFlags {
   fs::path bundle, out;
   std::string robot = "jackal-gentle", backend = "cpu";
   std::size_t frame_step = 1;
+  double floor_height_m = 0.0;
+  bool floor_given = false;
   scenes::SurfaceOptions surface;
 };
 
@@ -59,6 +62,15 @@ core::CameraPath cameras_of(const core::SceneBundle& bundle, const core::BundleP
   return core::read_camera_path(bundle.folder / parts.cameras.name);
 }
 
+/// To the floor that is given, then to the one that is found there.
+core::SceneLevelling level(scenes::SceneShape& shape, const RemeshFlags& flags) {
+  const core::SceneLevelling given{{1.0, 0.0, 0.0, 0.0}, {0.0, 0.0, -flags.floor_height_m}};
+  scenes::move_shape(given, shape);
+  const core::SceneLevelling found = scenes::level_shape(shape);
+  return {found.R_world_source,
+          found.R_world_source * given.p_world_source_m + found.p_world_source_m};
+}
+
 /// Writes the parts of a bundle whose surfels may have moved.
 void write_remeshed(const fs::path& folder, const RemeshFlags& flags,
                     const core::SceneBundle& bundle) {
@@ -74,7 +86,7 @@ void write_remeshed(const fs::path& folder, const RemeshFlags& flags,
       renderer::make_renderer(renderer::backend_of(flags.backend), scene.surfels);
   scenes::SceneShape shape =
       scenes::fuse_rendered_depth(*renderer, cameras.intrinsics, poses, flags.surface);
-  const core::SceneLevelling step = scenes::level_shape(shape);
+  const core::SceneLevelling step = level(shape, flags);
   scenes::move_cameras(step, cameras);
   core::write_camera_path(folder / parts.cameras.name, cameras);
   scenes::decimate_shape(shape, flags.surface.max_error_m);
@@ -94,11 +106,12 @@ void write_remeshed(const fs::path& folder, const RemeshFlags& flags,
     renderer::write_panoptic_model(folder / renderer::kPanopticFileName, moved);
   }
   const auto robot = sim::RobotModel::by_name(flags.robot);
+  worlds::CollisionMeshOptions options;
+  options.floor_is_known = flags.floor_given;
   for (const std::string& warning :
-       scenes::write_shape(folder, shape, robot, {}, manifest).warnings) {
+       scenes::write_shape(folder, shape, robot, options, manifest, parts)) {
     std::fprintf(stderr, "warning: %s\n", warning.c_str());
   }
-  parts.mesh_source = shape.source;
   parts.levelling = {
       step.R_world_source * parts.levelling.R_world_source,
       step.R_world_source * parts.levelling.p_world_source_m + step.p_world_source_m};
@@ -135,6 +148,7 @@ void mesh_error(const ErrorFlags& flags) {
                                      flags.flat_given ? "both" : "neither");
   }
   const core::SceneBundle bundle = core::load_bundle(flags.bundle);
+  if (bundle.manifest.collision_mesh.name.empty()) core::require_drivable(bundle);
   const core::SceneLevelling levelling = core::load_bundle_parts(flags.bundle).levelling;
   specs::SourceSpec source;
   source.type = flags.flat_given ? specs::SourceType::kFlat : specs::SourceType::kMesh;
@@ -159,6 +173,10 @@ void add_remesh(CLI::App& scene) {
   command->add_option("--out", flags->out, "Folder of the new bundle")->required();
   command->add_option("--robot", flags->robot, "Whose navigation mesh is made")
       ->capture_default_str();
+  command
+      ->add_option("--floor-height", flags->floor_height_m,
+                   "Where the floor is in the bundle [m], if it was not found")
+      ->each([flags](const std::string&) { flags->floor_given = true; });
   command->add_option("--backend", flags->backend, "cpu | cuda | auto")->capture_default_str();
   command->add_option("--frame-step", flags->frame_step, "Use every n-th camera")
       ->check(CLI::Range(1, 100000))
@@ -170,6 +188,28 @@ void add_remesh(CLI::App& scene) {
     flags->surface.fusion.truncation_m =
         scenes::kTruncationVoxels * flags->surface.fusion.voxel_m;
     remesh(*flags);
+  });
+}
+
+void add_navmesh(CLI::App& scene) {
+  struct Flags {
+    fs::path bundle;
+    std::string robot = "jackal-gentle";
+  };
+  auto flags = std::make_shared<Flags>();
+  CLI::App* command = scene.add_subcommand(
+      "navmesh", "Look for room again in a bundle for rendering and labels only");
+  command->add_option("bundle", flags->bundle, "Folder with scene.yaml")->required();
+  command
+      ->add_option("--robot", flags->robot,
+                   "Name, or a file (YAML) with another size or ground clearance")
+      ->capture_default_str();
+  command->callback([flags] {
+    const core::SceneBundle bundle = scenes::add_navmesh(
+        core::load_bundle(flags->bundle), sim::RobotModel::by_name(flags->robot));
+    std::printf("%s: %s can drive there (radius %.2f m, height %.2f m)\n",
+                flags->bundle.string().c_str(), flags->robot.c_str(),
+                bundle.manifest.robot_radius_m, bundle.manifest.robot_height_m);
   });
 }
 
@@ -189,6 +229,7 @@ void add_mesh_error(CLI::App& scene) {
 }  // namespace
 
 void add_scene_mesh(CLI::App& scene) {
+  add_navmesh(scene);
   add_remesh(scene);
   add_mesh_error(scene);
 }

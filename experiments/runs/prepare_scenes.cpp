@@ -4,6 +4,7 @@
 #include <optional>
 #include <sstream>
 
+#include "core/bundle_parts.h"
 #include "core/file_io.h"
 #include "core/process/kernel_choice.h"
 #include "core/progress.h"
@@ -32,6 +33,12 @@ training::TrainingOptions training_of(const specs::ReconstructSpec& spec,
   training.set.frame_step = source.frame_step;
   training.resume = true;  // As everything that `segsim run` prepares.
   return training;
+}
+
+/// Refuses a bundle that is missing, damaged, or for rendering and labels only: here, before
+/// detectors are trained for it.
+void check_bundle(const fs::path& folder) {
+  core::require_drivable(core::load_bundle(folder));
 }
 
 /// How the bundle of one scene with a source is made, and whether it is there.
@@ -75,6 +82,7 @@ class SceneStep {
     options.name = scene_.name;
     options.source = scenes::describe_capture(source);
     options.source_sha256 = record_.recipe_sha256();
+    options.collision.floor_is_known = sequence_options.floor_height_m.has_value();
     options.lift.voxel_m = source.voxel_m;
     options.lift.frame_step = source.frame_step;
     options.robot = spec_.robot;
@@ -119,12 +127,13 @@ class SceneStep {
 fs::path prepare_scene(const specs::ExperimentSpec& spec, const specs::SceneSpec& scene,
                        const fs::path& work) {
   if (!scene.source) {
-    (void)core::load_bundle(scene.bundle);  // Names what is missing.
+    check_bundle(scene.bundle);
     return scene.bundle;
   }
   const SceneStep step(spec, scene, work);
   if (step.needs_capture()) step.capture();
   if (!step.is_current()) step.reconstruct();
+  check_bundle(scene.bundle);
   return scene.bundle;
 }
 
@@ -166,6 +175,7 @@ std::vector<fs::path> prepare_scenes(const specs::ExperimentSpec& spec, const fs
     }
     steps[k].reconstruct();
   });
+  for (const fs::path& bundle : bundles) check_bundle(bundle);
   return bundles;
 }
 

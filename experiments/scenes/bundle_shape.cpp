@@ -4,6 +4,7 @@
 
 #include "core/error.h"
 #include "core/progress.h"
+#include "experiments/scenes/robot_room.h"
 #include "worlds/surface/bundle_files.h"
 #include "worlds/surface/mesh_cleaning.h"
 
@@ -63,19 +64,28 @@ core::SceneLevelling level_shape(SceneShape& shape, const worlds::LevellingOptio
   const auto found = shape.points_m.empty()
                          ? worlds::find_levelling(shape.surface, options)
                          : worlds::find_levelling(shape.points_m, shape.normals, options);
-  if (!found) return {};
+  if (!found) {
+    shape.warnings.emplace_back(
+        "no level plane stands out near z = 0: the scene stays in the recording's own frame");
+    return {};
+  }
   shape.statistics.emplace_back("levelled_from_height_m", found->height_m);
   shape.statistics.emplace_back("levelled_from_tilt_rad", found->tilt_rad);
   shape.statistics.emplace_back("levelled", found->applied ? 1.0 : 0.0);
   if (!found->applied) return {};
-  const glm::dquat& R = found->R_level;
-  const glm::dvec3& t_m = found->t_level_m;
+  const core::SceneLevelling levelling{found->R_level, found->t_level_m};
+  move_shape(levelling, shape);
+  return levelling;
+}
+
+void move_shape(const core::SceneLevelling& levelling, SceneShape& shape) {
+  const glm::dquat& R = levelling.R_world_source;
+  const glm::dvec3& t_m = levelling.p_world_source_m;
   for (auto* points_m : {&shape.points_m, &shape.surface.positions_m}) {
     for (glm::vec3& p : *points_m) p = glm::vec3(R * glm::dvec3(p) + t_m);
   }
   for (glm::vec3& n : shape.normals) n = glm::vec3(R * glm::dvec3(n));
   for (glm::dvec3& p : shape.camera_positions_m) p = R * p + t_m;
-  return {R, t_m};
 }
 
 void move_cameras(const core::SceneLevelling& levelling, core::CameraPath& cameras) {
@@ -93,22 +103,55 @@ void decimate_shape(SceneShape& shape, double max_error_m) {
                                 static_cast<double>(shape.surface.triangles.size()));
 }
 
-worlds::CollisionMeshResult write_shape(const std::filesystem::path& folder,
-                                        const SceneShape& shape, const sim::RobotModel& robot,
-                                        const worlds::CollisionMeshOptions& options,
-                                        core::SceneManifest& manifest) {
-  manifest.statistics.insert(manifest.statistics.end(), shape.statistics.begin(),
-                             shape.statistics.end());
-  if (shape.surface.triangles.empty()) {
-    if (shape.points_m.empty()) {
-      throw core::InputError::expected(manifest.name, "a surface that several views agree on",
-                                       "none in " + shape.source);
-    }
-    return worlds::write_collision_files(folder, shape.points_m, shape.normals,
-                                         shape.camera_positions_m, robot, options, manifest);
+namespace {
+
+worlds::CollisionMeshResult collision_mesh_of(const SceneShape& shape,
+                                              const worlds::CollisionMeshOptions& options) {
+  if (!shape.surface.triangles.empty()) {
+    return worlds::collision_mesh_of_surface(shape.surface, shape.camera_positions_m, options);
   }
-  return worlds::write_collision_files(folder, shape.surface, shape.camera_positions_m, robot,
-                                       options, manifest);
+  if (shape.points_m.empty()) {
+    throw core::InputError::expected("reconstruction", "a surface that several views agree on",
+                                     "none in " + shape.source);
+  }
+  return worlds::make_collision_mesh(shape.points_m, shape.normals, shape.camera_positions_m,
+                                     options);
+}
+
+}  // namespace
+
+std::vector<std::string> write_shape(const std::filesystem::path& folder,
+                                     const SceneShape& shape, const sim::RobotModel& robot,
+                                     const worlds::CollisionMeshOptions& options,
+                                     core::SceneManifest& manifest, core::BundleParts& parts) {
+  std::vector<std::string> warnings = shape.warnings;
+  const auto add_statistics = [&](const auto& listing) {
+    manifest.statistics.insert(manifest.statistics.end(), listing.begin(), listing.end());
+  };
+  const auto nothing_drives = [&](core::RenderingOnly why) {
+    warnings.push_back(
+        "nothing can drive here, the bundle is for rendering and labels only: " + why.text());
+    parts.rendering_only = std::move(why);
+    return warnings;
+  };
+  manifest.collision_mesh = manifest.navmesh = {};
+  manifest.robot_radius_m = manifest.robot_height_m = 0.0;
+  parts.mesh_source = shape.source;
+  parts.rendering_only.reset();
+  add_statistics(shape.statistics);
+  worlds::CollisionMeshResult collision;
+  try {
+    collision = collision_mesh_of(shape, options);
+  } catch (const core::InputError& error) {
+    return nothing_drives({error.what(), robot.name, std::nullopt, {}});
+  }
+  warnings.insert(warnings.end(), collision.warnings.begin(), collision.warnings.end());
+  add_statistics(collision.statistics());
+  worlds::write_collision_mesh(folder, collision.mesh, manifest);
+  auto room = find_room(collision.mesh, robot);
+  if (auto* none = std::get_if<core::RenderingOnly>(&room)) return nothing_drives(*none);
+  worlds::write_navmesh(folder, std::get<sim::World>(room).navmesh(), manifest);
+  return warnings;
 }
 
 }  // namespace segsim::experiments::scenes

@@ -53,6 +53,7 @@ struct SceneShape {
   std::vector<glm::dvec3> camera_positions_m;
   std::string source;  ///< For BundleParts::mesh_source.
   std::vector<std::pair<std::string, double>> statistics;
+  std::vector<std::string> warnings;
 };
 
 /// Renders depth and normals from the poses, fuses them and removes floaters. Shows progress.
@@ -61,10 +62,14 @@ struct SceneShape {
                                              std::span<const core::CameraPose> poses,
                                              const SurfaceOptions& options);
 
-/// Brings the floor of the shape to z = 0, if one is found and it is not there already.
+/// Brings the floor of the shape to z = 0, if one is found and it is not there already. If
+/// none is found, the shape stays in the recording's own frame, with a warning.
 /// @return  What the rest of the scene must follow; the identity if nothing was moved.
 core::SceneLevelling level_shape(SceneShape& shape,
                                  const worlds::LevellingOptions& options = {});
+
+/// The shape goes along.
+void move_shape(const core::SceneLevelling& levelling, SceneShape& shape);
 
 /// The cameras go along.
 void move_cameras(const core::SceneLevelling& levelling, core::CameraPath& cameras);
@@ -72,11 +77,13 @@ void move_cameras(const core::SceneLevelling& levelling, core::CameraPath& camer
 /// Fewer triangles, for a shape with a surface.
 void decimate_shape(SceneShape& shape, double max_error_m);
 
-/// collision.ply and navmesh.bin, and the shape's statistics in the manifest.
-/// @throws core::InputError if there is neither surface nor point, no floor, or no room.
-worlds::CollisionMeshResult write_shape(const std::filesystem::path& folder,
-                                        const SceneShape& shape, const sim::RobotModel& robot,
-                                        const worlds::CollisionMeshOptions& options,
-                                        core::SceneManifest& manifest);
+/// Writes collision.ply and navmesh.bin, and what is known of them into manifest and parts. A
+/// shape without floor or room for the robot takes nothing else away: the parts then say why
+/// there is no navmesh, and without floor no collision mesh.
+/// @return  Warnings, that reason among them.
+std::vector<std::string> write_shape(const std::filesystem::path& folder,
+                                     const SceneShape& shape, const sim::RobotModel& robot,
+                                     const worlds::CollisionMeshOptions& options,
+                                     core::SceneManifest& manifest, core::BundleParts& parts);
 
 }  // namespace segsim::experiments::scenes

@@ -209,7 +209,6 @@ core::SceneBundle reconstruct_bundle(const reconstruction::RgbdSequence& sequenc
   core::CameraPath cameras = camera_path(sequence, lift_options, scene.refined_poses);
   SceneShape shape = shape_of(scene, cameras, options, std::move(lifted_shape));
   core::BundleParts parts;
-  parts.mesh_source = shape.source;
   parts.levelling = level_shape(shape);
   follow(parts.levelling, scene);
   move_cameras(parts.levelling, cameras);
@@ -244,13 +243,12 @@ core::SceneBundle reconstruct_bundle(const reconstruction::RgbdSequence& sequenc
       parts.labels.name = renderer::kPanopticFieldFileName;
       renderer::write_panoptic_field(temporary / parts.labels.name, *scene.field);
     }
-    const worlds::CollisionMeshResult collision =
-        write_shape(temporary, shape, options.robot, options.collision, manifest);
-    for (const std::string& warning : collision.warnings) {
+    for (const std::string& warning :
+         write_shape(temporary, shape, options.robot, options.collision, manifest, parts)) {
       std::fprintf(stderr, "warning: %s\n", warning.c_str());
     }
     core::write_bundle_manifest(temporary, manifest, parts);
-    if (options.training) {
+    if (options.training && !parts.rendering_only) {
       add_coverage(temporary, scene, shape.camera_positions_m, options, manifest);
       core::write_bundle_manifest(temporary, manifest, parts);
     }

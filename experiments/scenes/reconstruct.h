@@ -52,9 +52,9 @@ struct ReconstructOptions {
 
 /// Makes the bundle in a temporary folder beside `folder` and renames it: a bundle is there
 /// wholly or not at all. An existing bundle is replaced. Without training, frames held out by
-/// `lift` are not looked at; with it, the manifest tells the quality on them.
-/// @throws core::InputError if frames cannot be read or have no depth to start from, or no
-/// floor or room for the robot is left.
+/// `lift` are not looked at; with it, the manifest tells the quality on them. Without a floor
+/// or room for the robot the bundle is for rendering and labels only, without pictures.
+/// @throws core::InputError if frames cannot be read or have no depth to start from.
 core::SceneBundle reconstruct_bundle(const reconstruction::RgbdSequence& sequence,
                                      const ReconstructOptions& options,
                                      const std::filesystem::path& folder);

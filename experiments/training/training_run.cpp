@@ -13,6 +13,7 @@
 #include "core/file_io.h"
 #include "core/progress.h"
 #include "experiments/drawing/frame_picture.h"
+#include "experiments/training/training_folder.h"
 #include "perception/data/image_file.h"
 #include "reconstruction/datasets/mask_files.h"
 #include "reconstruction/labels/panoptic_training.h"
@@ -109,11 +110,17 @@ class TrainingRun {
     if (!options.resume) {
       remove_training_state(options.work);
     }
-    losses_ = std::make_unique<LossTable>(options.work / "losses.csv",
+    losses_ = std::make_unique<LossTable>(options.work / kLosses,
                                           options.resume && fs::exists(geometry_state()));
   }
 
   TrainedScene run() {
+    if (options_.checkpoint_every_s > 0.0) {
+      std::fprintf(stderr,
+                   "to look at the scene so far, at any time after %.0f s: "
+                   "segsim render %s --view 0 --out view.png\n",
+                   options_.checkpoint_every_s, options_.work.string().c_str());
+    }
     TrainedScene scene;
     reconstruction::with_memory_errors(
         "training shape and colour", [&] { return geometry_advice(); },
@@ -129,6 +136,7 @@ class TrainingRun {
       scene.surfels.instance_id = start_.instance_id;
     }
     scene.field = field;
+    write_so_far(options_.work, scene.surfels, set_, poses_);
     const auto surfels = std::make_shared<const SurfelCloud>(scene.surfels);
     write_preview(options_.work / "preview.png", set_, surfels, field,
                   options_.device.threads);
@@ -182,6 +190,8 @@ class TrainingRun {
       throw core::InputError(std::string(error.what()) + "; " + kept_state());
     }
   }
+  /// Writes the state, and the scene so far for people to look at.
+  void keep(const reconstruction::GeometryTrainer& trainer);
   /// Takes the training views' poses from the trainer, if they were moved.
   void keep_poses(const reconstruction::GeometryTrainer& trainer);
   [[nodiscard]] reconstruction::HeldOutQuality aligned_quality(core::Renderer& renderer,
@@ -229,7 +239,7 @@ SurfelCloud TrainingRun::train_geometry() {
       losses_->add("geometry", step.iteration, seconds, step.surfels, "depth", step.depth);
       losses_->add("geometry", step.iteration, seconds, step.surfels, "normal", step.normal);
     }
-    if (checkpoint_due_.due()) trainer.save(geometry_state(), identity_);
+    if (checkpoint_due_.due()) keep(trainer);
     if (preview_due_.due()) {
       write_preview(options_.work / "preview.png", set_,
                     std::make_shared<const SurfelCloud>(trainer.surfels()), nullptr,
@@ -238,7 +248,7 @@ SurfelCloud TrainingRun::train_geometry() {
   }
   progress.finish();
   if (done_here > 0) {
-    trainer.save(geometry_state(), identity_);
+    keep(trainer);
     fs::remove(head_mark());  // A head learns on finished surfels only.
   }
   const double seconds = seconds_since(start);
@@ -251,6 +261,11 @@ SurfelCloud TrainingRun::train_geometry() {
   keep_poses(trainer);
   exposures_ = trainer.exposures();
   return trainer.surfels();
+}
+
+void TrainingRun::keep(const reconstruction::GeometryTrainer& trainer) {
+  trainer.save(geometry_state(), identity_);
+  write_so_far(options_.work, trainer.surfels(), set_, trainer.poses());
 }
 
 void TrainingRun::keep_poses(const reconstruction::GeometryTrainer& trainer) {
@@ -401,7 +416,10 @@ std::string training_identity(const TrainingOptions& options, const TrainingSet&
 }
 
 void remove_training_state(const fs::path& work) {
-  for (const char* name : {kGeometryState, kHeadState, kHeadMark}) fs::remove(work / name);
+  for (const char* name :
+       {kGeometryState, kHeadState, kHeadMark, kSurfelsSoFar, kCamerasSoFar}) {
+    fs::remove(work / name);
+  }
 }
 
 TrainedScene train_scene(const TrainingSet& set, const SurfelCloud& start,

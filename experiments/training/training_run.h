@@ -6,6 +6,7 @@
 ///
 ///     <work>/geometry.state, <work>/head.state   everything that training needs to go on
 ///     <work>/preview.png                         rendered | recorded | panoptic, every few s
+///     <work>/surfels.ply, cameras.txt            the scene so far, to look at
 ///     <work>/losses.csv                          iteration, losses, surfels, seconds
 
 #include <cstdint>
@@ -71,7 +72,7 @@ struct TrainedScene {
                                             const reconstruction::TrainingSet& set,
                                             const renderer::SurfelCloud& start);
 
-/// Removes what is only good for going on; pictures and losses stay.
+/// Removes what is only good until the bundle is there; pictures and losses stay.
 void remove_training_state(const std::filesystem::path& work);
 
 }  // namespace segsim::experiments::training

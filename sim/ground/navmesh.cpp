@@ -19,6 +19,7 @@
 #include "core/error.h"
 #include "core/file_io.h"
 #include "sim/ground/internal/navmesh_access.h"
+#include "sim/ground/no_room.h"
 
 namespace segsim::sim {
 namespace {
@@ -291,8 +292,8 @@ Navmesh Navmesh::build(const TriangleMesh& mesh, const NavmeshSettings& settings
   const PolyMeshPtr polygons(rcAllocPolyMesh());
   require(rcBuildPolyMesh(&context, *contours, config.maxVertsPerPoly, *polygons), "polygons");
   if (polygons->npolys == 0) {
-    throw core::InputError::expected("navigation mesh", "room for the robot",
-                                     "no walkable area");
+    throw NoRoom(core::InputError::expected("navigation mesh", "room for the robot",
+                                            "no walkable area"));
   }
   const DetailPtr detail(rcAllocPolyMeshDetail());
   require(rcBuildPolyMeshDetail(&context, *polygons, *compact, config.detailSampleDist,

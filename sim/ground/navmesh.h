@@ -48,7 +48,8 @@ struct NavmeshAccess;
 
 class Navmesh {
  public:
-  /// @throws core::InputError if the mesh holds no walkable area for these settings.
+  /// @throws NoRoom (sim/ground/no_room.h) if the mesh holds no walkable area for these
+  /// settings.
   [[nodiscard]] static Navmesh build(const TriangleMesh& mesh,
                                      const NavmeshSettings& settings);
   /// @throws core::InputError: not such a file, another version, cut short.

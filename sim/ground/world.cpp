@@ -4,7 +4,9 @@
 #include <string>
 #include <utility>
 
+#include "core/bundle_parts.h"
 #include "core/error.h"
+#include "sim/ground/no_room.h"
 
 namespace segsim::sim {
 
@@ -25,11 +27,13 @@ World::World(TriangleMesh mesh, const RobotModel& robot, Navmesh navmesh,
       navmesh_(std::make_unique<const Navmesh>(std::move(navmesh))),
       local_frame_(origin) {
   if (free_space_->area_m2() <= 0.0) {
-    throw core::InputError::expected("scene", "room for " + robot.name, "no free place");
+    throw NoRoom(
+        core::InputError::expected("scene", "room for " + robot.name, "no free place"));
   }
 }
 
 World World::load(const core::SceneBundle& bundle, const RobotModel& robot) {
+  core::require_drivable(bundle);
   TriangleMesh mesh = read_mesh_ply(bundle.collision_mesh_file());
   Navmesh navmesh = Navmesh::load(bundle.navmesh_file());
   // The file is for the robot it was made for; another one gets a mesh of its own.

@@ -21,7 +21,9 @@ namespace segsim::sim {
 
 class World {
  public:
-  /// @throws core::InputError: a broken file, no floor, no room for the robot.
+  /// @throws core::InputError: a broken file, no floor; a bundle for rendering and labels
+  /// only.
+  /// @throws NoRoom (sim/ground/no_room.h) for this robot.
   [[nodiscard]] static World load(const core::SceneBundle& bundle, const RobotModel& robot);
   /// Builds everything from a mesh in memory.
   [[nodiscard]] static World from_mesh(TriangleMesh mesh, const RobotModel& robot,

@@ -4,6 +4,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <utility>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -87,10 +88,10 @@ TEST_F(SceneBundleTest, MissingFileIsNamed) {
 }
 
 TEST_F(SceneBundleTest, OtherVersionIsRefused) {
-  edit("version: 2", "version: 3");
-  EXPECT_THAT(refusal(), HasSubstr("scene.yaml:2: version: expected version 1 or 2 (a newer "
-                                   "bundle needs a newer program), found 3"));
-  edit("version: 3", "version: 0");
+  edit("version: 2", "version: 4");
+  EXPECT_THAT(refusal(), HasSubstr("scene.yaml:2: version: expected version 1 to 3 (a newer "
+                                   "bundle needs a newer program), found 4"));
+  edit("version: 4", "version: 0");
   EXPECT_THAT(refusal(), HasSubstr("found 0"));
 }
 
@@ -115,6 +116,58 @@ TEST_F(SceneBundleTest, PartsOfVersion2ComeBack) {
   EXPECT_THAT(refusal(), HasSubstr("labels.bin: expected SHA-256"));
   fs::remove(folder_ / "labels.bin");
   EXPECT_THAT(refusal(), HasSubstr("labels.bin: expected a bundle file, found none"));
+}
+
+TEST_F(SceneBundleTest, WhyNothingDrivesComesBack) {
+  EXPECT_NO_THROW(require_drivable(load_bundle(folder_)));
+  const std::string drivable = read_file(folder_ / "scene.yaml");
+  SceneManifest m = load_bundle(folder_).manifest;
+  BundleParts parts;
+  parts.rendering_only = RenderingOnly{"no walkable area for tank: \"wide\"",
+                                       "tank",
+                                       FreeDisc{{1.5, -2.25}, 0.275},
+                                       {"cart", "mouse"}};
+  const std::string navmesh = std::exchange(m.navmesh.name, "");
+  fs::remove(folder_ / navmesh);
+  write_bundle_manifest(folder_, m, parts);
+
+  const BundleParts read = load_bundle_parts(folder_);
+  EXPECT_EQ(read.version, 3);
+  ASSERT_TRUE(read.rendering_only);
+  EXPECT_EQ(read.rendering_only->reason, parts.rendering_only->reason);
+  EXPECT_EQ(read.rendering_only->robot, "tank");
+  EXPECT_EQ(read.rendering_only->fitting, parts.rendering_only->fitting);
+  ASSERT_TRUE(read.rendering_only->free_disc);
+  EXPECT_DOUBLE_EQ(read.rendering_only->free_disc->center_m.y, -2.25);
+  EXPECT_DOUBLE_EQ(read.rendering_only->free_disc->radius_m, 0.275);
+  const SceneBundle bundle = load_bundle(folder_);
+  EXPECT_EQ(bundle.manifest.collision_mesh.name, "collision.ply");
+  EXPECT_TRUE(bundle.manifest.navmesh.name.empty());
+  try {
+    require_drivable(bundle);
+    FAIL() << "accepted";
+  } catch (const InputError& error) {
+    EXPECT_EQ(
+        std::string(error.what()),
+        folder_.string() +
+            ": expected a scene to drive in, found one for rendering and labels only (no "
+            "walkable area for tank: \"wide\"; largest free disc: radius 0.28 m at (1.50, "
+            "-2.25) m; robots that fit: cart, mouse); `segsim scene navmesh` tries another "
+            "robot");
+  }
+  // Without floor there is no collision mesh either, no disc, and nothing that fits.
+  m.collision_mesh.name.clear();
+  parts.rendering_only = RenderingOnly{"no floor", "tank", std::nullopt, {}};
+  write_bundle_manifest(folder_, m, parts);
+  EXPECT_EQ(load_bundle_parts(folder_).rendering_only->text(),
+            "no floor; no free disc on a floor");
+  EXPECT_TRUE(load_bundle(folder_).manifest.collision_mesh.name.empty());
+  // With a navmesh it is the same bundle as ever, to the byte.
+  write_file_atomically(folder_ / navmesh, [&](std::ostream& out) { out << navmesh; });
+  m.navmesh.name = navmesh;
+  m.collision_mesh.name = "collision.ply";
+  write_bundle_manifest(folder_, m);
+  EXPECT_EQ(read_file(folder_ / "scene.yaml"), drivable);
 }
 
 TEST_F(SceneBundleTest, Version1IsReadAsNotLevelled) {

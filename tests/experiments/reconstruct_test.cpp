@@ -17,6 +17,7 @@
 #include "renderer/cpu_renderer.h"
 #include "renderer/scene/surfel_transform.h"
 #include "sim/ground/world.h"
+#include "tests/experiments/surfel_recording.h"
 #include "tests/experiments/surfel_room.h"
 
 namespace segsim::experiments {
@@ -25,52 +26,25 @@ namespace {
 namespace fs = std::filesystem;
 using ::testing::StartsWith;
 
-/// A recording in memory: the surfel room, seen with exact depth and labels.
-class RoomRecording : public reconstruction::RgbdSequence {
+/// The surfel room, moved.
+class RoomRecording : public SurfelRecording {
  public:
-  explicit RoomRecording(const glm::dquat& R, const glm::dvec3& t_m) {
-    auto surfels = std::make_shared<renderer::SurfelCloud>(surfel_room());
-    renderer::transform_surfels(R, t_m, *surfels);
-    const core::Transform<core::frame::World, core::frame::World> T_moved_room(R, t_m);
-    intrinsics_ = core::CameraIntrinsics::from_fov(96, 72, std::numbers::pi / 2.0);
-    const auto renderer = renderer::make_cpu_renderer(surfels);
-    for (const core::CameraPose& pose : room_views(12)) {
-      poses_.push_back(T_moved_room * pose);
-      const core::Frame drawn =
-          renderer->render(poses_.back(), intrinsics_, core::Channels::kAll);
-      reconstruction::RgbdFrame frame;
-      frame.name = "view " + std::to_string(frames_.size());
-      frame.rgb = drawn.rgb;
-      frame.depth_m = drawn.depth_m;
-      frame.T_world_camera = poses_.back();
-      frame.semantic = drawn.semantic;
-      frame.instance = drawn.instance;
-      frames_.push_back(std::move(frame));
-    }
-    classes_ = {{kShellClass, "wall", false}, {kBoxClass, "box", true}};
-    instances_ = {{1, kBoxClass, "box 1", {}, {}}};
-  }
-
-  const std::string& name() const override { return name_; }
-  const core::CameraIntrinsics& intrinsics() const override { return intrinsics_; }
-  std::size_t frame_count() const override { return frames_.size(); }
-  const std::string& frame_name(std::size_t i) const override { return frames_[i].name; }
-  const core::CameraPose& pose(std::size_t i) const override { return poses_[i]; }
-  reconstruction::RgbdFrame load(std::size_t i) const override { return frames_[i]; }
-  bool has_masks() const override { return true; }
-  const std::vector<core::SceneClass>& classes() const override { return classes_; }
-  const std::vector<core::SceneInstance>& instances() const override { return instances_; }
-  const std::vector<std::string>& warnings() const override { return nothing_; }
-  const std::vector<std::string>& notes() const override { return nothing_; }
+  RoomRecording(const glm::dquat& R, const glm::dvec3& t_m)
+      : SurfelRecording(moved_room(R, t_m), moved_views(R, t_m)) {}
 
  private:
-  std::string name_ = "room";
-  core::CameraIntrinsics intrinsics_;
-  std::vector<core::CameraPose> poses_;
-  std::vector<reconstruction::RgbdFrame> frames_;
-  std::vector<core::SceneClass> classes_;
-  std::vector<core::SceneInstance> instances_;
-  std::vector<std::string> nothing_;
+  static renderer::SurfelCloud moved_room(const glm::dquat& R, const glm::dvec3& t_m) {
+    renderer::SurfelCloud surfels = surfel_room();
+    renderer::transform_surfels(R, t_m, surfels);
+    return surfels;
+  }
+  static std::vector<core::CameraPose> moved_views(const glm::dquat& R,
+                                                   const glm::dvec3& t_m) {
+    std::vector<core::CameraPose> poses = room_views(12);
+    const core::Transform<core::frame::World, core::frame::World> T_moved_room(R, t_m);
+    for (core::CameraPose& pose : poses) pose = T_moved_room * pose;
+    return poses;
+  }
 };
 
 class ReconstructTest : public ::testing::Test {

@@ -18,6 +18,8 @@
 #include "core/file_io.h"
 #include "experiments/scenes/coverage.h"
 #include "experiments/scenes/reconstruct.h"
+#include "experiments/scenes/viewed_place.h"
+#include "experiments/training/training_folder.h"
 #include "reconstruction/labels/panoptic_head.h"
 #include "reconstruction/training/surfel_labels.h"
 #include "reconstruction/training/training_memory.h"
@@ -114,6 +116,13 @@ TEST_F(TrainingRunTest, KilledAndResumedIsTheSame) {
   int status = 0;
   ASSERT_EQ(::waitpid(child, &status, 0), child);
   ASSERT_TRUE(fs::exists(options_.work / "geometry.state"));
+  // What was there can be looked at.
+  const scenes::ViewedPlace left = scenes::open_viewed_place(options_.work);
+  EXPECT_GT(left.scene.surfels->size(), 1000U);
+  ASSERT_EQ(left.cameras->views.size(), set_.training.size());
+  EXPECT_EQ(left.cameras->views[1].frame, set_.training[1].name);
+  EXPECT_THAT(training::training_progress(options_.work),
+              ::testing::HasSubstr(", iteration "));
   options_.checkpoint_every_s = 0.0;
   options_.resume = true;
   const training::TrainedScene resumed = training::train_scene(set_, start_, options_);
@@ -135,6 +144,7 @@ TEST_F(TrainingRunTest, KilledAndResumedIsTheSame) {
   EXPECT_THROW((void)training::train_scene(set_, start_, options_), core::InputError);
   training::remove_training_state(options_.work);
   EXPECT_FALSE(fs::exists(options_.work / "geometry.state"));
+  EXPECT_FALSE(training::is_training_folder(options_.work));
 }
 
 TEST_F(TrainingRunTest, LossThatIsNoNumberKeepsTheState) {

@@ -133,6 +133,21 @@ TEST(CollisionMesh, RefusesPointsWithoutFloorOrTooFarApart) {
   EXPECT_THROW((void)make_collision_mesh(wide, {}, {}), core::InputError);
 }
 
+TEST(CollisionMesh, CamerasAloneAreAFloorOnlyIfSomebodySaysSo) {
+  std::vector<glm::vec3> wall, normals;
+  for (float x = 0.0F; x < 3.0F; x += 0.02F) {
+    for (float z = 0.5F; z < 1.8F; z += 0.02F) {
+      wall.emplace_back(x, 2.0F, z);
+      normals.emplace_back(0, -1, 0);
+    }
+  }
+  const std::vector<glm::dvec3> cameras = {{1.0, 0.5, 1.3}, {1.5, 0.5, 1.3}};
+  CollisionMeshOptions options;
+  EXPECT_THROW((void)make_collision_mesh(wall, normals, cameras, options), core::InputError);
+  options.floor_is_known = true;
+  EXPECT_GT(make_collision_mesh(wall, normals, cameras, options).floor_m2, 0.5);
+}
+
 /// The room of above as a surface: rough floor with a hole under the box, nothing below z = 0.
 sim::TriangleMesh rough_surface() {
   sim::TriangleMesh mesh;

@@ -4,36 +4,25 @@
 /// The part of a scene bundle that this module writes: collision.ply and navmesh.bin.
 
 #include <filesystem>
-#include <span>
-
-#include <glm/vec3.hpp>
 
 #include "core/scene_bundle.h"
+#include "sim/ground/navmesh.h"
 #include "sim/ground/robot.h"
-#include "worlds/surface/collision_mesh.h"
+#include "sim/ground/triangle_mesh.h"
 
 namespace segsim::worlds {
 
-/// Makes both files in `folder` from reconstructed points and fills the fields of `manifest`
-/// that describe them: file names, robot radius and height, statistics (appended).
-/// @throws core::InputError if the points leave no floor or no room for the robot.
-CollisionMeshResult write_collision_files(const std::filesystem::path& folder,
-                                          std::span<const glm::vec3> points_m,
-                                          std::span<const glm::vec3> normals,
-                                          std::span<const glm::dvec3> camera_positions_m,
-                                          const sim::RobotModel& robot,
-                                          const CollisionMeshOptions& options,
-                                          core::SceneManifest& manifest);
+/// Writes collision.ply and names it in the manifest.
+void write_collision_mesh(const std::filesystem::path& folder, const sim::TriangleMesh& mesh,
+                          core::SceneManifest& manifest);
 
-/// The same from a fused surface (worlds/surface/depth_fusion.h).
-CollisionMeshResult write_collision_files(const std::filesystem::path& folder,
-                                          const sim::TriangleMesh& surface,
-                                          std::span<const glm::dvec3> camera_positions_m,
-                                          const sim::RobotModel& robot,
-                                          const CollisionMeshOptions& options,
-                                          core::SceneManifest& manifest);
+/// Writes navmesh.bin and fills the fields of the manifest that describe it: file name, robot
+/// radius and height, statistics (appended).
+void write_navmesh(const std::filesystem::path& folder, const sim::Navmesh& navmesh,
+                   core::SceneManifest& manifest);
 
-/// The same from a mesh that exists already, for example a simulator's own.
+/// Both, of a mesh.
+/// @throws core::InputError if the mesh has no room for the robot.
 void write_collision_files(const std::filesystem::path& folder, const sim::TriangleMesh& mesh,
                            const sim::RobotModel& robot, core::SceneManifest& manifest);
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <cstdio>
 #include <limits>
 #include <numbers>
 
@@ -47,7 +48,7 @@ SortedPoints sort_points(std::span<const glm::vec3> points_m,
   return sorted;
 }
 
-void check_floor(const SortedPoints& points, CollisionMeshResult& result) {
+void measure_floor(const SortedPoints& points, CollisionMeshResult& result) {
   constexpr double kHeightLimit_m = 0.05;
   constexpr double kTiltLimit_rad = 2.0 / 180.0 * std::numbers::pi;
   std::vector<glm::vec3> low = points.floor;
@@ -71,6 +72,21 @@ void check_floor(const SortedPoints& points, CollisionMeshResult& result) {
                               std::to_string(plane->tilt_rad / std::numbers::pi * 180.0) +
                               " deg");
   }
+}
+
+[[noreturn]] void refuse_without_floor(double seen_m2) {
+  char found[96];
+  std::snprintf(found, sizeof found, "no level plane, and %.2f m2 of level places", seen_m2);
+  throw core::InputError::expected("reconstruction", "a floor near z = 0", found);
+}
+
+/// Cameras alone make no floor: in a recording whose heights mean nothing it would lie
+/// anywhere.
+void require_floor(const CollisionMeshResult& result, const CollisionMeshOptions& options) {
+  const bool stands_out = !std::isnan(result.floor_height_m);
+  if (stands_out || options.floor_is_known) return;
+  if (result.floor_seen_m2 < options.least_floor_m2)
+    refuse_without_floor(result.floor_seen_m2);
 }
 
 VoxelBox empty_box(const SortedPoints& points, std::span<const glm::dvec3> cameras_m,
@@ -244,6 +260,7 @@ sim::GridMask floor_columns(const SortedPoints& points, std::span<const glm::dve
     floor(v.x, v.y) = 1;
   }
   result.floor_seen_m2 = area_m2(floor, box.cell_m);
+  require_floor(result, options);
   for (int z = 0; z < box.size.z; ++z) {
     for (int y = 0; y < box.size.y; ++y) {
       for (int x = 0; x < box.size.x; ++x) {
@@ -323,10 +340,8 @@ CollisionMeshResult make_collision_mesh(std::span<const glm::vec3> points_m,
   CollisionMeshResult result;
   result.points = points_m.size();
   const SortedPoints points = sort_points(points_m, normals, options);
-  if (points.floor.empty() && camera_positions_m.empty()) {
-    throw core::InputError::expected("reconstruction", "floor points near z = 0", "none");
-  }
-  check_floor(points, result);
+  if (points.floor.empty() && camera_positions_m.empty()) refuse_without_floor(0.0);
+  measure_floor(points, result);
 
   VoxelBox box = empty_box(points, camera_positions_m, options);
   append_exposed_faces(occupy_voxels(points.obstacle, options, box, result), result.mesh);
@@ -343,10 +358,8 @@ CollisionMeshResult collision_mesh_of_surface(const sim::TriangleMesh& surface,
   const SurfaceSamples samples = sample_surface(surface, 0.5 * options.voxel_m);
   result.points = samples.points_m.size();
   const SortedPoints points = sort_points(samples.points_m, samples.normals, options);
-  if (points.floor.empty() && camera_positions_m.empty()) {
-    throw core::InputError::expected("fused surface", "floor near z = 0", "none");
-  }
-  check_floor(points, result);
+  if (points.floor.empty() && camera_positions_m.empty()) refuse_without_floor(0.0);
+  measure_floor(points, result);
   VoxelBox box = empty_box(points, camera_positions_m, options);
   for (const glm::vec3& p : points.obstacle) box.occupied[box.index(voxel_of(box, p))] = 1;
   result.obstacle_voxels = static_cast<std::size_t>(

@@ -44,6 +44,10 @@ struct CollisionMeshOptions {
   int min_cluster_points = 60;    ///< Smaller groups of connected voxels are floaters.
   double close_floor_m = 0.40;    ///< Floor holes up to about this wide are closed.
   double walked_radius_m = 0.40;  ///< Around each camera position the floor is sure.
+  /// Somebody says that the floor is at z = 0: it need not be seen where cameras were.
+  bool floor_is_known = false;
+  /// Without a level plane that stands out near z = 0 so much of it must have been seen.
+  double least_floor_m2 = 0.25;
 };
 
 struct CollisionMeshResult {
@@ -61,7 +65,7 @@ struct CollisionMeshResult {
 
 /// @param normals  One per point, or empty.
 /// @param camera_positions_m  Of the capture; may be empty.
-/// @throws core::InputError if the points leave no floor.
+/// @throws core::InputError if the points leave no floor, or spread too far.
 [[nodiscard]] CollisionMeshResult make_collision_mesh(
     std::span<const glm::vec3> points_m, std::span<const glm::vec3> normals,
     std::span<const glm::dvec3> camera_positions_m, const CollisionMeshOptions& options = {});
