@@ -67,20 +67,4 @@ std::vector<Overlap> ContingencyTable::scene() const {
   return merge(counts);
 }
 
-core::Image<std::uint16_t> resized_nearest(const core::Image<std::uint16_t>& image,
-                                           int width_px, int height_px) {
-  SEGSIM_CHECK(!image.empty() && width_px > 0 && height_px > 0, "size of an image");
-  core::Image<std::uint16_t> resized(width_px, height_px);
-  const auto source = [](int at, int from, int to) {
-    return static_cast<int>(std::int64_t{at} * from / to);
-  };
-  for (int y = 0; y < height_px; ++y) {
-    const std::uint16_t* row = image.row(source(y, image.height_px(), height_px));
-    for (int x = 0; x < width_px; ++x) {
-      resized(x, y) = row[source(x, image.width_px(), width_px)];
-    }
-  }
-  return resized;
-}
-
 }  // namespace segsim::reconstruction

@@ -59,9 +59,4 @@ class ContingencyTable {
   std::vector<std::vector<Overlap>> frames_;
 };
 
-/// Nearest-neighbour resize of an id image: pixel (x, y) takes the one at (floor(x w / width),
-/// floor(y h / height)), as OpenCV's INTER_NEAREST does.
-[[nodiscard]] core::Image<std::uint16_t> resized_nearest(
-    const core::Image<std::uint16_t>& image, int width_px, int height_px);
-
 }  // namespace segsim::reconstruction

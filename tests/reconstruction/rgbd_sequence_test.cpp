@@ -85,9 +85,11 @@ TEST(RgbdSequence, ReadsSevenScenesWithMasksAndLabels) {
 TEST(RgbdSequence, PrefersFloatDepth) {
   const TemporaryFolder folder("exr");
   testing::write_seven_scenes(folder.path(), true);
-  core::Image<float> depth_m(testing::kWidth, testing::kHeight, 2.53125F);
-  depth_m(3, 3) = std::nanf("");
-  renderer::write_depth_exr(folder.path() / "frame-000000.depth.exr", depth_m);
+  core::Frame view;
+  view.intrinsics = core::CameraIntrinsics::from_fov(testing::kWidth, testing::kHeight, 1.0);
+  view.depth_m = core::Image<float>(testing::kWidth, testing::kHeight, 2.53125F);
+  view.depth_m(3, 3) = std::nanf("");
+  renderer::write_frame_exr(folder.path() / "frame-000000.depth.exr", view);
   const RgbdFrame frame = open_sequence(folder.path())->load(0);
   EXPECT_FLOAT_EQ(frame.depth_m(5, 5), 2.53125F);
   EXPECT_TRUE(std::isnan(frame.depth_m(3, 3)));
