@@ -153,8 +153,7 @@ HeldOutQuality held_out_quality(core::Renderer& renderer, const TrainingSet& set
       add_sensor_level(set, view, frame.depth_m, quality);
     }
     if (!view.masks.semantic.empty() && !frame.semantic.empty()) {
-      quality.labels.add_frame({view.masks.semantic, view.masks.instance},
-                               {frame.semantic, frame.instance});
+      quality.labels.add_frame(images_of(view.masks), {frame.semantic, frame.instance});
     }
     progress.update(++done);
   }
@@ -176,7 +175,7 @@ ContingencyTable trajectory_labels(
   for (const TrainingView& view : set.training) {
     renderer.render(view.T_world_camera, set.intrinsics, core::Channels::kLabels, frame);
     const core::FrameMasks masks = truth(view);
-    table.add_frame({masks.semantic, masks.instance}, {frame.semantic, frame.instance});
+    table.add_frame(images_of(masks), {frame.semantic, frame.instance});
     progress.update(static_cast<std::int64_t>(table.frame_count()));
   }
   return table;
