@@ -19,6 +19,8 @@ struct MaskSegment {
   float score = 0.0F;  ///< Confidence, [0, 1].
   int area_px = 0;
   BoxPx box;  ///< Around its pixels, half-open.
+  /// COCO's `iscrowd`: many objects of the class that nobody told apart. Of annotations alone.
+  bool crowd = false;
 };
 
 /// Images of equal size. Ids have no meaning beyond the view: the same object is called

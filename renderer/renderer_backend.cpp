@@ -42,14 +42,6 @@ const char* backend_name(Backend backend) {
   return "?";
 }
 
-bool has_cuda_backend() {
-#ifdef SEGSIM_WITH_CUDA
-  return true;
-#else
-  return false;
-#endif
-}
-
 std::unique_ptr<core::Renderer> make_renderer(
     Backend backend, std::shared_ptr<const SurfelCloud> surfels, RenderOptions options,
     std::shared_ptr<const PanopticField> field,

@@ -26,9 +26,6 @@ enum class Backend : unsigned char {
 
 [[nodiscard]] const char* backend_name(Backend backend);
 
-/// Was the program built with the GPU renderer?
-[[nodiscard]] bool has_cuda_backend();
-
 /// @param field  As for make_cpu_renderer().
 /// @param warn  Called once if kAuto falls back to the CPU, with the reason; may be empty.
 /// @throws core::InputError if kCuda was asked for and there is no GPU, its driver is too old,

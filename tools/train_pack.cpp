@@ -6,23 +6,26 @@
 ///     train_pack PACK [--geometry 7000] [--labels 15000] [--head query] [--max-surfels N]
 ///                [--masks PACK2]... [--sh 2] [--exposure 0.001] [--pose-rate 0.001]
 ///                [--loss-depth 0.1] [--loss-normal 0.05] [--position-rate 1]
-///                [--fixed-order] [--start IN.ply] [--out OUT.ply]
+///                [--fixed-order] [--start IN.ply] [--out OUT.ply] [--record NEW.json]
 ///
 /// `segsim reconstruct --export-pack` writes packs, and `--start OUT.ply --iterations 0` makes
 /// a bundle of what comes back. --exposure is the rate of every image's gain, --pose-rate
 /// that of its pose [rad and m]; --position-rate is a factor on that of positions. --start
 /// takes other surfels than the pack's, --out keeps the trained ones; --masks trains the
-/// labels once more with the masks of another pack of the same views.
+/// labels once more with the masks of another pack of the same views; --record saves times and
+/// quality for results/ (results/README.md).
 
 #include <chrono>
 #include <cstdio>
-#include <cstring>
 #include <memory>
+#include <ostream>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "core/error.h"
+#include "core/file_io.h"
+#include "core/process/measurement_record.h"
 #include "reconstruction/labels/panoptic_training.h"
 #include "reconstruction/training/geometry_training.h"
 #include "reconstruction/training/pose_alignment.h"
@@ -42,7 +45,7 @@ double seconds_since(Clock::time_point start) {
 }
 
 struct Flags {
-  std::string pack, head = "query", start, out;
+  std::string pack, head = "query", start, out, record;
   std::vector<std::string> masks;
   reconstruction::GeometryConfig geometry;
   std::int64_t label_iterations = 15000;
@@ -87,6 +90,8 @@ Flags parse(int argc, char** argv) {
       flags.start = value();
     } else if (word == "--out") {
       flags.out = value();
+    } else if (word == "--record") {
+      flags.record = value();
     } else if (word == "--fixed-order") {
       flags.fixed_order = true;
     } else if (flags.pack.empty() && word.rfind("--", 0) != 0) {
@@ -101,10 +106,22 @@ Flags parse(int argc, char** argv) {
   return flags;
 }
 
+std::string geometry_case(const Flags& flags) {
+  return std::to_string(flags.geometry.iterations) + " steps of shape and colour";
+}
+
+void add_time(const std::string& case_name, std::int64_t steps, double seconds,
+              core::MeasurementRecord& record) {
+  if (steps == 0) return;
+  record.values.push_back({case_name, "time", "s", seconds});
+  record.values.push_back({case_name, "steps/s", "", static_cast<double>(steps) / seconds});
+}
+
 /// Moves the poses of pack.set.training with --pose-rate.
 renderer::SurfelCloud train_geometry(reconstruction::TrainingPack& pack, const Flags& flags,
                                      const reconstruction::GeometryDevice& device,
-                                     reconstruction::TrainedCamera& camera) {
+                                     reconstruction::TrainedCamera& camera,
+                                     core::MeasurementRecord& record) {
   reconstruction::GeometryTrainer trainer(pack.set, pack.start, flags.geometry, 1, device);
   const Clock::time_point start = Clock::now();
   reconstruction::GeometryStep step;
@@ -120,6 +137,7 @@ renderer::SurfelCloud train_geometry(reconstruction::TrainingPack& pack, const F
   std::printf("geometry: %ld steps in %.1f s, %.1f steps/s\n",
               static_cast<long>(step.iteration), seconds,
               static_cast<double>(step.iteration) / seconds);
+  add_time(geometry_case(flags), step.iteration, seconds, record);
   if (flags.geometry.rate.pose_rotation > 0.0) {
     for (std::size_t i = 0; i < pack.set.training.size(); ++i) {
       pack.set.training[i].T_world_camera = trainer.poses()[i];
@@ -129,21 +147,29 @@ renderer::SurfelCloud train_geometry(reconstruction::TrainingPack& pack, const F
   return trainer.surfels();
 }
 
-void print_quality(const char* name, const reconstruction::TrainingSet& set,
-                   const std::shared_ptr<const renderer::SurfelCloud>& surfels,
-                   const std::shared_ptr<const renderer::PanopticField>& field, int top_k,
-                   const reconstruction::TrainedCamera& camera) {
+/// Prints it, and adds it to the record in the row `case_name`.
+void note_quality(const std::string& case_name, const reconstruction::TrainingSet& set,
+                  const std::shared_ptr<const renderer::SurfelCloud>& surfels,
+                  const std::shared_ptr<const renderer::PanopticField>& field, int top_k,
+                  const reconstruction::TrainedCamera& camera,
+                  core::MeasurementRecord& record) {
   renderer::RenderOptions options;
   options.top_k = top_k;
   const auto gpu = renderer::make_cuda_renderer(surfels, options, field);
-  std::printf("%s, K = %d: %s\n", name, top_k,
-              reconstruction::held_out_quality(*gpu, set, camera).text().c_str());
+  const reconstruction::HeldOutQuality quality =
+      reconstruction::held_out_quality(*gpu, set, camera);
+  std::printf("%s: %s\n", case_name.c_str(), quality.text().c_str());
+  for (const core::MeasuredValue& value : quality.measured(case_name)) {
+    record.values.push_back(value);
+  }
 }
 
-void train_labels(const reconstruction::TrainingSet& set,
+/// @param masks  Where they come from, in words.
+void train_labels(const std::string& masks, const reconstruction::TrainingSet& set,
                   const std::shared_ptr<const renderer::SurfelCloud>& surfels,
                   const reconstruction::TrainedCamera& camera, const Flags& flags,
-                  const reconstruction::GeometryDevice& device) {
+                  const reconstruction::GeometryDevice& device,
+                  core::MeasurementRecord& record) {
   reconstruction::PanopticTrainingConfig config;
   config.iterations = flags.label_iterations;
   const Clock::time_point start = Clock::now();
@@ -171,16 +197,27 @@ void train_labels(const reconstruction::TrainingSet& set,
     return true;
   };
   reconstruction::train_panoptic(*views, *head, run);
-  std::printf("labels: %ld steps in %.1f s\n", static_cast<long>(config.iterations),
-              seconds_since(start));
+  const double seconds = seconds_since(start);
+  std::printf("labels: %ld steps in %.1f s\n", static_cast<long>(config.iterations), seconds);
+  const std::string name =
+      masks + ", head " + flags.head + ", " + std::to_string(config.iterations) + " steps";
+  add_time(name, config.iterations, seconds, record);
   reconstruction::PanopticResult result = head->result();
   renderer::SurfelCloud labelled = *surfels;
   labelled.semantic_feature = std::move(result.semantic_feature);
   labelled.instance_feature = std::move(result.instance_feature);
   const auto shared = std::make_shared<const renderer::SurfelCloud>(std::move(labelled));
   const auto field = std::make_shared<const renderer::PanopticField>(std::move(result.field));
-  for (const int top_k : {24, 4, 3, 1})
-    print_quality("labels", set, shared, field, top_k, camera);
+  for (const int top_k : {24, 4, 3, 1}) {
+    note_quality(name + ", K = " + std::to_string(top_k), set, shared, field, top_k, camera,
+                 record);
+  }
+}
+
+void save_record(const std::string& file, const core::MeasurementRecord& record) {
+  if (file.empty()) return;
+  core::write_file_atomically(file,
+                              [&](std::ostream& out) { out << core::record_text(record); });
 }
 
 void run(const Flags& flags) {
@@ -192,24 +229,31 @@ void run(const Flags& flags) {
               seconds_since(start));
   const reconstruction::GeometryDevice device{.backend = renderer::Backend::kCuda,
                                               .deterministic = flags.fixed_order};
-  print_quality("start", pack.set, std::make_shared<const renderer::SurfelCloud>(pack.start),
-                nullptr, 4, {});
+  core::MeasurementRecord record{"Training of a packed scene on the GPU", true, {}};
+  note_quality("start", pack.set, std::make_shared<const renderer::SurfelCloud>(pack.start),
+               nullptr, 4, {}, record);
   reconstruction::TrainedCamera camera;
   const auto surfels = std::make_shared<const renderer::SurfelCloud>(
-      train_geometry(pack, flags, device, camera));
+      train_geometry(pack, flags, device, camera, record));
   if (!flags.out.empty()) renderer::write_surfels_ply(flags.out, *surfels);
-  print_quality("trained", pack.set, surfels, nullptr, 4, camera);
+  record.values.push_back(
+      {geometry_case(flags), "surfels", "", static_cast<double>(surfels->size())});
+  note_quality(geometry_case(flags), pack.set, surfels, nullptr, 4, camera, record);
   if (flags.geometry.rate.pose_rotation > 0.0) {
     camera.held_out_poses = reconstruction::align_views(pack.set.held_out, pack.set.intrinsics,
                                                         *surfels, flags.geometry, device);
-    print_quality("trained, held-out poses aligned", pack.set, surfels, nullptr, 4, camera);
+    note_quality(geometry_case(flags) + ", held-out poses aligned", pack.set, surfels, nullptr,
+                 4, camera, record);
   }
-  if (flags.label_iterations <= 0) return;
-  train_labels(pack.set, surfels, camera, flags, device);
-  for (const std::string& file : flags.masks) {
-    std::printf("masks of %s\n", file.c_str());
-    train_labels(reconstruction::read_training_pack(file).set, surfels, camera, flags, device);
+  if (flags.label_iterations > 0) {
+    train_labels("masks of the pack", pack.set, surfels, camera, flags, device, record);
+    for (const std::string& file : flags.masks) {
+      std::printf("masks of %s\n", file.c_str());
+      train_labels("masks of " + file, reconstruction::read_training_pack(file).set, surfels,
+                   camera, flags, device, record);
+    }
   }
+  save_record(flags.record, record);
 }
 
 }  // namespace

@@ -85,6 +85,9 @@ std::string value_text(const MeasuredValue& value) {
          (value.case_name.empty() ? "" : "\"case\": " + quoted(value.case_name) + ", ") +
          "\"name\": " + quoted(value.name) + ", \"unit\": " + quoted(value.unit) +
          ", \"value\": " + number(value.value) +
+         (value.interval95 ? ", \"interval95\": [" + number(value.interval95->first) + ", " +
+                                 number(value.interval95->second) + "]"
+                           : "") +
          (value.goal ? ", \"goal\": " + goal_text(*value.goal) : "") + "}";
 }
 

@@ -7,6 +7,7 @@
 
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace segsim::core {
@@ -25,6 +26,7 @@ struct MeasuredValue {
   std::string unit;       ///< "ms", or empty.
   double value = 0.0;     ///< Finite.
   std::optional<MeasurementGoal> goal{};
+  std::optional<std::pair<double, double>> interval95{};  ///< Low and high.
 };
 
 struct MeasurementRecord {

@@ -19,6 +19,7 @@
 #include "experiments/benchmarks/render_record.h"
 #include "experiments/benchmarks/render_report.h"
 #include "experiments/commands/commands.h"
+#include "experiments/support/record_file.h"
 #include "perception/data/image_file.h"
 #include "renderer/scene/simd_target.h"
 
@@ -125,14 +126,6 @@ void save(const fs::path& file, const std::string& text) {
   core::write_file_atomically(file, [&](std::ostream& out) { out << text; });
 }
 
-void save_record(const fs::path& file, const core::MeasurementRecord& record) {
-  if (!file.empty()) save(file, core::record_text(record));
-}
-
-void add_record_flag(CLI::App& command, fs::path& record) {
-  command.add_option("--record", record, "Save a record for results/ (results/README.md)");
-}
-
 benchmarks::BenchScene load_scene(benchmarks::BenchSceneOptions options,
                                   core::Channels channels) {
   options.features = core::has(channels, core::Channels::kFeatures);
@@ -168,7 +161,7 @@ void bench_render(const Flags& flags) {
   std::fputs(benchmarks::bench_text(provenance, results).c_str(), stdout);
   save(flags.json, benchmarks::bench_json(provenance, results));
   save(flags.csv, benchmarks::bench_csv(provenance, results));
-  save_record(flags.record, benchmarks::bench_record(provenance, results));
+  support::save_record(flags.record, benchmarks::bench_record(provenance, results));
 }
 
 void add_scene_flags(CLI::App& command, benchmarks::BenchSceneOptions& scene) {
@@ -218,7 +211,7 @@ void add_render_bench(CLI::App& bench) {
       ->capture_default_str();
   command->add_option("--json", flags->json, "Save results and provenance");
   command->add_option("--csv", flags->csv, "Save one line per case");
-  add_record_flag(*command, flags->record);
+  command->add_option("--record", flags->record, support::kRecordHelp);
   command->callback([flags] { bench_render(*flags); });
 }
 
@@ -303,7 +296,7 @@ void print_ablation(const AblationFlags& flags) {
       });
     }
   }
-  save_record(flags.record, benchmarks::ablation_record(rows, results));
+  support::save_record(flags.record, benchmarks::ablation_record(rows, results));
   std::fputs(benchmarks::ablation_table(provenance, rows, results, format).c_str(), stdout);
 }
 
@@ -333,7 +326,7 @@ void add_ablation_table(CLI::App& table) {
       ->capture_default_str();
   command->add_option("-o,--output", flags->output,
                       "Folder for table2.txt, .md, .tex, .csv and .json");
-  add_record_flag(*command, flags->record);
+  command->add_option("--record", flags->record, support::kRecordHelp);
   command->callback([flags] { print_ablation(*flags); });
 }
 

@@ -13,6 +13,7 @@
 #include "experiments/commands/commands.h"
 #include "experiments/panoptic/panoptic_run.h"
 #include "experiments/panoptic/panoptic_table.h"
+#include "experiments/support/record_file.h"
 
 namespace segsim::experiments::commands {
 namespace {
@@ -22,7 +23,7 @@ namespace fs = std::filesystem;
 struct Flags {
   std::string scenes, heads = "query", rules = "strict,zju", masks = "1", backend = "cpu";
   std::string format = "text";
-  fs::path config, data, work = "out/table1";
+  fs::path config, data, record, work = "out/table1";
   std::int64_t iterations = -1, label_iterations = -1;
   int shrink = 0;
   bool resume = false, quick = false;
@@ -97,6 +98,9 @@ void print_table1(const Flags& flags) {
   };
   table.results = panoptic::run_panoptic_scenes(options);
   write_table(table, flags.work);
+  support::save_record(
+      flags.record,
+      panoptic::panoptic_record(table, options.device.backend == renderer::Backend::kCuda));
   std::fputs(panoptic::format_panoptic_table(table, format).c_str(), stdout);
 }
 
@@ -148,6 +152,7 @@ void add_panoptic_table(CLI::App& table) {
                     "Tiny pictures and few iterations, to see that it runs: no result");
   command->add_option("--format", flags->format, "text | md | tex | csv | json")
       ->capture_default_str();
+  command->add_option("--record", flags->record, support::kRecordHelp);
   command->callback([flags] { print_table1(*flags); });
 }
 

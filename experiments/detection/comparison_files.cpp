@@ -115,6 +115,16 @@ Json json_of(const DetectorErrors& errors) {
           {"confusion", errors.confusion.counts}};
 }
 
+void add_estimate(const ComparisonOptions& options, const std::string& case_name,
+                  const std::string& name, const Estimate& estimate,
+                  core::MeasurementRecord& record) {
+  core::MeasuredValue value{case_name, name, "%", 100.0 * estimate.value};
+  if (options.rounds > 0 && options.confidence == 0.95) {
+    value.interval95 = {100.0 * estimate.interval.low, 100.0 * estimate.interval.high};
+  }
+  record.values.push_back(std::move(value));
+}
+
 }  // namespace
 
 std::string comparison_text(const ComparisonReport& report) {
@@ -187,6 +197,26 @@ std::string comparison_json(const ComparisonReport& report) {
     json["sets"].push_back(std::move(entry));
   }
   return json.dump(1) + "\n";
+}
+
+core::MeasurementRecord comparison_record(const ComparisonReport& report) {
+  core::MeasurementRecord record{"Detectors before and after", false, {}};
+  for (const SetComparison& set : report.sets) {
+    record.values.push_back(
+        {set.name, "images", "", static_cast<double>(set.dataset.images.size())});
+    for (const ComparisonRow& row : set.rows) {
+      const std::string name = set.name + ", " + row_name(row);
+      record.values.push_back({name, "objects", "", static_cast<double>(row.objects)});
+      for (std::size_t s = 0; s < kScores; ++s) {
+        if (row.before[s].value < 0.0) continue;
+        const std::string score = to_string(static_cast<Score>(s));
+        add_estimate(report.options, name, score + " before", row.before[s], record);
+        add_estimate(report.options, name, score + " after", row.after[s], record);
+        add_estimate(report.options, name, score + " difference", row.difference[s], record);
+      }
+    }
+  }
+  return record;
 }
 
 void write_comparison(const std::filesystem::path& folder, const ComparisonReport& report) {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/image.h"
+#include "core/process/measurement_record.h"
 #include "experiments/detection/detector_comparison.h"
 
 namespace segsim::experiments::detection {
@@ -24,6 +25,9 @@ struct ComparisonReport {
 [[nodiscard]] std::string comparison_csv(const ComparisonReport& report);
 /// All of it, with curves and confusion matrices.
 [[nodiscard]] std::string comparison_json(const ComparisonReport& report);
+
+/// Every number of every set in percent, those of no object left out.
+[[nodiscard]] core::MeasurementRecord comparison_record(const ComparisonReport& report);
 
 /// Precision over recall at IoU 0.5: the mean large, classes small. 'Before' grey, 'after'
 /// blue.

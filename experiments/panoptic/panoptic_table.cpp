@@ -333,4 +333,22 @@ std::string format_panoptic_table(const PanopticTable& table, support::TableForm
   return support::internal::document_text(document, format);
 }
 
+core::MeasurementRecord panoptic_record(const PanopticTable& table, bool on_gpu) {
+  core::MeasurementRecord record{kTitle, on_gpu, {}};
+  if (table.quick) record.title += ", in its quick form";
+  for (const std::string& rules : table.rules) {
+    for (const Row& row : rows_of(table, rules)) {
+      if (row.scenes == 0) continue;  // The paper's.
+      const std::string name = row.method + ", " + (row.scenes > 1 ? row.data + ": " : "") +
+                               row.scene + ", " + rules;
+      for (int k = 0; k < kColumns; ++k) {
+        if (std::isfinite(row.values[k])) {
+          record.values.push_back({name, kColumnNames[k], "", row.values[k]});
+        }
+      }
+    }
+  }
+  return record;
+}
+
 }  // namespace segsim::experiments::panoptic

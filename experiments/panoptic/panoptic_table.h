@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "core/process/measurement_record.h"
 #include "experiments/panoptic/panoptic_scenes.h"
 #include "experiments/panoptic/scene_figures.h"
 #include "experiments/results/table.h"
@@ -43,5 +44,9 @@ struct PanopticTable {
 /// one, and the paper's rows of that method; under zju all of the paper's rows.
 [[nodiscard]] std::string format_panoptic_table(const PanopticTable& table,
                                                 support::TableFormat format);
+
+/// Our rows of it, scenes and means, in percent.
+/// @param on_gpu  Whether training ran there. @pre At least one result.
+[[nodiscard]] core::MeasurementRecord panoptic_record(const PanopticTable& table, bool on_gpu);
 
 }  // namespace segsim::experiments::panoptic

@@ -8,6 +8,7 @@
 #include "core/progress.h"
 #include "experiments/support/text_grid.h"
 #include "reconstruction/datasets/mask_files.h"
+#include "reconstruction/training/training_set.h"
 
 namespace segsim::experiments::training {
 namespace {
@@ -62,9 +63,11 @@ TrueLabels load_true_labels(const reconstruction::RgbdSequence& recording, std::
     throw core::InputError::expected(recording.name(), "a recording with exact labels",
                                      "none");
   }
-  reconstruction::RgbdFrame frame = recording.load(i);
-  return {std::move(frame.semantic), std::move(frame.instance), frame.T_world_camera,
-          static_cast<std::uint32_t>(i)};
+  const reconstruction::RgbdFrame frame = recording.load(i);
+  core::FrameMasks masks = reconstruction::exact_masks(frame);
+  std::vector<reconstruction::Label> crowds = reconstruction::images_of(masks).crowds;
+  return {std::move(masks.semantic), std::move(masks.instance), std::move(crowds),
+          frame.T_world_camera, static_cast<std::uint32_t>(i)};
 }
 
 std::vector<std::pair<std::string, double>> MaskQuality::listing() const {
@@ -159,7 +162,7 @@ worlds::MaskNoise fit_mask_noise(
     reconstruction::ContingencyTable table;
     for (const TrueLabels& truth : views) {
       const core::FrameMasks masks = simulator.simulate(truth.view(intrinsics));
-      table.add_frame({truth.semantic, truth.instance}, {masks.semantic, masks.instance});
+      table.add_frame(truth.images(), {masks.semantic, masks.instance});
     }
     const reconstruction::ViewQuality reached =
         reconstruction::view_quality(table, classes, {.width_px = intrinsics.width_px});
@@ -202,7 +205,7 @@ MaskQuality simulate_masks(
   for (std::size_t k = 0; k < views; ++k) {
     const TrueLabels truth = load_true_labels(recording, k * step);
     const core::FrameMasks masks = simulator.simulate(truth.view(recording.intrinsics()));
-    table.add_frame({truth.semantic, truth.instance}, {masks.semantic, masks.instance});
+    table.add_frame(truth.images(), {masks.semantic, masks.instance});
     reconstruction::write_masks(folder, recording.frame_name(k * step), masks,
                                 recording.classes());
     if (on_view) on_view(truth, masks);

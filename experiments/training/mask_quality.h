@@ -21,9 +21,13 @@ namespace segsim::experiments::training {
 /// Exact labels of one view, kept in memory.
 struct TrueLabels {
   core::Image<std::uint16_t> semantic, instance;
+  std::vector<reconstruction::Label> crowds;
   core::CameraPose T_world_camera;
   std::uint32_t frame = 0;
 
+  [[nodiscard]] reconstruction::LabelImages images() const {
+    return {semantic, instance, crowds};
+  }
   [[nodiscard]] worlds::ExactView view(const core::CameraIntrinsics& intrinsics) const {
     return {semantic, instance, T_world_camera, intrinsics, frame};
   }

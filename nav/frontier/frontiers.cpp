@@ -140,16 +140,6 @@ std::vector<Frontier> find_reachable_frontiers(const CostMap& map, const Geodesi
   return frontiers;
 }
 
-std::vector<Frontier> find_frontiers(const CostMap& map, const GeodesicField& field,
-                                     const FrontierOptions& options) {
-  std::vector<Frontier> frontiers = find_reachable_frontiers(map, field, options);
-  for (Frontier& frontier : frontiers) {
-    frontier.distance_m =
-        static_cast<double>(field.cost_m(frontier.waypoint.x, frontier.waypoint.y));
-  }
-  return frontiers;
-}
-
 FrontierScorer make_nearest_scorer(const FrontierSelectorOptions& options) {
   return [options](const Frontier& frontier) {
     return options.size_bonus_m_per_m * std::min(frontier.length_m, options.size_cap_m) -

@@ -34,13 +34,9 @@ struct Frontier {
   double value = 0.0;       ///< Filled by FrontierSelector.
 };
 
-/// Frontiers reachable in `field`, in order of their first cell (row-major).
-[[nodiscard]] std::vector<Frontier> find_frontiers(const CostMap& map,
-                                                   const GeodesicField& field,
-                                                   const FrontierOptions& options);
-
-/// The same without `distance_m`, which is what takes time on large maps; FrontierSelector
-/// asks the field for those that matter.
+/// Frontiers reachable in `field`, in order of their first cell (row-major), without
+/// `distance_m`, which is what takes time on large maps; FrontierSelector asks the field for
+/// those that matter.
 [[nodiscard]] std::vector<Frontier> find_reachable_frontiers(const CostMap& map,
                                                              const GeodesicField& field,
                                                              const FrontierOptions& options);
@@ -77,7 +73,6 @@ class FrontierSelector {
   void blacklist(const glm::dvec2& waypoint_odom_m);
   void clear_blacklist() { blacklist_.clear(); }
   [[nodiscard]] bool blacklisted(const glm::dvec2& waypoint_odom_m) const;
-  [[nodiscard]] std::size_t blacklist_size() const { return blacklist_.size(); }
 
  private:
   void settle_enough(std::vector<Frontier>& frontiers, const GeodesicField& field) const;

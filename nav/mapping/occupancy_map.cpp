@@ -122,8 +122,4 @@ CellState OccupancyMap::body_state(const Cell& cell) const {
   return odds < options_.free_below ? CellState::kFree : CellState::kUnknown;
 }
 
-bool OccupancyMap::mast_blocked(const Cell& cell) const {
-  return frame_.contains(cell) && mast_(cell.x, cell.y) > options_.occupied_above;
-}
-
 }  // namespace segsim::nav

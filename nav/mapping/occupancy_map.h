@@ -92,8 +92,6 @@ class OccupancyMap {
   [[nodiscard]] const OccupancyOptions& options() const { return options_; }
   /// State for the robot's body; unknown outside of the map.
   [[nodiscard]] CellState body_state(const Cell& cell) const;
-  /// Whether something hangs here between body and camera height.
-  [[nodiscard]] bool mast_blocked(const Cell& cell) const;
   /// Log-odds of the two layers, 0 = never observed. [width_cells x height_cells]
   [[nodiscard]] const GridLayer<float>& body_log_odds() const { return body_; }
   [[nodiscard]] const GridLayer<float>& mast_log_odds() const { return mast_; }

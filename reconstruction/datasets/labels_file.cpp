@@ -34,6 +34,17 @@ std::uint16_t find_class(const ConfigNode& node,
   node.fail("a class listed under classes", "'" + word + "'");
 }
 
+/// `iscrowd` of an instance: a crowd is of things.
+bool read_crowd(const ConfigNode& entry, std::uint16_t class_id,
+                const std::vector<core::SceneClass>& classes) {
+  if (!entry.boolean_or("iscrowd", false)) return false;
+  const bool thing =
+      std::any_of(classes.begin(), classes.end(),
+                  [&](const core::SceneClass& c) { return c.id == class_id && c.thing; });
+  if (!thing) entry.child("iscrowd").fail("false for stuff", "true");
+  return true;
+}
+
 constexpr auto kById = [](const auto& a, const auto& b) { return a.id < b.id; };
 
 }  // namespace
@@ -82,11 +93,15 @@ SequenceLabels read_sequence_labels(const std::filesystem::path& file) {
     instance.id = read_new_id(entry, instance_ids);
     instance.class_id = find_class(entry.child("class"), labels.classes);
     instance.name = entry.text_or("name", "");
+    if (read_crowd(entry, instance.class_id, labels.classes)) {
+      labels.crowds.push_back(instance.id);
+    }
     entry.finish();
     labels.instances.push_back(std::move(instance));
   }
   root.finish();
   std::sort(labels.instances.begin(), labels.instances.end(), kById);
+  std::sort(labels.crowds.begin(), labels.crowds.end());
   return labels;
 }
 

@@ -22,16 +22,18 @@ namespace segsim::reconstruction {
 ///       - {id: 1, name: chair, thing: true}
 ///     instances:
 ///       - {id: 1, class: 1, name: ChairA_01_003}    # class: id or name
+///       - {id: 2, class: 1, name: stack, iscrowd: true}    # many chairs, nobody told apart
 struct SequenceLabels {
   double pixel_center = 0.5;
   UpAxis up = UpAxis::kZ;
   std::string source;
   std::vector<core::SceneClass> classes;
   std::vector<core::SceneInstance> instances;  ///< Without boxes.
+  std::vector<std::uint16_t> crowds;           ///< Instance ids with `iscrowd`, ascending.
 };
 
 /// @throws InputError naming file, line and key: unknown keys, another schema or version, ids
-/// outside [1, 65535] or used twice, an instance of an unknown class.
+/// outside [1, 65535] or used twice, an instance of an unknown class, a crowd of stuff.
 [[nodiscard]] SequenceLabels read_sequence_labels(const std::filesystem::path& file);
 
 /// `schema: name` and `version: number` of a file.

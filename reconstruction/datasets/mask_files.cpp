@@ -99,9 +99,15 @@ class FolderMasks : public MaskSet {
 
   const MaskSetInfo& info() const override { return info_; }
   const std::vector<std::string>& names() const override { return names_; }
+  FrameMasks read_as_stored(const std::string& name) const override {
+    const internal::ImageSize size = internal::check_image_file(ids_of(name));
+    return read(name, size.width_px, size.height_px);
+  }
 
  protected:
   [[nodiscard]] fs::path file(const std::string& name) const { return folder_ / name; }
+  /// The image that says how large a view is.
+  [[nodiscard]] virtual fs::path ids_of(const std::string& name) const = 0;
 
  private:
   fs::path folder_;
@@ -113,9 +119,10 @@ class SegsimMasks final : public FolderMasks {
  public:
   using FolderMasks::FolderMasks;
   MaskLayout layout() const override { return MaskLayout::kSegsim; }
+  fs::path ids_of(const std::string& name) const override { return file(name + "_sem.png"); }
 
   FrameMasks read(const std::string& name, int width_px, int height_px) const override {
-    const fs::path semantic_file = file(name + "_sem.png");
+    const fs::path semantic_file = ids_of(name);
     FrameMasks masks;
     masks.semantic = read_ids(semantic_file, width_px, height_px);
     masks.instance = read_ids(file(name + "_ins.png"), width_px, height_px);
@@ -131,10 +138,14 @@ class SegsimMasks final : public FolderMasks {
   }
 
  private:
-  /// Takes the scores and checks that every segment has an entry of its class.
+  /// Takes scores and crowds, and checks that every segment has an entry of its class.
   void apply_entries(const JsonNode& json, FrameMasks& masks) const {
     if (!json.is_list()) json.fail("a list of masks", "something else");
-    std::map<std::pair<std::int64_t, std::uint16_t>, float> scores;
+    struct Entry {
+      float score = 0.0F;
+      bool crowd = false;
+    };
+    std::map<std::pair<std::int64_t, std::uint16_t>, Entry> entries;
     for (std::size_t i = 0; i < json.size(); ++i) {
       const JsonNode entry = json.at(i);
       const SceneClass* label = find_class(info().classes, entry.text("label"));
@@ -144,16 +155,20 @@ class SegsimMasks final : public FolderMasks {
       if (score < 0.0 || score > 1.0) {
         entry.child("score").fail("a score in [0, 1]", std::to_string(score));
       }
-      scores[{entry.child("id").as_integer(0, 65535), label->id}] = static_cast<float>(score);
+      const bool crowd = entry.has("iscrowd") && entry.child("iscrowd").as_integer(0, 1) == 1;
+      if (crowd && !label->thing) entry.child("iscrowd").fail("0 for stuff", "1");
+      entries[{entry.child("id").as_integer(0, 65535), label->id}] = {
+          static_cast<float>(score), crowd};
     }
     for (core::MaskSegment& segment : masks.segments) {
-      const auto found = scores.find({segment.id, segment.class_id});
-      if (found == scores.end()) {
+      const auto found = entries.find({segment.id, segment.class_id});
+      if (found == entries.end()) {
         json.fail("an entry for id " + std::to_string(segment.id) + " of class " +
                       std::to_string(segment.class_id) + ", which the images show",
                   "none");
       }
-      segment.score = found->second;
+      segment.score = found->second.score;
+      segment.crowd = found->second.crowd;
     }
   }
 };
@@ -162,9 +177,10 @@ class GroundedSamMasks final : public FolderMasks {
  public:
   using FolderMasks::FolderMasks;
   MaskLayout layout() const override { return MaskLayout::kGroundedSam; }
+  fs::path ids_of(const std::string& name) const override { return file(name + ".png"); }
 
   FrameMasks read(const std::string& name, int width_px, int height_px) const override {
-    const IdImage values = read_ids(file(name + ".png"), width_px, height_px);
+    const IdImage values = read_ids(ids_of(name), width_px, height_px);
     const JsonNode root = JsonNode::load(file(name + ".json"));
     const std::map<std::uint16_t, Entry> entries =
         read_entries(root.is_list() ? root : root.child("mask"));
@@ -219,9 +235,12 @@ class PanopticReconMasks final : public FolderMasks {
  public:
   using FolderMasks::FolderMasks;
   MaskLayout layout() const override { return MaskLayout::kPanopticRecon; }
+  fs::path ids_of(const std::string& name) const override {
+    return file("semantic_image/" + name + ".png");
+  }
 
   FrameMasks read(const std::string& name, int width_px, int height_px) const override {
-    const fs::path semantic_file = file("semantic_image/" + name + ".png");
+    const fs::path semantic_file = ids_of(name);
     FrameMasks masks;
     masks.semantic = read_ids(semantic_file, width_px, height_px);
     masks.instance = read_ids(file("instance_image/" + name + ".png"), width_px, height_px);
@@ -264,12 +283,14 @@ MaskSetInfo without_file(const std::vector<SceneClass>& classes, const fs::path&
 
 }  // namespace
 
+bool is_mask_set(const fs::path& folder) { return fs::exists(folder / kInfoFile); }
+
 std::unique_ptr<MaskSet> open_masks(const fs::path& folder,
                                     const std::vector<SceneClass>& classes) {
   if (!fs::is_directory(folder)) {
     throw InputError::expected(folder.string(), "a folder of masks", "no such folder");
   }
-  if (fs::exists(folder / kInfoFile)) {
+  if (is_mask_set(folder)) {
     MaskSetInfo info = read_mask_set_info(folder / kInfoFile);
     if (!classes.empty()) expect_same_classes(folder / kInfoFile, classes, info.classes);
     return std::make_unique<SegsimMasks>(folder, std::move(info),
@@ -306,6 +327,7 @@ void write_masks(const fs::path& folder, const std::string& name, const FrameMas
     entry["label"] = label->name;
     entry["score"] = std::round(segment.score * 1e4) / 1e4;
     entry["area"] = segment.area_px;
+    if (segment.crowd) entry["iscrowd"] = 1;
     for (const float side :
          {segment.box.x0, segment.box.y0, segment.box.width_px(), segment.box.height_px()}) {
       entry["bbox"].push_back(std::lround(side));

@@ -5,9 +5,10 @@
 /// recording. docs/masks.md has examples.
 ///
 ///     segsim        masks.yaml, and for each view  <n>_sem.png   8 or 16 bit, class id
-///                   <n>_ins.png  16 bit, id in the view, 0 = none      <n>_conf.png  score *
-///                   255 <n>.json     [{"id", "label", "score", "area", "bbox": [x, y, w, h]},
-///                   ...]
+///                   <n>_ins.png  16 bit, id in the view, 0 = none
+///                   <n>_conf.png score * 255
+///                   <n>.json     [{"id", "label", "score", "area", "bbox": [x, y, w, h],
+///                   "iscrowd"}, ...]; iscrowd is 0 unless it is there
 ///     grounded-sam  <n>.png  8 or 16 bit, value of the mask; <n>.json  [{"value", "label",
 ///                   "logit"}, ...] or {"mask": [...]}, where value 0 is the background
 ///     panoptic-recon  semantic_image/<n>.png, instance_image/<n>.png: 8 or 16 bit ids
@@ -54,7 +55,12 @@ class MaskSet {
   /// layout labels that are no class of the scene become void instead: prompts may be richer.
   [[nodiscard]] virtual core::FrameMasks read(const std::string& name, int width_px,
                                               int height_px) const = 0;
+  /// The same at whatever size the files have.
+  [[nodiscard]] virtual core::FrameMasks read_as_stored(const std::string& name) const = 0;
 };
+
+/// Whether a folder is a set of masks in the segsim layout (else, say, a recording).
+[[nodiscard]] bool is_mask_set(const std::filesystem::path& folder);
 
 /// Opens a folder in whichever layout it has.
 /// @param classes  Of the scene; for the layouts that bring no table of their own. With

@@ -47,6 +47,8 @@ struct RgbdFrame {
       semantic;  ///< Class id, 0 = void; size of rgb. Empty without masks.
   core::Image<std::uint16_t>
       instance;  ///< Instance id, 0 = none; size of rgb. Empty without masks.
+  /// Instance ids of crowds (core::MaskSegment::crowd), ascending, also of those out of view.
+  std::vector<std::uint16_t> crowds;
   core::Image<std::uint8_t> valid;  ///< 0 = not to be learned from (anonymised, moving); size
                                     ///< of rgb. Empty: all pixels count.
 };

@@ -108,6 +108,7 @@ std::unique_ptr<RgbdSequence> open_seven_scenes(const fs::path& folder,
     SequenceLabels labels = read_sequence_labels(labels_path);
     parts.classes = std::move(labels.classes);
     parts.instances = std::move(labels.instances);
+    parts.crowds = std::move(labels.crowds);
     parts.has_masks = !parts.classes.empty();
     center_offset_px = 0.5 - labels.pixel_center;
     convention = {labels.up, false, std::nullopt, {}};

@@ -38,6 +38,14 @@ std::vector<Overlap> merge(std::vector<KeyCount>& counts) {
 
 }  // namespace
 
+LabelImages images_of(const core::FrameMasks& masks) {
+  LabelImages images{masks.semantic, masks.instance};
+  for (const core::MaskSegment& segment : masks.segments) {
+    if (segment.crowd) images.crowds.push_back({segment.class_id, segment.id});
+  }
+  return images;
+}
+
 void ContingencyTable::add_frame(const LabelImages& truth, const LabelImages& predicted) {
   const auto& size = truth.semantic;
   for (const auto* image : {&truth.instance, &predicted.semantic, &predicted.instance}) {
@@ -54,33 +62,17 @@ void ContingencyTable::add_frame(const LabelImages& truth, const LabelImages& pr
     if (runs.empty() || runs.back().key != key) runs.push_back({key, 0});
     ++runs.back().pixels;
   }
-  frames_.push_back(merge(runs));
+  frames_.push_back({merge(runs), truth.crowds});
 }
 
 std::vector<Overlap> ContingencyTable::scene() const {
   std::vector<KeyCount> counts;
-  for (const std::vector<Overlap>& frame : frames_) {
-    for (const Overlap& cell : frame) {
+  for (const Frame& frame : frames_) {
+    for (const Overlap& cell : frame.overlaps) {
       counts.push_back({key_of(cell.truth, cell.predicted), cell.pixels});
     }
   }
   return merge(counts);
-}
-
-core::Image<std::uint16_t> resized_nearest(const core::Image<std::uint16_t>& image,
-                                           int width_px, int height_px) {
-  SEGSIM_CHECK(!image.empty() && width_px > 0 && height_px > 0, "size of an image");
-  core::Image<std::uint16_t> resized(width_px, height_px);
-  const auto source = [](int at, int from, int to) {
-    return static_cast<int>(std::int64_t{at} * from / to);
-  };
-  for (int y = 0; y < height_px; ++y) {
-    const std::uint16_t* row = image.row(source(y, image.height_px(), height_px));
-    for (int x = 0; x < width_px; ++x) {
-      resized(x, y) = row[source(x, image.width_px(), width_px)];
-    }
-  }
-  return resized;
 }
 
 }  // namespace segsim::reconstruction

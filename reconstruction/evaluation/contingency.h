@@ -14,6 +14,7 @@
 #include <span>
 #include <vector>
 
+#include "core/frame_masks.h"
 #include "core/image.h"
 
 namespace segsim::reconstruction {
@@ -34,7 +35,12 @@ struct Overlap {
 struct LabelImages {
   const core::Image<std::uint16_t>& semantic;
   const core::Image<std::uint16_t>& instance;
+  /// Of the truth alone: the labels that are crowds (core::MaskSegment::crowd).
+  std::vector<Label> crowds = {};
 };
+
+/// The truth of a view with its crowds.
+[[nodiscard]] LabelImages images_of(const core::FrameMasks& masks);
 
 class ContingencyTable {
  public:
@@ -46,22 +52,27 @@ class ContingencyTable {
   /// Adds a view that was counted elsewhere, for example a frame of another table.
   /// @param overlaps  Ascending by (truth, predicted), each pair once.
   void add_overlaps(std::span<const Overlap> overlaps) {
-    frames_.emplace_back(overlaps.begin(), overlaps.end());
+    frames_.push_back({{overlaps.begin(), overlaps.end()}, {}});
   }
 
   [[nodiscard]] std::size_t frame_count() const { return frames_.size(); }
   /// Ascending by (truth, predicted), each pair once.
-  [[nodiscard]] std::span<const Overlap> frame(std::size_t i) const { return frames_.at(i); }
+  [[nodiscard]] std::span<const Overlap> frame(std::size_t i) const {
+    return frames_.at(i).overlaps;
+  }
+  /// True labels of the frame that are crowds, as they were given.
+  [[nodiscard]] std::span<const Label> crowds(std::size_t i) const {
+    return frames_.at(i).crowds;
+  }
   /// The sum of all frames, in the same order.
   [[nodiscard]] std::vector<Overlap> scene() const;
 
  private:
-  std::vector<std::vector<Overlap>> frames_;
+  struct Frame {
+    std::vector<Overlap> overlaps;
+    std::vector<Label> crowds;
+  };
+  std::vector<Frame> frames_;
 };
-
-/// Nearest-neighbour resize of an id image: pixel (x, y) takes the one at (floor(x w / width),
-/// floor(y h / height)), as OpenCV's INTER_NEAREST does.
-[[nodiscard]] core::Image<std::uint16_t> resized_nearest(
-    const core::Image<std::uint16_t>& image, int width_px, int height_px);
 
 }  // namespace segsim::reconstruction

@@ -17,8 +17,27 @@ double segments_of(const ClassPanoptic& c) {
          0.5 * static_cast<double>(c.false_positives + c.missed);
 }
 
+bool more_than_half(std::uint64_t part, std::uint64_t whole) { return 2 * part > whole; }
+
 bool mostly_void(const Segment& segment) {
-  return 2 * segment.void_pixels > segment.pixels;  // Exactly half is not.
+  return more_than_half(segment.void_pixels, segment.pixels);
+}
+
+/// What segments are made from: a view, or the scene.
+struct Unit {
+  std::vector<Overlap> overlaps;
+  std::vector<Label> crowds;  ///< Of the truth.
+};
+
+/// For each true segment, whether it is a crowd.
+std::vector<bool> crowds_among(const Segmentation& truth, std::span<const Label> crowds) {
+  std::vector<bool> is_crowd(truth.segments.size());
+  for (const Label& label : crowds) {
+    const auto at = truth.index.find(label);
+    if (at == truth.index.end() || at->second == internal::kVoid) continue;
+    is_crowd[static_cast<std::size_t>(at->second)] = true;
+  }
+  return is_crowd;
 }
 
 /// The evaluated classes that are frequent enough on both sides.
@@ -51,20 +70,28 @@ class Counter {
     }
   }
 
-  /// Adds the segments of one unit: a view, or the scene.
-  void add(std::span<const Overlap> overlaps, std::span<const core::SceneClass> classes) {
+  /// Adds the segments of one unit.
+  void add(const Unit& unit, std::span<const core::SceneClass> classes) {
     const auto make =
         rules_.segments_by_id ? internal::segments_by_id : internal::segments_by_label;
-    Segmentation truth = make(internal::truth_pixels(overlaps), classes);
-    Segmentation predicted = make(internal::predicted_pixels(overlaps), classes);
-    const std::vector<SegmentOverlap> common = cross(overlaps, truth, predicted);
+    Segmentation truth = make(internal::truth_pixels(unit.overlaps), classes);
+    Segmentation predicted = make(internal::predicted_pixels(unit.overlaps), classes);
+    const std::vector<SegmentOverlap> common = cross(unit.overlaps, truth, predicted);
+    const std::vector<bool> crowd =
+        crowds_among(truth, rules_.crowds_are_ignored ? std::span<const Label>(unit.crowds)
+                                                      : std::span<const Label>());
 
     std::vector<bool> found(truth.segments.size()), used(predicted.segments.size());
+    std::vector<std::uint64_t> crowd_pixels(predicted.segments.size());
     for (const SegmentOverlap& pair : common) {
       const auto g = static_cast<std::size_t>(pair.truth);
       const auto p = static_cast<std::size_t>(pair.predicted);
-      const double iou = iou_of(truth.segments[g], predicted.segments[p], pair.pixels);
       if (truth.segments[g].class_id != predicted.segments[p].class_id) continue;
+      if (crowd[g]) {
+        crowd_pixels[p] += pair.pixels;
+        continue;
+      }
+      const double iou = iou_of(truth.segments[g], predicted.segments[p], pair.pixels);
       if (!(iou > rules_.min_iou)) continue;
       ClassPanoptic& count = counts_of(truth.segments[g]);
       count.iou_sum += iou;
@@ -73,11 +100,12 @@ class Counter {
     }
     for (std::size_t g = 0; g < found.size(); ++g) {
       const bool forgiven = rules_.predicted_void_is_neutral && mostly_void(truth.segments[g]);
-      if (!found[g] && !forgiven) ++counts_of(truth.segments[g]).missed;
+      if (!found[g] && !forgiven && !crowd[g]) ++counts_of(truth.segments[g]).missed;
     }
     for (std::size_t p = 0; p < used.size(); ++p) {
-      if (!used[p] && !mostly_void(predicted.segments[p])) {
-        ++counts_of(predicted.segments[p]).false_positives;
+      const Segment& segment = predicted.segments[p];
+      if (!used[p] && !more_than_half(segment.void_pixels + crowd_pixels[p], segment.pixels)) {
+        ++counts_of(segment).false_positives;
       }
     }
   }
@@ -117,6 +145,19 @@ PanopticQuality Counter::quality() const {
   return result;
 }
 
+std::vector<Unit> units_of(const ContingencyTable& table, bool per_frame) {
+  std::vector<Unit> frames, scene(1);
+  for (std::size_t i = 0; i < table.frame_count(); ++i) {
+    const auto overlaps = table.frame(i);
+    const auto crowds = table.crowds(i);
+    frames.push_back({{overlaps.begin(), overlaps.end()}, {crowds.begin(), crowds.end()}});
+    scene[0].crowds.insert(scene[0].crowds.end(), crowds.begin(), crowds.end());
+  }
+  if (per_frame) return frames;
+  scene[0].overlaps = table.scene();
+  return scene;
+}
+
 std::vector<Overlap> without_true_void(std::span<const Overlap> overlaps) {
   std::vector<Overlap> kept;
   std::copy_if(overlaps.begin(), overlaps.end(), std::back_inserter(kept),
@@ -151,6 +192,7 @@ PanopticRules PanopticRules::coco_per_frame() {
   PanopticRules rules;
   rules.name = "coco-per-frame";
   rules.per_frame = true;
+  rules.crowds_are_ignored = true;
   return rules;
 }
 
@@ -167,25 +209,19 @@ double ClassPanoptic::rq() const {
 PanopticQuality panoptic_quality(const ContingencyTable& table,
                                  std::span<const core::SceneClass> classes,
                                  const PanopticRules& rules) {
-  std::vector<std::vector<Overlap>> units;
-  if (rules.per_frame) {
-    for (std::size_t i = 0; i < table.frame_count(); ++i) {
-      units.emplace_back(table.frame(i).begin(), table.frame(i).end());
-    }
-  } else {
-    units.push_back(table.scene());
-  }
+  std::vector<Unit> units = units_of(table, rules.per_frame);
   std::vector<core::SceneClass> evaluated(classes.begin(), classes.end());
   if (rules.drop_true_void) {
-    for (std::vector<Overlap>& unit : units) unit = without_true_void(unit);
+    for (Unit& unit : units) unit.overlaps = without_true_void(unit.overlaps);
   }
   if (rules.min_class_share > 0.0) {
     std::vector<Overlap> all;
-    for (const auto& unit : units) all.insert(all.end(), unit.begin(), unit.end());
+    for (const Unit& unit : units)
+      all.insert(all.end(), unit.overlaps.begin(), unit.overlaps.end());
     evaluated = frequent_classes(all, classes, rules.min_class_share);
   }
   Counter counter(evaluated, rules);
-  for (const std::vector<Overlap>& unit : units) counter.add(unit, evaluated);
+  for (const Unit& unit : units) counter.add(unit, evaluated);
   return counter.quality();
 }
 

@@ -37,6 +37,10 @@ struct PanopticRules {
   bool predicted_void_is_neutral = false;
   /// Pixels whose true class is 0 are dropped before anything else.
   bool drop_true_void = false;
+  /// A true crowd is no segment: nothing matches it, and nobody misses it. A prediction of its
+  /// class with more than half of its pixels on it or on void is no false positive. Else a
+  /// crowd is a segment like others.
+  bool crowds_are_ignored = false;
   /// Classes with a smaller share of the pixels, in truth or prediction, become void in both.
   double min_class_share = 0.0;
 
@@ -47,7 +51,8 @@ struct PanopticRules {
   [[nodiscard]] static PanopticRules zju(double min_iou);
   /// What Panoptic Lifting and Contrastive Lift compute.
   [[nodiscard]] static PanopticRules panoptic_lifting();
-  /// COCO's: blind to ids that change between views. A diagnostic.
+  /// COCO's (cocodataset/panopticapi, evaluation.py at 1ad5afa, read for its behaviour), with
+  /// its rule for crowds: blind to ids that change between views. A diagnostic.
   [[nodiscard]] static PanopticRules coco_per_frame();
 };
 

@@ -21,28 +21,4 @@ PanopticReport panoptic_report(const ContingencyTable& table,
   return report;
 }
 
-std::vector<PanopticReport> all_panoptic_reports(const ContingencyTable& held_out,
-                                                 const ContingencyTable& training,
-                                                 std::span<const core::SceneClass> classes,
-                                                 double zju_min_iou) {
-  struct Row {
-    const ContingencyTable& table;
-    const char* views;
-    PanopticRules rules;
-  };
-  const std::vector<Row> rows{
-      {held_out, "held-out views", PanopticRules::strict()},
-      {training, "training trajectory", PanopticRules::strict()},
-      {training, "training trajectory", PanopticRules::zju(zju_min_iou)},
-      {held_out, "held-out views", PanopticRules::panoptic_lifting()},
-      {held_out, "held-out views", PanopticRules::coco_per_frame()}};
-  std::vector<PanopticReport> reports;
-  for (const Row& row : rows) {
-    if (row.table.frame_count() == 0) continue;
-    reports.push_back(panoptic_report(row.table, classes, row.rules));
-    reports.back().rules = row.rules.name + ", " + row.views;
-  }
-  return reports;
-}
-
 }  // namespace segsim::reconstruction

@@ -1,8 +1,7 @@
 #pragma once
 
 /// @file
-/// The five rule sets side by side, from two tables: views held out of training, and views of
-/// the training trajectory.
+/// All figures of labels under one rule set: a row of the paper's table 1.
 
 #include <string>
 #include <vector>
@@ -15,7 +14,7 @@ namespace segsim::reconstruction {
 
 /// One row of a table: the paper's columns under one set of rules.
 struct PanopticReport {
-  std::string rules;  ///< For example "strict, held-out views".
+  std::string rules;  ///< PanopticRules::name.
   PanopticQuality panoptic;
   SemanticQuality per_frame, pooled;  ///< mIoU and mAcc in both conventions.
   CoverageQuality coverage;           ///< mCov, mW-Cov.
@@ -26,13 +25,5 @@ struct PanopticReport {
 [[nodiscard]] PanopticReport panoptic_report(const ContingencyTable& table,
                                              std::span<const core::SceneClass> classes,
                                              const PanopticRules& rules);
-
-/// strict (held-out), strict (training trajectory), zju (training trajectory),
-/// panoptic-lifting (held-out), coco-per-frame (held-out), in this order. A table without
-/// frames leaves its rows out.
-/// @param zju_min_iou  0.1 for ScanNet, 0.3 otherwise.
-[[nodiscard]] std::vector<PanopticReport> all_panoptic_reports(
-    const ContingencyTable& held_out, const ContingencyTable& training,
-    std::span<const core::SceneClass> classes, double zju_min_iou);
 
 }  // namespace segsim::reconstruction

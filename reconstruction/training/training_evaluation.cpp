@@ -1,6 +1,8 @@
 #include "reconstruction/training/training_evaluation.h"
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <cstdio>
 #include <limits>
 #include <numbers>
@@ -72,6 +74,47 @@ std::vector<std::pair<std::string, double>> HeldOutQuality::listing(
                              {prefix + "mean_iou", mean_iou}});
   }
   return list;
+}
+
+std::vector<core::MeasuredValue> HeldOutQuality::measured(const std::string& case_name) const {
+  std::vector<core::MeasuredValue> values;
+  const auto add = [&](const char* name, const char* unit, double value) {
+    // The PSNR of equal pictures is infinite.
+    if (std::isfinite(value)) values.push_back({case_name, name, unit, value});
+  };
+  if (color.views() > 0) {
+    add("held-out views", "", color.views());
+    add("PSNR", "dB", color.psnr_db());
+    add("PSNR with a fitted gain", "dB", gain_fitted_color.psnr_db());
+    add("SSIM", "", color.ssim());
+  }
+  if (exposed_color.views() > 0) {
+    add("PSNR at the exposure of the frames before and after", "dB", exposed_color.psnr_db());
+  }
+  if (depth.pixels() > 0) {
+    add("depth L1", "cm", 100.0 * depth.mean_abs_m());
+    add("depth L1, median", "cm", 100.0 * depth.median_abs_m());
+    add("depth RMS", "cm", 100.0 * depth.rms_m());
+    add("depth, relative error", "%", 100.0 * depth.mean_relative());
+    add("depth within a factor of 1.25", "%", 100.0 * depth.within_1_25());
+    add("depth covered", "%", 100.0 * depth.completeness());
+    add("normals", "deg", normal.mean_rad() * 180.0 / std::numbers::pi);
+    const std::array<double, 3> within = normal.within();
+    add("normals within 11.25 deg", "%", 100.0 * within[0]);
+    add("normals within 22.5 deg", "%", 100.0 * within[1]);
+    add("normals within 30 deg", "%", 100.0 * within[2]);
+  }
+  if (sensor_depth.pixels() > 0) {
+    add("depth L1 where the next frames have it", "cm", 100.0 * depth_at_sensor.mean_abs_m());
+    add("the next frames' own depth L1", "cm", 100.0 * sensor_depth.mean_abs_m());
+  }
+  if (labels.frame_count() > 0) {
+    add("PQ", "", 100.0 * panoptic.pq);
+    add("SQ", "", 100.0 * panoptic.sq);
+    add("RQ", "", 100.0 * panoptic.rq);
+    add("mIoU", "", 100.0 * mean_iou);
+  }
+  return values;
 }
 
 std::string HeldOutQuality::text() const {
@@ -153,8 +196,7 @@ HeldOutQuality held_out_quality(core::Renderer& renderer, const TrainingSet& set
       add_sensor_level(set, view, frame.depth_m, quality);
     }
     if (!view.masks.semantic.empty() && !frame.semantic.empty()) {
-      quality.labels.add_frame({view.masks.semantic, view.masks.instance},
-                               {frame.semantic, frame.instance});
+      quality.labels.add_frame(images_of(view.masks), {frame.semantic, frame.instance});
     }
     progress.update(++done);
   }
@@ -176,7 +218,7 @@ ContingencyTable trajectory_labels(
   for (const TrainingView& view : set.training) {
     renderer.render(view.T_world_camera, set.intrinsics, core::Channels::kLabels, frame);
     const core::FrameMasks masks = truth(view);
-    table.add_frame({masks.semantic, masks.instance}, {frame.semantic, frame.instance});
+    table.add_frame(images_of(masks), {frame.semantic, frame.instance});
     progress.update(static_cast<std::int64_t>(table.frame_count()));
   }
   return table;

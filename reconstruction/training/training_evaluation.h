@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/process/measurement_record.h"
 #include "core/render.h"
 #include "reconstruction/evaluation/contingency.h"
 #include "reconstruction/evaluation/image_quality.h"
@@ -39,6 +40,8 @@ struct HeldOutQuality {
   /// For the manifest: prefix + "psnr_db", ...; empty without held-out views.
   [[nodiscard]] std::vector<std::pair<std::string, double>> listing(
       const std::string& prefix = "held_out_") const;
+  /// For a record of results/, in the row `case_name`: what was measured, with units.
+  [[nodiscard]] std::vector<core::MeasuredValue> measured(const std::string& case_name) const;
   /// One line for people.
   [[nodiscard]] std::string text() const;
 };

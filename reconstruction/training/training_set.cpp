@@ -56,6 +56,16 @@ core::Image<std::uint8_t> block_minima(const core::Image<std::uint8_t>& image, i
   return small;
 }
 
+/// Crowds stay crowds in an image that shows part of the segments.
+void copy_crowds(const core::FrameMasks& from, core::FrameMasks& to) {
+  for (core::MaskSegment& segment : to.segments) {
+    segment.crowd =
+        std::any_of(from.segments.begin(), from.segments.end(), [&](const auto& s) {
+          return s.crowd && s.id == segment.id && s.class_id == segment.class_id;
+        });
+  }
+}
+
 }  // namespace
 
 core::FrameMasks exact_masks(const RgbdFrame& frame) {
@@ -68,6 +78,10 @@ core::FrameMasks exact_masks(const RgbdFrame& frame) {
     masks.confidence.data()[i] = masks.semantic.data()[i] == 0 ? 0 : 255;
   }
   masks.segments = core::segments_of(masks);
+  for (core::MaskSegment& segment : masks.segments) {
+    segment.crowd = segment.id != 0 &&
+                    std::binary_search(frame.crowds.begin(), frame.crowds.end(), segment.id);
+  }
   return masks;
 }
 
@@ -90,6 +104,7 @@ TrainingView shrunk(const TrainingView& view, int n) {
   small.masks.instance = middles(view.masks.instance, n);
   small.masks.confidence = middles(view.masks.confidence, n);
   if (!small.masks.semantic.empty()) small.masks.segments = core::segments_of(small.masks);
+  copy_crowds(view.masks, small.masks);
   return small;
 }
 

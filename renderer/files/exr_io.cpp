@@ -239,11 +239,4 @@ void write_frame_exr(const std::filesystem::path& file, const core::Frame& frame
   out.write(file);
 }
 
-void write_depth_exr(const std::filesystem::path& file, const Image<float>& depth_m) {
-  SEGSIM_CHECK(!depth_m.empty(), "empty depth image");
-  ExrOutput out(depth_m.width_px(), depth_m.height_px(), 1.0F, {});
-  out.part("geometry").add("Z", depth_m.data());
-  out.write(file);
-}
-
 }  // namespace segsim::renderer

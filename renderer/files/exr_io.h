@@ -91,9 +91,6 @@ struct CryptomatteImage {
 [[nodiscard]] CryptomatteImage read_cryptomatte_exr(const std::filesystem::path& file,
                                                     const std::string& layer);
 
-/// Writes a single float channel Z [m].
-void write_depth_exr(const std::filesystem::path& file, const core::Image<float>& depth_m);
-
 /// Reads channel Z of any EXR image, of the first part that has one.
 /// @throws core::InputError if there is none.
 [[nodiscard]] core::Image<float> read_depth_exr(const std::filesystem::path& file);

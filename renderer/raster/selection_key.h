@@ -27,13 +27,6 @@ inline constexpr std::uint32_t kWindow = kKeyPositionMask + 1;
 
 [[nodiscard]] constexpr bool is_key(std::uint32_t key) { return key > kKeyPositionMask; }
 
-/// @param weight    In (2^-31, 1), or 0: no key.
-/// @param position  In the window.
-[[nodiscard]] constexpr std::uint32_t make_key(float weight, std::uint32_t position) {
-  const auto bits = std::bit_cast<std::uint32_t>(weight);
-  return (bits << kKeyShift & kKeyWeightMask) | (position ^ kKeyPositionMask);
-}
-
 /// @param key  With weight.
 [[nodiscard]] constexpr float key_weight(std::uint32_t key) {
   return std::bit_cast<float>((key & kKeyWeightMask) >> kKeyShift | kKeyExponent | kKeyHalf);

@@ -187,7 +187,7 @@ HWY_INLINE V depth_at(const ScreenSurfel& s, const TilePair& pair, const Lanes& 
   return hn::Div(hn::Set(d, s.z0_m), bounded);
 }
 
-/// make_key() with the lower bits as they are, as a float.
+/// A key (selection_key.h) with the lower bits as they are, as a float.
 HWY_INLINE V key_of(V weight, hn::Vec<Keys> low_bits) {
   const Keys dk;
   const auto shifted = hn::ShiftLeft<kKeyShift>(hn::BitCast(dk, weight));

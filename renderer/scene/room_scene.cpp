@@ -263,10 +263,6 @@ SurfelCloud make_room_scene(const RoomSceneOptions& options) {
   return cloud;
 }
 
-double room_area_m2(std::uint64_t seed, int room) {
-  return running_areas(make_quads(seed, room)).back();
-}
-
 core::CameraIntrinsics room_camera(int width_px, int height_px) {
   const double focal_px = 1165.7 * width_px / 1296.0;
   return {width_px, height_px, focal_px, focal_px, 0.5 * width_px, 0.5 * height_px};

@@ -58,9 +58,6 @@ struct RoomSceneOptions {
 /// @throws core::ContractViolation for an option out of its range.
 [[nodiscard]] SurfelCloud make_room_scene(const RoomSceneOptions& options = {});
 
-/// Area of the surfaces that one room's surfels lie on, hidden bottoms of boxes included.
-[[nodiscard]] double room_area_m2(std::uint64_t seed, int room = 0);
-
 /// Focal length 1165.7 px for a width of 1296 px (ScanNet's colour camera), principal point in
 /// the middle.
 [[nodiscard]] core::CameraIntrinsics room_camera(int width_px, int height_px);

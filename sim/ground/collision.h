@@ -74,7 +74,6 @@ class CollisionWorld {
 
   [[nodiscard]] const GridFrame& frame() const { return frame_; }
   [[nodiscard]] const ObstacleLayer& body_layer() const { return body_; }
-  [[nodiscard]] const ObstacleLayer& mast_layer() const { return mast_; }
   [[nodiscard]] const RobotModel& robot() const { return robot_; }
 
  private:

@@ -135,14 +135,4 @@ NavmeshWalker::Step NavmeshWalker::walk(const glm::dvec2& towards_m,
 
 const glm::dvec3& NavmeshWalker::position_m() const { return impl_->position_m; }
 
-bool teleport_forward(NavmeshWalker& walker, core::Pose2& pose, double forward_m,
-                      ContactResponse response) {
-  const NavmeshWalker::Step step = walker.walk({pose.x_m + forward_m * std::cos(pose.yaw_rad),
-                                                pose.y_m + forward_m * std::sin(pose.yaw_rad)},
-                                               response);
-  pose.x_m = step.position_m.x;
-  pose.y_m = step.position_m.y;
-  return step.shortened;
-}
-
 }  // namespace segsim::sim

@@ -51,9 +51,4 @@ class NavmeshWalker {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Habitat's discrete actions on a pose: `forward_m` straight ahead through the walker, or a
-/// turn. @return  Whether the step collided in Habitat's sense.
-bool teleport_forward(NavmeshWalker& walker, core::Pose2& pose, double forward_m,
-                      ContactResponse response);
-
 }  // namespace segsim::sim

@@ -13,10 +13,6 @@ constexpr double kStraight_radps = 1e-9;
 
 }  // namespace
 
-double RobotModel::stopping_distance_m() const {
-  return max_forward_mps * max_forward_mps / (2.0 * max_deceleration_mps2);
-}
-
 core::Pose2 drive_arc(const core::Pose2& pose, const core::VelocityCommand& velocity,
                       double duration_s) {
   const double v = velocity.forward_mps;

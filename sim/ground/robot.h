@@ -38,9 +38,6 @@ struct RobotModel : core::RobotBase {
       1.0;                          ///< Skid steering: effective track = track * multiplier.
   double command_timeout_s = 0.25;  ///< Without a new command for so long the base brakes.
 
-  /// v^2 / 2a from full speed.
-  [[nodiscard]] double stopping_distance_m() const;
-
   /// Names of the built-in robots, the files of sim/robots/.
   [[nodiscard]] static const std::vector<std::string>& names();
   /// A built-in robot, or that of a file: anything with a slash or that ends in ".yaml".

@@ -16,9 +16,6 @@ struct TriangleMesh {
       triangles;  ///< Into `positions_m`; counter-clockwise seen from outside.
 };
 
-/// Adds the six sides of an axis-aligned box.
-void append_box(TriangleMesh& mesh, const glm::vec3& min_m, const glm::vec3& max_m);
-
 /// Adds a horizontal rectangle that faces up.
 void append_floor(TriangleMesh& mesh, float x0_m, float y0_m, float x1_m, float y1_m,
                   float z_m = 0.0F);

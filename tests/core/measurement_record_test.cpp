@@ -22,7 +22,8 @@ TEST(MeasurementRecord, SaysWhatWasMeasuredWhereAndWithWhat) {
       {{"small", "median", "ms", 3.5,
         MeasurementGoal{MeasurementGoal::Kind::kAtMost, 4.0, {}}},
        {"", "images/s", "", 8162.25,
-        MeasurementGoal{MeasurementGoal::Kind::kAtLeast, 8000.0, 16000.0}}}};
+        MeasurementGoal{MeasurementGoal::Kind::kAtLeast, 8000.0, 16000.0}},
+       {"", "found", "%", 50.0, {}, std::pair{37.5, 62.5}}}};
   const std::string text = record_text(record);
   EXPECT_THAT(text, HasSubstr(R"("schema": "segsim.record/1")"));
   EXPECT_THAT(text, HasSubstr(R"("title": "Frames \"of\" a room")"));
@@ -34,6 +35,8 @@ TEST(MeasurementRecord, SaysWhatWasMeasuredWhereAndWithWhat) {
                         R"("goal": {"at_most": 4}},)"));
   EXPECT_THAT(text, HasSubstr(R"({"name": "images/s", "unit": "", "value": 8162.25, )"
                               R"("goal": {"at_least": 8000, "aim": 16000}})"));
+  EXPECT_THAT(text, HasSubstr(R"({"name": "found", "unit": "%", "value": 50, )"
+                              R"("interval95": [37.5, 62.5]})"));
   const auto commit = commit_of(version());
   EXPECT_THAT(text, HasSubstr(commit ? "\"commit\": \"" + *commit + "\""
                                      : std::string("\"commit\": null")));

@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <fstream>
+#include <map>
 
 #include <nlohmann/json.hpp>
 
@@ -173,6 +174,37 @@ TEST(DetectorComparison, FilesHoldTheSameNumbers) {
   for (const char* name : {"precision-views.png", "confusion-views.png", "misses-views.png"}) {
     EXPECT_GT(perception::read_image(folder.path() / "out" / name).width_px(), 300) << name;
   }
+}
+
+TEST(DetectorComparison, TheRecordHasEveryNumberWithItsInterval) {
+  detection::ComparisonReport report;
+  report.options.rounds = 20;
+  report.sets = {random_set()};
+  detection::compare_results(report.options, report.sets[0]);
+  const auto values_of = [&] {
+    std::map<std::string, core::MeasuredValue> values;
+    const core::MeasurementRecord record = detection::comparison_record(report);
+    for (const core::MeasuredValue& value : record.values) {
+      values[value.case_name + "; " + value.name] = value;
+    }
+    EXPECT_EQ(values.size(), record.values.size()) << "a name comes twice";
+    return values;
+  };
+  const std::map<std::string, core::MeasuredValue> values = values_of();
+  EXPECT_EQ(values.at("views; images").value, kImages);
+  const detection::ComparisonRow& chairs = row(report.sets[0], "class", "chair");
+  EXPECT_EQ(values.at("views, chair; objects").value, chairs.objects);
+  const core::MeasuredValue& after = values.at("views, chair; AP50 after");
+  EXPECT_EQ(after.unit, "%");
+  EXPECT_DOUBLE_EQ(after.value, 100.0 * chairs.after[1].value);
+  ASSERT_TRUE(after.interval95.has_value());
+  EXPECT_DOUBLE_EQ(after.interval95->first, 100.0 * chairs.after[1].interval.low);
+  EXPECT_DOUBLE_EQ(values.at("views, all; AR100 difference").value,
+                   100.0 * row(report.sets[0], "all", "").difference[4].value);
+  // No picture shows a bed: it has no precision, which is another thing than 0.
+  EXPECT_FALSE(values.contains("views, bed; AP50 after"));
+  report.options.rounds = 0;
+  EXPECT_FALSE(values_of().at("views, chair; AP50 after").interval95.has_value());
 }
 
 /// A camera at the origin that looks along +x, 1 m above the floor; f = 50 px.

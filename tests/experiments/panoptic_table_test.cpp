@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <fstream>
 #include <limits>
+#include <map>
 #include <sstream>
 
 #include <gmock/gmock.h>
@@ -151,6 +152,26 @@ TEST(PanopticTable, TextMarkdownAndCsvSayTheSame) {
   comma.results[0].title = "a, \"b\"";
   EXPECT_THAT(panoptic::format_panoptic_table(comma, support::TableFormat::kCsv),
               HasSubstr("procedural,\"a, \"\"b\"\"\",50"));
+}
+
+TEST(PanopticTable, TheRecordHasOurRowsAndNotThePapers) {
+  const core::MeasurementRecord record = panoptic::panoptic_record(table(), true);
+  EXPECT_TRUE(record.on_gpu);
+  EXPECT_THAT(record.title, Not(HasSubstr("quick")));
+  // Three scenes and the mean of two, seven columns, two sets of rules.
+  EXPECT_EQ(record.values.size(), 4U * 7U * 2U);
+  std::map<std::string, double> values;
+  for (const core::MeasuredValue& value : record.values) {
+    values[value.case_name + "; " + value.name] = value.value;
+  }
+  EXPECT_EQ(values.size(), record.values.size()) << "a name comes twice";
+  EXPECT_DOUBLE_EQ(values.at("query, Scene a, strict; PQ"), 50.0);
+  EXPECT_DOUBLE_EQ(values.at("query, procedural: mean of 2, strict; PQ"), 62.5);
+  EXPECT_DOUBLE_EQ(values.at("query, Scene c, strict; mIoU"), 62.5);
+  EXPECT_DOUBLE_EQ(values.at("query, Scene c, zju; mIoU"), 31.25);
+  panoptic::PanopticTable quick = table();
+  quick.quick = true;
+  EXPECT_THAT(panoptic::panoptic_record(quick, false).title, HasSubstr("quick"));
 }
 
 TEST(PanopticTable, AFinishedTableIsNotInterim) {

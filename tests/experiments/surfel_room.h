@@ -15,6 +15,7 @@
 #include "core/frames.h"
 #include "renderer/scene/surfels.h"
 #include "sim/ground/triangle_mesh.h"
+#include "tests/box_mesh.h"
 
 namespace segsim::experiments {
 

@@ -13,6 +13,7 @@
 #include "renderer/scene/surfels.h"
 #include "sim/ground/robot.h"
 #include "sim/ground/triangle_mesh.h"
+#include "tests/box_mesh.h"
 #include "tests/temporary_folder.h"
 #include "worlds/surface/bundle_files.h"
 

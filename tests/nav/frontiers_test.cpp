@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 
+#include "tests/nav/known_frontiers.h"
 #include "tests/nav/text_map.h"
 
 namespace segsim::nav {
@@ -12,7 +13,7 @@ using test::text_map;
 std::vector<Frontier> frontiers_of(const CostMap& map, const Cell& robot,
                                    const FrontierOptions& options = {}) {
   const auto field = geodesic_field(map, robot);
-  return field ? find_frontiers(map, *field, options) : std::vector<Frontier>{};
+  return field ? test::known_frontiers(map, *field, options) : std::vector<Frontier>{};
 }
 
 TEST(Frontiers, MiddleOfTheOpenSide) {

@@ -83,6 +83,27 @@ TEST(MaskFiles, ReadsBackWhatItWrote) {
   EXPECT_NEAR(masks.segments[1].score, 0.8, 1e-4);
 }
 
+TEST(MaskFiles, CrowdsComeBackAndStuffHasNone) {
+  const TemporaryFolder folder("crowds");
+  write_example(folder.path());
+  core::FrameMasks masks = example();
+  masks.segments[2].crowd = true;  // Chair 700.
+  write_masks(folder.path(), "frame-000003", masks, kClasses);
+  const auto set = open_masks(folder.path());
+  const core::FrameMasks back = set->read_as_stored("frame-000003");
+  EXPECT_EQ(back.semantic.pixels(), masks.semantic.pixels());
+  ASSERT_EQ(back.segments.size(), 3U);
+  EXPECT_FALSE(back.segments[0].crowd);
+  EXPECT_FALSE(back.segments[1].crowd);
+  EXPECT_TRUE(back.segments[2].crowd);
+
+  masks.segments[0].crowd = true;  // The floor.
+  write_masks(folder.path(), "frame-000003", masks, kClasses);
+  EXPECT_THAT(input_error_of([&] { (void)set->read("frame-000003", 4, 2); }),
+              AllOf(HasSubstr("frame-000003.json: [0].iscrowd"),
+                    HasSubstr("expected 0 for stuff, found 1")));
+}
+
 TEST(MaskFiles, ReadsGroundedSamExports) {
   const TemporaryFolder folder("gsam");
   write_ids(folder.path() / "00001.png", {0, 1, 2, 2, 1, 3, 3, 2});

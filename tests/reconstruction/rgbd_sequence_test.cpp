@@ -82,12 +82,27 @@ TEST(RgbdSequence, ReadsSevenScenesWithMasksAndLabels) {
   EXPECT_EQ(frame.instance(0, 0), 0);
 }
 
+TEST(RgbdSequence, CrowdsOfTheLabelsFileAreToldWithEveryFrame) {
+  const TemporaryFolder folder("crowds");
+  testing::write_seven_scenes(folder.path(), true);
+  EXPECT_TRUE(open_sequence(folder.path())->load(0).crowds.empty());
+  const auto file = folder.path() / "labels.yaml";
+  std::string text = core::read_file(file);
+  const std::size_t entry = text.find("id: 700");
+  ASSERT_NE(entry, std::string::npos);
+  text.insert(entry, "iscrowd: true, ");
+  testing::write_text(file, text);
+  EXPECT_THAT(open_sequence(folder.path())->load(0).crowds, ::testing::ElementsAre(700));
+}
+
 TEST(RgbdSequence, PrefersFloatDepth) {
   const TemporaryFolder folder("exr");
   testing::write_seven_scenes(folder.path(), true);
-  core::Image<float> depth_m(testing::kWidth, testing::kHeight, 2.53125F);
-  depth_m(3, 3) = std::nanf("");
-  renderer::write_depth_exr(folder.path() / "frame-000000.depth.exr", depth_m);
+  core::Frame view;
+  view.intrinsics = core::CameraIntrinsics::from_fov(testing::kWidth, testing::kHeight, 1.0);
+  view.depth_m = core::Image<float>(testing::kWidth, testing::kHeight, 2.53125F);
+  view.depth_m(3, 3) = std::nanf("");
+  renderer::write_frame_exr(folder.path() / "frame-000000.depth.exr", view);
   const RgbdFrame frame = open_sequence(folder.path())->load(0);
   EXPECT_FLOAT_EQ(frame.depth_m(5, 5), 2.53125F);
   EXPECT_TRUE(std::isnan(frame.depth_m(3, 3)));
@@ -240,6 +255,9 @@ TEST(RgbdSequence, LabelsFileIsStrict) {
            {"schema: other\nversion: 1\npixel_center: 0.5\nup: z\n", "segsim.labels"},
            {"schema: segsim.labels\nversion: 2\npixel_center: 0.5\nup: z\n", "found 2"},
            {good + "instances:\n  - {id: 1, class: 8, name: a}\n", "class listed"},
+           {"schema: segsim.labels\nversion: 1\npixel_center: 0.5\nup: z\nclasses:\n"
+            "  - {id: 1, name: wall}\ninstances:\n  - {id: 1, class: 1, iscrowd: true}\n",
+            "false for stuff"},
            {"schema: segsim.labels\nversion: 1\npixel_center: 0.5\nup: z\nclasses:\n"
             "  - {id: 1, name: a}\n  - {id: 1, name: b}\n",
             "not used above"}}) {

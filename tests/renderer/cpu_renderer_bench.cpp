@@ -14,6 +14,7 @@
 #include "renderer/cpu_renderer.h"
 #include "renderer/raster/label_vote.h"
 #include "renderer/raster/tile_state.h"
+#include "tests/renderer/make_key.h"
 #include "tests/renderer/scenes.h"
 #include "tests/renderer/view_stages.h"
 

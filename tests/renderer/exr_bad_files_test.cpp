@@ -37,24 +37,6 @@ namespace fs = std::filesystem;
 
 class ExrBadFiles : public renderer::testing::ExrFolder {};
 
-TEST_F(ExrBadFiles, BadFilesAreRefusedByName) {
-  EXPECT_THAT(input_error_of([&] { (void)read_depth_exr(file_); }),
-              HasSubstr("view.exr: expected"));
-  std::ofstream(file_) << "this is no image";
-  EXPECT_THAT(read_error(file_), HasSubstr("view.exr: expected"));
-  EXPECT_THAT(input_error_of([&] { (void)read_frame_info_exr(file_); }),
-              HasSubstr("view.exr"));
-
-  core::Frame frame = full_frame();
-  frame.depth_m = {};
-  write_frame_exr(file_, frame);
-  EXPECT_THAT(input_error_of([&] { (void)read_depth_exr(file_); }),
-              HasSubstr("expected channel Z"));
-  write_depth_exr(file_, full_frame().depth_m);
-  EXPECT_THAT(read_error(file_), HasSubstr("expected attribute fx_px"));
-  EXPECT_THAT(input_error_of([&] { (void)read_frame_info_exr(file_); }), HasSubstr("fx_px"));
-}
-
 /// A copy of a frame's file with other channels, attributes kept.
 void write_foreign(const fs::path& file, const Imf::Header& attributes,
                    const std::vector<std::string>& channels, unsigned int value,
@@ -71,6 +53,24 @@ void write_foreign(const fs::path& file, const Imf::Header& attributes,
   Imf::OutputFile out(file.c_str(), header);
   out.setFrameBuffer(buffer);
   out.writePixels(size);
+}
+
+TEST_F(ExrBadFiles, BadFilesAreRefusedByName) {
+  EXPECT_THAT(input_error_of([&] { (void)read_depth_exr(file_); }),
+              HasSubstr("view.exr: expected"));
+  std::ofstream(file_) << "this is no image";
+  EXPECT_THAT(read_error(file_), HasSubstr("view.exr: expected"));
+  EXPECT_THAT(input_error_of([&] { (void)read_frame_info_exr(file_); }),
+              HasSubstr("view.exr"));
+
+  core::Frame frame = full_frame();
+  frame.depth_m = {};
+  write_frame_exr(file_, frame);
+  EXPECT_THAT(input_error_of([&] { (void)read_depth_exr(file_); }),
+              HasSubstr("expected channel Z"));
+  write_foreign(file_, Imf::Header(16, 16), {"Z"}, 0);
+  EXPECT_THAT(read_error(file_), HasSubstr("expected attribute fx_px"));
+  EXPECT_THAT(input_error_of([&] { (void)read_frame_info_exr(file_); }), HasSubstr("fx_px"));
 }
 
 TEST_F(ExrBadFiles, IncompleteImagesAndWrongIdsAreRefused) {

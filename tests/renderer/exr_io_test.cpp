@@ -280,7 +280,10 @@ TEST_F(ExrIo, AFrameOfOneImageIsAnOrdinaryFile) {
 
 TEST_F(ExrIo, DepthRoundTripAndFromAFrame) {
   const core::Frame frame = full_frame();
-  write_depth_exr(folder_ / "depth.exr", frame.depth_m);
+  core::Frame depth;
+  depth.intrinsics = frame.intrinsics;
+  depth.depth_m = frame.depth_m;
+  write_frame_exr(folder_ / "depth.exr", depth);
   write_frame_exr(file_, frame);
   for (const char* name : {"depth.exr", "view.exr"}) {
     const core::Image<float> back = read_depth_exr(folder_ / name);

@@ -12,6 +12,7 @@
 
 #include "core/random.h"
 #include "renderer/raster/tile_write.h"
+#include "tests/renderer/make_key.h"
 #include "tests/renderer/panoptic_scenes.h"
 
 namespace segsim::renderer::internal {

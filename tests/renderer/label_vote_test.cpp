@@ -14,6 +14,7 @@
 
 #include "core/random.h"
 #include "renderer/raster/tile_state.h"
+#include "tests/renderer/make_key.h"
 
 namespace segsim::renderer::internal {
 namespace {

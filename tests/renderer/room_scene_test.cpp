@@ -29,6 +29,16 @@ double quantile(std::vector<float> values, double share) {
   return values[static_cast<std::size_t>(at)];
 }
 
+constexpr double kFloor_m2 = kRoomSize_m.x * kRoomSize_m.y;
+constexpr double kWalls_m2 = 2.0 * (kRoomSize_m.x + kRoomSize_m.y) * kRoomSize_m.z;
+
+/// Surfels on a square metre of the shell, whose area is known; that of the boxes is random.
+double density_on_shell(const SurfelCloud& room) {
+  const auto shell = std::count_if(room.semantic_id.begin(), room.semantic_id.end(),
+                                   [](std::uint16_t id) { return id < kRoomFirstBoxClass; });
+  return static_cast<double>(shell) / (2.0 * kFloor_m2 + kWalls_m2);
+}
+
 TEST(RoomScene, IsValidAndDeterministic) {
   const SurfelCloud a = small_room(3000), b = small_room(3000), c = small_room(3000, 8);
   EXPECT_NO_THROW(check_surfels(a));
@@ -68,7 +78,7 @@ TEST(RoomScene, ScalesAreLogNormalAboutTheSpacing) {
   constexpr int kCount = 40000;
   constexpr double kSpread = 1.6;
   const SurfelCloud room = small_room(kCount, 7, kSpread);
-  const double expected_m = kSpread * std::sqrt(room_area_m2(7) / kCount);
+  const double expected_m = kSpread / std::sqrt(density_on_shell(room));
   double mean = 0.0, square = 0.0;
   for (const glm::vec2& scale_m : room.scale_m) {
     for (const double value : {std::log(scale_m.x), std::log(scale_m.y)}) {
@@ -106,10 +116,10 @@ TEST(RoomScene, SurfelsLieByAreaOnSurfacesOfTheirClass) {
     EXPECT_EQ(room.instance_id[i] == 0, semantic < kRoomFirstBoxClass);
     off += distance_m > 0.02 ? 1 : 0;
   }
-  const double area_m2 = room_area_m2(7), share = kCount / area_m2;
-  EXPECT_NEAR(floor, 48.0 * share, 6.0 * std::sqrt(48.0 * share));
-  EXPECT_NEAR(ceiling, 48.0 * share, 6.0 * std::sqrt(48.0 * share));
-  EXPECT_NEAR(walls, 2.0 * 14.0 * 2.8 * share, 6.0 * std::sqrt(78.4 * share));
+  const double expected = kFloor_m2 * density_on_shell(room);
+  EXPECT_NEAR(floor, expected, 6.0 * std::sqrt(expected));
+  EXPECT_NEAR(ceiling, expected, 6.0 * std::sqrt(expected));
+  EXPECT_NEAR(walls, expected * kWalls_m2 / kFloor_m2, 6.0 * std::sqrt(2.0 * expected));
   EXPECT_EQ(boxes, kCount - floor - ceiling - walls);
   // One in five is off by N(0, sqrt(0.03^2 + 0.004^2)): beyond 20 mm are 2 (1 - Phi(0.661)).
   const double shell = floor + ceiling + walls;

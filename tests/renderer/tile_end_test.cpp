@@ -13,6 +13,7 @@
 
 #include "core/random.h"
 #include "renderer/raster/tile_write.h"
+#include "tests/renderer/make_key.h"
 #include "tests/renderer/panoptic_fixture.h"
 
 namespace segsim::renderer::internal {

@@ -11,6 +11,7 @@
 
 #include "core/error.h"
 #include "core/random.h"
+#include "tests/box_mesh.h"
 #include "tests/sim/rooms.h"
 
 namespace segsim::sim {

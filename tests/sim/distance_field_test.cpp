@@ -6,6 +6,7 @@
 #include <glm/geometric.hpp>
 
 #include "core/random.h"
+#include "tests/box_mesh.h"
 #include "tests/sim/rooms.h"
 
 namespace segsim::sim {

@@ -24,6 +24,7 @@
 #include "sim/gazebo/gazebo_cameras.h"
 #include "sim/ground/geodesy.h"
 #include "sim/ground/world.h"
+#include "tests/box_mesh.h"
 #include "tests/error_message.h"
 #include "worlds/mesh/mesh_import.h"
 #include "worlds/mesh/plain_mesh.h"

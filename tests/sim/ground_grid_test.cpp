@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "core/random.h"
+#include "tests/box_mesh.h"
 
 namespace segsim::sim {
 namespace {

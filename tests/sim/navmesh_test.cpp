@@ -7,6 +7,7 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
+#include "tests/box_mesh.h"
 #include "tests/sim/rooms.h"
 
 namespace segsim::sim {

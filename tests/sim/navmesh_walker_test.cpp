@@ -7,6 +7,7 @@
 #include <glm/geometric.hpp>
 
 #include "core/random.h"
+#include "tests/box_mesh.h"
 #include "tests/sim/rooms.h"
 
 namespace segsim::sim {
@@ -72,6 +73,17 @@ TEST(NavmeshWalker, StopsOrSlidesAtASlant) {
   EXPECT_LT(slid.wall_normal->x, -0.9);
   // Away from the wall nothing is in the way.
   EXPECT_FALSE(sliding.walk({-1.0, 1.0}, ContactResponse::kSlide).wall_normal.has_value());
+}
+
+/// Habitat's step on a pose. @return  Whether it collided in Habitat's sense.
+bool teleport_forward(NavmeshWalker& walker, core::Pose2& pose, double forward_m,
+                      ContactResponse response) {
+  const NavmeshWalker::Step step = walker.walk({pose.x_m + forward_m * std::cos(pose.yaw_rad),
+                                                pose.y_m + forward_m * std::sin(pose.yaw_rad)},
+                                               response);
+  pose.x_m = step.position_m.x;
+  pose.y_m = step.position_m.y;
+  return step.shortened;
 }
 
 /// 4000 of Habitat's steps: never into the wall, never off the mesh, never to the other side

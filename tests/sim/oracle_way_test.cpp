@@ -6,6 +6,7 @@
 #include <glm/geometric.hpp>
 
 #include "sim/ground/triangle_mesh.h"
+#include "tests/box_mesh.h"
 
 namespace segsim::sim {
 namespace {

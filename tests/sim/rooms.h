@@ -4,6 +4,7 @@
 /// Small rooms with known measures, for the tests of this folder.
 
 #include "sim/ground/triangle_mesh.h"
+#include "tests/box_mesh.h"
 
 namespace segsim::sim {
 

@@ -6,6 +6,7 @@
 
 #include "sim/trial/oracle_detector.h"
 #include "sim/trial/trial.h"
+#include "tests/box_mesh.h"
 #include "tests/sim/box_renderer.h"
 #include "tests/sim/rooms.h"
 

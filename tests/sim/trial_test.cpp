@@ -8,6 +8,7 @@
 
 #include "core/error.h"
 #include "sim/trial/oracle_detector.h"
+#include "tests/box_mesh.h"
 #include "tests/sim/box_renderer.h"
 #include "tests/sim/rooms.h"
 

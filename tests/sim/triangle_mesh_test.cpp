@@ -9,6 +9,7 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
+#include "tests/box_mesh.h"
 
 namespace segsim::sim {
 namespace {

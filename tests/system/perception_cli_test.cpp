@@ -1,8 +1,11 @@
 // Labels, detectors and masks by the executable, on a small room.
 
+#include <array>
 #include <filesystem>
 #include <fstream>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include <unistd.h>
 
@@ -10,6 +13,8 @@
 #include <gtest/gtest.h>
 
 #include "core/file_io.h"
+#include "core/frame_masks.h"
+#include "reconstruction/datasets/mask_files.h"
 #include "segsim_process.h"
 #include "tests/experiments/tiny_scene.h"
 #include "tests/perception/tiny_models.h"
@@ -64,7 +69,7 @@ TEST_F(PerceptionCli, LabelsTrainTunesAndCompares) {
                             at("before.weights") + " --out " + at("after.weights") + options));
   const std::string compare = "detector compare --before " + at("before.weights") +
                               " --after " + at("after.weights") + " --rounds 20 --out " +
-                              at("report");
+                              at("report") + " --record " + at("record.json");
   const ProcessOutput run = run_segsim(compare + " --on views=" + at("views/val_views.json"));
   expect_success(run);
   EXPECT_THAT(run.text, HasSubstr("Not checked: whether 'after' was trained on views near"));
@@ -74,6 +79,8 @@ TEST_F(PerceptionCli, LabelsTrainTunesAndCompares) {
                            "precision-views.png", "confusion-views.png", "misses-views.png"}) {
     EXPECT_TRUE(fs::exists(at("report") + "/" + file)) << file;
   }
+  EXPECT_THAT(core::read_file(at("record.json")),
+              HasSubstr(R"({"case": "views, all", "name": "AP50 after", "unit": "%",)"));
 
   const ProcessOutput judged =
       run_segsim("detector evaluate --weights " + at("after.weights") + " --on " +
@@ -101,6 +108,51 @@ TEST_F(PerceptionCli, LabelsTrainTunesAndCompares) {
       line += " --out " + at("x.weights") + options;
     expect_input_error(run_segsim(line), "damaged.weights: training.data[0].what");
   }
+}
+
+/// A view of one row: `pixels` pixels of each class and id.
+core::FrameMasks row_of_masks(const std::vector<std::array<std::uint16_t, 3>>& runs) {
+  std::vector<std::uint16_t> classes, ids;
+  for (const auto& [pixels, class_id, id] : runs) {
+    classes.insert(classes.end(), pixels, class_id);
+    ids.insert(ids.end(), pixels, id);
+  }
+  core::FrameMasks masks;
+  masks.semantic = masks.instance =
+      core::Image<std::uint16_t>(static_cast<int>(classes.size()), 1);
+  masks.semantic.pixels() = classes;
+  masks.instance.pixels() = ids;
+  masks.confidence = core::Image<std::uint8_t>(static_cast<int>(classes.size()), 1, 255);
+  masks.segments = core::segments_of(masks);
+  return masks;
+}
+
+/// A chair that is found, and one of ten pixels of which six lie on a crowd of chairs.
+TEST_F(PerceptionCli, AnnotatedViewsAreATruthAndCrowdsAreCocos) {
+  reconstruction::MaskSetInfo info;
+  info.source = "by hand";
+  info.classes = {{1, "floor", false}, {2, "chair", true}};
+  core::FrameMasks truth = row_of_masks({{{10, 2, 5}}, {{20, 2, 9}}, {{30, 1, 0}}});
+  const core::FrameMasks found =
+      row_of_masks({{{10, 2, 1}}, {{14, 1, 0}}, {{10, 2, 2}}, {{26, 1, 0}}});
+  reconstruction::write_masks(at("found"), "0", found, info.classes);
+  reconstruction::write_mask_set_info(at("found"), info);
+  const std::string measure = "masks measure " + at("found") + " --truth " + at("truth");
+  // Floor: 26 of 44 pixels. Chairs: one found, and without the rule one missed, one false.
+  for (const auto& [crowd, pq] :
+       {std::pair{true, "PQ (IoU > 0.5) 79.5"}, {false, "PQ (IoU > 0.5) 54.5"}}) {
+    truth.segments[2].crowd = crowd;  // The floor has id 0, the chair 5, the crowd 9.
+    reconstruction::write_masks(at("truth"), "0", truth, info.classes);
+    reconstruction::write_mask_set_info(at("truth"), info);
+    const ProcessOutput run = run_segsim(measure);
+    expect_success(run);
+    EXPECT_THAT(run.text, HasSubstr("1 of 1 views"));
+    EXPECT_THAT(run.text, HasSubstr(pq));
+  }
+  reconstruction::write_masks(at("found"), "1", found, info.classes);
+  fs::remove(at("found/0_sem.png"));
+  expect_input_error(run_segsim(measure),
+                     "masks named like the views of truth, for example 0");
 }
 
 TEST_F(PerceptionCli, MasksOfModelsAreWhatAReconstructionReads) {

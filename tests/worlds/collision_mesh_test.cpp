@@ -8,6 +8,7 @@
 #include "core/error.h"
 #include "core/random.h"
 #include "sim/ground/world.h"
+#include "tests/box_mesh.h"
 #include "worlds/surface/voxel_faces.h"
 
 namespace segsim::worlds {

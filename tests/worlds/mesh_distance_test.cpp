@@ -8,6 +8,7 @@
 
 #include "core/error.h"
 #include "core/random.h"
+#include "tests/box_mesh.h"
 #include "worlds/mesh/plain_mesh.h"
 #include "worlds/procedural/procedural_flat.h"
 #include "worlds/surface/mesh_cleaning.h"

@@ -95,8 +95,6 @@ IrradianceCache::IrradianceCache(const sim::MeshScene& scene, const sim::RayScen
 
 IrradianceCache::~IrradianceCache() = default;
 
-std::size_t IrradianceCache::cell_count() const { return cells_->map.size(); }
-
 IrradianceCache::Cell IrradianceCache::compute(const Key& key) const {
   const float size_m = options_.cell_m;
   core::RandomStream random(0, "irradiance", key.packed());

@@ -46,8 +46,6 @@ class IrradianceCache {
   /// Median irradiance of points spread evenly over the lit surfaces; 0 if nothing is lit.
   [[nodiscard]] float median_irradiance() const { return median_irradiance_; }
 
-  [[nodiscard]] std::size_t cell_count() const;
-
  private:
   struct Cell;
   struct Cells;

@@ -15,6 +15,7 @@
 #include "experiments/detection/seen_data.h"
 #include "experiments/detection/source_dataset.h"
 #include "experiments/episodes/episodes.h"
+#include "experiments/support/record_file.h"
 #include "perception/checkpoint/weights_file.h"
 #include "reconstruction/datasets/box_annotation.h"
 
@@ -26,7 +27,7 @@ namespace fs = std::filesystem;
 struct CompareFlags {
   detection::ComparisonOptions options;
   std::vector<std::string> sets;  ///< NAME=FILE
-  fs::path out, photos, boxes, train;
+  fs::path out, photos, boxes, train, record;
   std::vector<fs::path> episodes;
   int photo_step = 8;
   detection::SourceDatasetOptions source{.seed = 900'000, .rooms = 0, .views_per_room = 8};
@@ -150,6 +151,7 @@ void compare(const CompareFlags& flags) {
     report.sets.push_back(detection::compare_on_set(flags.options, set.name, set.json));
   }
   detection::write_comparison(flags.out, report);
+  support::save_record(flags.record, detection::comparison_record(report));
   std::printf("%s\nwritten to %s\n", detection::comparison_text(report).c_str(),
               flags.out.string().c_str());
 }
@@ -215,6 +217,7 @@ void add_detector_compare(CLI::App& detector) {
   command->add_option("--episodes", flags->episodes, "Episode files of the evaluation");
   command->add_option("--leak-radius-m", flags->leak_radius_m, "Of the leak check [m]")
       ->capture_default_str();
+  command->add_option("--record", flags->record, support::kRecordHelp);
   command->callback([flags, floor] {
     flags->has_floor = floor->count() > 0;
     std::sort(flags->options.distances_m.begin(), flags->options.distances_m.end());

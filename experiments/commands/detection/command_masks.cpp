@@ -1,7 +1,10 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <functional>
 #include <memory>
+#include <string>
+#include <vector>
 
 #include <CLI/CLI.hpp>
 
@@ -97,34 +100,72 @@ void simulate(const SimulateFlags& flags) {
               training::mask_quality_text(training::describe(simulation), quality).c_str());
 }
 
+/// The views that masks are compared with.
+struct Truth {
+  std::string name;
+  std::vector<core::SceneClass> classes;
+  std::vector<std::string> views;
+  std::function<training::TrueLabels(std::size_t)> load;
+};
+
+Truth truth_of_recording(const TruthFlags& flags) {
+  const std::shared_ptr<reconstruction::RgbdSequence> recording = open_truth(flags);
+  Truth truth{recording->name(), recording->classes(), {}, [recording](std::size_t i) {
+                return training::load_true_labels(*recording, i);
+              }};
+  for (std::size_t i = 0; i < recording->frame_count(); ++i) {
+    truth.views.push_back(recording->frame_name(i));
+  }
+  return truth;
+}
+
+/// Annotations of single views, whose ids mean nothing in the next one.
+Truth truth_of_masks(const fs::path& folder) {
+  const std::shared_ptr<reconstruction::MaskSet> masks = reconstruction::open_masks(folder);
+  return {folder.filename().string(), masks->info().classes, masks->names(),
+          [masks](std::size_t i) {
+            const core::FrameMasks view = masks->read_as_stored(masks->names()[i]);
+            return training::TrueLabels{view.semantic, view.instance,
+                                        reconstruction::images_of(view).crowds,
+                                        core::CameraPose(), static_cast<std::uint32_t>(i)};
+          }};
+}
+
 void measure(const MeasureFlags& flags) {
-  const auto recording = open_truth(flags.truth);
-  const auto masks = reconstruction::open_masks(flags.masks, recording->classes());
-  const std::size_t step = static_cast<std::size_t>(flags.truth.frame_step);
+  const Truth truth = reconstruction::is_mask_set(flags.truth.recording)
+                          ? truth_of_masks(flags.truth.recording)
+                          : truth_of_recording(flags.truth);
+  const auto masks = reconstruction::open_masks(flags.masks, truth.classes);
   reconstruction::ContingencyTable table;
   core::Progress progress("measure masks", static_cast<std::int64_t>(masks->names().size()));
-  for (std::size_t i = 0; i < recording->frame_count(); i += step) {
-    const std::string& name = recording->frame_name(i);
+  int width_px = 0;
+  for (std::size_t i = 0; i < truth.views.size();
+       i += static_cast<std::size_t>(flags.truth.frame_step)) {
+    const std::string& name = truth.views[i];
     if (!std::binary_search(masks->names().begin(), masks->names().end(), name)) continue;
-    const training::TrueLabels truth = training::load_true_labels(*recording, i);
-    const core::FrameMasks found =
-        masks->read(name, truth.semantic.width_px(), truth.semantic.height_px());
-    table.add_frame({truth.semantic, truth.instance}, {found.semantic, found.instance});
+    const training::TrueLabels labels = truth.load(i);
+    if (width_px == 0) width_px = labels.semantic.width_px();
+    if (labels.semantic.width_px() != width_px) {
+      throw InputError::expected(name, "views of one width, " + std::to_string(width_px),
+                                 std::to_string(labels.semantic.width_px()));
+    }
+    const core::FrameMasks found = masks->read(name, width_px, labels.semantic.height_px());
+    table.add_frame(labels.images(), {found.semantic, found.instance});
     progress.update(static_cast<std::int64_t>(table.frame_count()));
   }
   progress.finish();
   if (table.frame_count() == 0) {
     throw InputError::expected(
         flags.masks.string(),
-        "masks named like the recording's frames, for example " + recording->frame_name(0),
+        "masks named like the views of " + truth.name +
+            (truth.views.empty() ? "" : ", for example " + truth.views.front()),
         masks->names().empty() ? "no masks" : masks->names().front());
   }
   std::printf(
       "%s: %s; %zu of %zu views\n\n%s", flags.masks.string().c_str(),
-      masks->info().source.c_str(), table.frame_count(), recording->frame_count(),
+      masks->info().source.c_str(), table.frame_count(), truth.views.size(),
       training::mask_quality_text(flags.masks.filename().string(),
-                                  training::mask_quality(table, recording->classes(),
-                                                         recording->intrinsics().width_px))
+                                  training::mask_quality(table, truth.classes, width_px))
           .c_str());
 }
 
@@ -168,7 +209,9 @@ void add_measure_command(CLI::App& masks) {
   CLI::App* command =
       masks.add_subcommand("measure", "Compare a folder of masks with exact labels");
   command->add_option("masks", flags->masks, "Folder of masks, see docs/masks.md")->required();
-  command->add_option("--truth", flags->truth.recording, "Recording with exact labels")
+  command
+      ->add_option("--truth", flags->truth.recording,
+                   "Recording with exact labels, or annotated views: masks with masks.yaml")
       ->required();
   add_truth_flags(*command, flags->truth);
   command->callback([flags] { measure(*flags); });

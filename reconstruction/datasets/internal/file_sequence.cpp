@@ -248,6 +248,7 @@ class FileSequence final : public RgbdSequence {
     read_valid(files, frame);
     if (!parts_.has_masks) return frame;
     read_labels(files, frame);
+    frame.crowds = parts_.crowds;
     expect_known(files.semantic, frame.semantic, known_classes_, "classes");
     expect_known(files.instance, frame.instance, known_instances_, "instances");
     return frame;

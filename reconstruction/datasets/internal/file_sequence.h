@@ -42,6 +42,7 @@ struct SequenceParts {
   std::uint16_t last_instance = 65535;  ///< Larger instance ids of the source mean none.
   std::vector<core::SceneClass> classes;
   std::vector<core::SceneInstance> instances;
+  std::vector<std::uint16_t> crowds;  ///< RgbdFrame::crowds.
   std::vector<std::string> warnings, notes;
   /// Of the source's world; finish_sequence fills it in.
   core::Transform<core::frame::World, core::frame::World> T_world_source;

@@ -235,6 +235,24 @@ TEST(TrainingSet, ShrunkViewsSeeTheSamePointsWithFewerPixels) {
   EXPECT_EQ(shrunk(view, 3).valid(1, 0), 0);
 }
 
+TEST(TrainingSet, CrowdsOfARecordingAreCrowdsOfItsViews) {
+  RgbdFrame frame;
+  frame.semantic = core::Image<std::uint16_t>(6, 3, 2);
+  frame.instance = core::Image<std::uint16_t>(6, 3, 5);
+  for (int x = 3; x < 6; ++x) frame.instance(x, 1) = 7;
+  frame.crowds = {7, 9};  // 9 is out of view.
+  TrainingView view;
+  view.rgb = core::Image<core::Rgb8>(6, 3);
+  view.masks = exact_masks(frame);
+  const TrainingView small = shrunk(view, 3);
+  for (const core::FrameMasks& masks : std::vector{view.masks, small.masks}) {
+    ASSERT_EQ(masks.segments.size(), 2U);
+    EXPECT_FALSE(masks.segments[0].crowd);
+    EXPECT_EQ(masks.segments[1].id, 7);
+    EXPECT_TRUE(masks.segments[1].crowd);
+  }
+}
+
 TEST(TrainingSet, LoadsShrunkAndRefusesToShrinkToNothing) {
   const CountingSequence recording(4);
   TrainingSetOptions options;

@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "sim/ground/robot.h"
+#include "tests/box_mesh.h"
 #include "tests/sim/rooms.h"
 
 namespace segsim::sim {

@@ -1,19 +1,14 @@
-#include "reconstruction/evaluation/label_agreement.h"
-
 #include <gtest/gtest.h>
 
 #include <cstdlib>
-#include <filesystem>
+#include <fstream>
 
-#include "core/check.h"
-#include "core/file_io.h"
 #include "renderer/cpu_renderer.h"
 #include "renderer/scene/room_scene.h"
+#include "tests/renderer/label_agreement.h"
 
-namespace segsim::reconstruction {
+namespace segsim::renderer {
 namespace {
-
-namespace fs = std::filesystem;
 
 core::Frame frame_of(std::initializer_list<float> alpha,
                      std::initializer_list<std::uint16_t> semantic,
@@ -51,34 +46,29 @@ TEST(LabelAgreement, CountsSurfacesOnly) {
 }
 
 TEST(LabelAgreement, CsvHasALinePerRow) {
-  const fs::path file = fs::path(::testing::TempDir()) / "label_agreement.csv";
-  LabelAgreement row{.rule = renderer::TopKRule::kFirst, .top_k = 4, .pixels = 8};
+  LabelAgreement row{.rule = TopKRule::kFirst, .top_k = 4, .pixels = 8};
   row.same_semantic = 8, row.same_instance = 6, row.same_panoptic = 4;
   row.feature_fetches = 99;
-  write_agreement_csv(file, std::vector{row, LabelAgreement{}});
-  EXPECT_EQ(core::read_file(file),
+  EXPECT_EQ(agreement_csv(std::vector{row, LabelAgreement{}}),
             "rule,top_k,pixels,semantic,instance,panoptic,feature_fetches\n"
             "first,4,8,1,0.75,0.5,99\nheaviest,all,0,1,1,1,0\n");
-  fs::remove(file);
 }
 
 /// Set SEGSIM_AGREEMENT_CSV to keep the table for a plot.
 TEST(LabelAgreement, GrowsWithKInARoom) {
-  const auto room = std::make_shared<const renderer::SurfelCloud>(
-      renderer::make_room_scene({.surfel_count = 100'000}));
-  const std::vector<int> top_ks = {1, 3, 4, 8, 16, 24, renderer::kAllSurfels};
+  const auto room =
+      std::make_shared<const SurfelCloud>(make_room_scene({.surfel_count = 100'000}));
+  const std::vector<int> top_ks = {1, 3, 4, 8, 16, 24, kAllSurfels};
   const std::vector<LabelAgreement> rows = label_agreement(
-      [&](const renderer::RenderOptions& options) {
-        return renderer::make_cpu_renderer(room, options);
-      },
-      renderer::room_camera_ring(3), renderer::room_camera(320, 240), top_ks);
+      [&](const RenderOptions& options) { return make_cpu_renderer(room, options); },
+      room_camera_ring(3), room_camera(320, 240), top_ks);
   ASSERT_EQ(rows.size(), 2 * top_ks.size());
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const std::size_t k = i % top_ks.size();
     EXPECT_EQ(rows[i].top_k, top_ks[k]);
     EXPECT_GT(rows[i].pixels, 200000U);
     const double share = rows[i].share(rows[i].same_panoptic);
-    if (top_ks[k] == renderer::kAllSurfels) {
+    if (top_ks[k] == kAllSurfels) {
       EXPECT_EQ(rows[i].same_panoptic, rows[i].pixels);
     } else if (k > 0) {
       EXPECT_GE(share, rows[i - 1].share(rows[i - 1].same_panoptic) - 2e-3);
@@ -91,8 +81,9 @@ TEST(LabelAgreement, GrowsWithKInARoom) {
     EXPECT_GE(rows[k].same_panoptic + rows[k].pixels / 500,
               rows[k + top_ks.size()].same_panoptic);
   }
-  if (const char* csv = std::getenv("SEGSIM_AGREEMENT_CSV")) write_agreement_csv(csv, rows);
+  if (const char* csv = std::getenv("SEGSIM_AGREEMENT_CSV"))
+    std::ofstream(csv) << agreement_csv(rows);
 }
 
 }  // namespace
-}  // namespace segsim::reconstruction
+}  // namespace segsim::renderer
