@@ -110,6 +110,13 @@ void clean_depth_m(const core::Image<float>& depth_m, const VlfmRules& rules,
                  });
 }
 
+double normalised_inferred(double depth_m, const VlfmRules& rules,
+                           const DepthCleanupOptions& options) {
+  const double clipped_m = std::clamp(depth_m, options.min_depth_m, options.max_depth_m);
+  const double offset_m = rules.published(Quirk::kInferredOffset) ? 0.0 : options.min_depth_m;
+  return (clipped_m - offset_m) / (options.max_depth_m - options.min_depth_m);
+}
+
 int thinning_of(const core::Image<float>& depth_m) {
   constexpr int kEnough_px = 320;
   return std::max(1, depth_m.width_px() / kEnough_px);

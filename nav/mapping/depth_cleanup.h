@@ -32,6 +32,11 @@ void set_holes_far(core::Image<float>& normalised, const DepthCleanupOptions& op
 void clean_depth_m(const core::Image<float>& depth_m, const VlfmRules& rules,
                    const DepthCleanupOptions& options, core::Image<float>& cleaned_m);
 
+/// Depth that a network inferred from colour, brought to [0, 1] (VLFM's Spot variant). As
+/// published (quirk Q13) the minimum is not subtracted: z / (max - min).
+[[nodiscard]] double normalised_inferred(double depth_m, const VlfmRules& rules,
+                                         const DepthCleanupOptions& options);
+
 /// Of an image that is this wide every n-th pixel suffices for maps: at 5 m a cell of 5 cm
 /// still covers two pixels of an image of 320 px.
 [[nodiscard]] int thinning_of(const core::Image<float>& depth_m);

@@ -14,20 +14,22 @@
 namespace segsim::nav {
 
 enum class Quirk : std::uint8_t {
-  kAcyclicMemory,  ///< Q1 Repeated states are never recognised.
-  kVetoFallback,   ///< Q2 All vetoed: farthest frontier, index into the other list.
-  kEmptyCone,      ///< Q3 A cone without obstacles reveals nothing.
-  kObstaclesStay,  ///< Q4 Nothing clears an occupied cell.
-  kLocalStop,      ///< Q5 STOP of the local policy ends the episode while exploring.
-  kNoRecovery,     ///< Q6 No stuck handling.
-  kFarthestDepth,  ///< Q7 The value map looks as far as each column's farthest pixel.
-  kZeroDepth,      ///< Q8 Depth 0 is "near" and "hole"; unfilled holes count as far.
-  kMapEdge,        ///< Q9 Off the map indices wrap, or end the episode.
-  kOneComponent,   ///< Q10 The explored area keeps one component.
-  kEndlessClouds,  ///< Q11 Clouds are never thinned; random subsets.
-  kFloatIds        ///< Q12 Detections are told apart by random numbers.
+  kAcyclicMemory,   ///< Q1 Repeated states are never recognised.
+  kVetoFallback,    ///< Q2 All vetoed: farthest frontier, index into the other list.
+  kEmptyCone,       ///< Q3 A cone without obstacles reveals nothing.
+  kObstaclesStay,   ///< Q4 Nothing clears an occupied cell.
+  kLocalStop,       ///< Q5 STOP of the local policy ends the episode while exploring.
+  kNoRecovery,      ///< Q6 No stuck handling.
+  kFarthestDepth,   ///< Q7 The value map looks as far as each column's farthest pixel.
+  kZeroDepth,       ///< Q8 Depth 0 is "near" and "hole"; unfilled holes count as far.
+  kMapEdge,         ///< Q9 Off the map indices wrap, or end the episode.
+  kOneComponent,    ///< Q10 The explored area keeps one component.
+  kEndlessClouds,   ///< Q11 Clouds are never thinned; random subsets.
+  kFloatIds,        ///< Q12 Detections are told apart by random numbers.
+  kInferredOffset,  ///< Q13 Inferred depth is scaled without subtracting the minimum.
+  kClosedSetRoute   ///< Q14 COCO names never reach the open-set detector.
 };
-inline constexpr std::size_t kQuirks = 12;
+inline constexpr std::size_t kQuirks = 14;
 
 enum class Rule : std::uint8_t { kVlfm, kFixed };
 
@@ -47,7 +49,7 @@ class VlfmRules {
   std::array<Rule, kQuirks> rules_;
 };
 
-/// "Q1" .. "Q12", in the order of the enumeration.
+/// "Q1" .. "Q14", in the order of the enumeration.
 [[nodiscard]] const std::vector<std::string>& quirk_names();
 
 }  // namespace segsim::nav

@@ -1,11 +1,23 @@
 #include "nav/vlfm/vlfm_policy.h"
 
 #include <algorithm>
+#include <sstream>
 
 #include "nav/behaviours/fitted_options.h"
 #include "nav/vlfm/internal/vlfm_search.h"
 
 namespace segsim::nav {
+
+VlfmOptions published_vlfm() {
+  VlfmOptions options;
+  options.rules = VlfmRules(Rule::kVlfm);
+  options.motion = Motion::kDiscrete;
+  options.second_look = false;
+  options.approach = false;
+  options.sweep.most_places = 0;
+  options.min_score = 0.8;
+  return options;  // The defaults of the maps are the published ones.
+}
 
 VlfmOptions vlfm_for(const core::RobotBase& robot, const VlfmRules& rules,
                      double camera_height_m) {
@@ -44,6 +56,24 @@ VlfmOptions vlfm_for(const core::RobotBase& robot, const VlfmRules& rules,
 
 std::unique_ptr<core::Policy> make_vlfm_policy(const VlfmOptions& options) {
   return std::make_unique<internal::VlfmSearch>(options);
+}
+
+DetectorRoute route_target(const std::string& target,
+                           const std::vector<std::string>& closed_set_names,
+                           const std::vector<std::string>& open_set_targets,
+                           const VlfmRules& rules) {
+  const auto contains = [](const std::vector<std::string>& names, const std::string& name) {
+    return std::find(names.begin(), names.end(), name) != names.end();
+  };
+  std::istringstream text(target);
+  bool any_known = false, any_unknown = false, any_routed = false;
+  for (std::string alias; std::getline(text, alias, '|');) {
+    (contains(closed_set_names, alias) ? any_known : any_unknown) = true;
+    any_routed |= contains(open_set_targets, alias);
+  }
+  if (rules.published(Quirk::kClosedSetRoute)) return {any_known, any_unknown};
+  if (any_routed) return {false, true};
+  return {any_known, any_unknown && !any_known};
 }
 
 }  // namespace segsim::nav

@@ -44,8 +44,6 @@ enum class Motion : std::uint8_t {
   kPursuit    ///< Pure pursuit of A*'s path.
 };
 
-/// The defaults of the maps are the published configuration's (camera at 0.88 m, agent radius
-/// 0.18 m).
 struct VlfmOptions {
   VlfmRules rules;
   Motion motion = Motion::kPursuit;
@@ -109,6 +107,10 @@ struct VlfmOptions {
   std::shared_ptr<LocalPolicy> local;
 };
 
+/// The numbers of the published configuration (camera at 0.88 m, agent radius 0.18 m), all
+/// quirks as published, discrete actions, no second look.
+[[nodiscard]] VlfmOptions published_vlfm();
+
 /// For one robot with its camera on a mast: obstacles from the robot's clearance up to the
 /// camera where the rule knows one band (published Q4), else the body and the mast.
 [[nodiscard]] VlfmOptions vlfm_for(const core::RobotBase& robot, const VlfmRules& rules,
@@ -118,5 +120,18 @@ struct VlfmOptions {
 /// (Q9), kStuck (Q6).
 /// @throws ContractViolation for options out of range.
 [[nodiscard]] std::unique_ptr<core::Policy> make_vlfm_policy(const VlfmOptions& options);
+
+/// Which kind of detector VLFM asks for a target.
+struct DetectorRoute {
+  bool closed_set = false, open_set = false;  ///< First the closed set, then the open one.
+};
+
+/// As published (Q14): any alias among the closed set's names goes to that detector; the open
+/// one is a fallback only if another alias is missing there. Fixed: `open_set_targets` decide.
+/// @param target  Aliases are separated by "|".
+[[nodiscard]] DetectorRoute route_target(const std::string& target,
+                                         const std::vector<std::string>& closed_set_names,
+                                         const std::vector<std::string>& open_set_targets,
+                                         const VlfmRules& rules);
 
 }  // namespace segsim::nav

@@ -129,6 +129,12 @@ TEST(ObstacleMap, SmallHolesAreFilledFromAroundThem) {
   for (const float depth : cleaned.pixels()) ASSERT_NEAR(depth, 2.0F, 1e-4F);
 }
 
+TEST(ObstacleMap, InferredDepthOffset) {  // Q13
+  EXPECT_NEAR(normalised_inferred(2.75, VlfmRules(), {}), 0.5, 1e-12);
+  EXPECT_NEAR(normalised_inferred(2.75, only_published(Quirk::kInferredOffset), {}),
+              2.75 / 4.5, 1e-12);
+}
+
 TEST(ObstacleMap, ExploredAreaGrowsInFrontAndStaysNavigable) {
   ObstacleMap map;
   test::BoxWorld world = test::four_rooms();

@@ -58,12 +58,12 @@ TEST(PolicyRegistry, EveryNameMakesAPolicyThatDecides) {
 TEST(PolicyRegistry, SettingsAreRead) {
   EXPECT_EQ(read("frontier").name(), "frontier");
   const VlfmSettings published = vlfm(
-      "{type: vlfm, parity: vlfm, quirks: {Q4: fixed, Q12: fixed}, motion: discrete, planner: "
+      "{type: vlfm, parity: vlfm, quirks: {Q4: fixed, Q14: fixed}, motion: discrete, planner: "
       "fast-marching, fusion: replace, min_score: 0.8, scorer: constant}");
   EXPECT_TRUE(published.rules.published(Quirk::kAcyclicMemory));
   EXPECT_FALSE(published.rules.published(Quirk::kObstaclesStay));
-  EXPECT_FALSE(published.rules.published(Quirk::kFloatIds));
-  EXPECT_EQ(published.rules.text(), "fixed, vlfm: Q1 Q2 Q3 Q5 Q6 Q7 Q8 Q9 Q10 Q11");
+  EXPECT_FALSE(published.rules.published(Quirk::kClosedSetRoute));
+  EXPECT_EQ(published.rules.text(), "fixed, vlfm: Q1 Q2 Q3 Q5 Q6 Q7 Q8 Q9 Q10 Q11 Q12 Q13");
   EXPECT_EQ(published.motion, Motion::kDiscrete);
   EXPECT_EQ(published.planner, GridPlanner::kFastMarching);
   EXPECT_EQ(published.fusion, FusionRule::kReplace);

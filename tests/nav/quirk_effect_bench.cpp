@@ -1,6 +1,6 @@
 /// What each rule of VLFM does by itself: the same searches in the flat of boxes, everything
-/// fixed but one rule. The argument counts: 0 fixed, 1 .. 12 that quirk as published, 13
-/// without the second look, 14 without the approach rule, 15 without the sweep, 16 all as
+/// fixed but one rule. The argument counts: 0 fixed, 1 .. 14 that quirk as published, 15
+/// without the second look, 16 without the approach rule, 17 without the sweep, 18 all as
 /// published.
 
 #include <array>
@@ -15,19 +15,17 @@ namespace segsim::nav::test {
 namespace {
 
 constexpr double kMast_m = 1.1;
-constexpr int kNoSecondLook = 13, kNoApproach = 14, kNoSweep = 15, kPublished = 16;
-constexpr int kArms = 17;
-static_assert(kNoSecondLook == kQuirks + 1);
+constexpr int kArms = 19;
 
 VlfmOptions options_of(int arm) {
-  VlfmRules rules(arm == kPublished ? Rule::kVlfm : Rule::kFixed);
+  VlfmRules rules(arm == 18 ? Rule::kVlfm : Rule::kFixed);
   if (arm >= 1 && arm <= static_cast<int>(kQuirks)) {
     rules.set(static_cast<Quirk>(arm - 1), Rule::kVlfm);
   }
   VlfmOptions options = vlfm_for(jackal(), rules, kMast_m);
-  if (arm == kNoSecondLook || arm == kPublished) options.second_look = false;
-  if (arm == kNoApproach || arm == kPublished) options.approach = false;
-  if (arm == kNoSweep || arm == kPublished) options.sweep.most_places = 0;
+  if (arm == 15 || arm == 18) options.second_look = false;
+  if (arm == 16 || arm == 18) options.approach = false;
+  if (arm == 17 || arm == 18) options.sweep.most_places = 0;
   return options;
 }
 

@@ -40,9 +40,12 @@ SimulationResult search(const VlfmOptions& options, const core::Pose2& start,
 }
 
 TEST(VlfmPolicy, PublishedNumbers) {  // A15
-  const VlfmOptions o;
+  const VlfmOptions o = published_vlfm();
+  EXPECT_EQ(o.rules.text(), "vlfm");
   EXPECT_EQ(o.spin_turns, 12);
   EXPECT_EQ(o.stop_radius_m, 0.9);
+  EXPECT_EQ(o.min_score, 0.8);
+  EXPECT_FALSE(o.second_look);
   EXPECT_EQ(o.actions.forward_m, 0.25);
   EXPECT_NEAR(o.actions.turn_rad * o.spin_turns, 2.0 * kPi, 1e-6);
   EXPECT_EQ(o.obstacles.band_min_m, 0.61);
@@ -375,6 +378,20 @@ TEST(VlfmPolicy, TenThousandStepsStayBounded) {
   EXPECT_LE(values.frame().width_cells, 800);
   EXPECT_GT(after_one_round, 1000U);
   EXPECT_EQ(cloud.points().size(), after_one_round);
+}
+
+TEST(VlfmPolicy, RouteOfTargets) {  // Q14
+  const std::vector<std::string> coco{"chair", "couch", "tv"};
+  VlfmRules published(Rule::kVlfm);
+  const auto is = [](const DetectorRoute& route, bool closed_set, bool open_set) {
+    return route.closed_set == closed_set && route.open_set == open_set;
+  };
+  EXPECT_TRUE(is(route_target("chair", coco, {"chair"}, published), true, false));
+  EXPECT_TRUE(is(route_target("chair", coco, {"chair"}, VlfmRules()), false, true));
+  EXPECT_TRUE(is(route_target("chair", coco, {}, VlfmRules()), true, false));
+  EXPECT_TRUE(is(route_target("armchair", coco, {}, published), false, true));
+  EXPECT_TRUE(is(route_target("armchair", coco, {}, VlfmRules()), false, true));
+  EXPECT_TRUE(is(route_target("couch|sofa", coco, {}, published), true, true));
 }
 
 }  // namespace
