@@ -287,4 +287,29 @@ std::optional<GravityEvidence> find_gravity(std::span<const SurfaceElement> elem
   return found;
 }
 
+std::optional<glm::dvec3> up_of_cameras(std::span<const core::CameraPose> cameras) {
+  constexpr std::size_t kFewest = 8;
+  constexpr double kMostlyUpright = 0.5, kManyHeadings = 0.1;
+  if (cameras.size() < kFewest) return std::nullopt;
+  const Evidence evidence = evidence_of({}, cameras);
+  Vector3d best = Vector3d::UnitZ();
+  double most = 0.0;
+  for (const Vector3d& up : directions()) {
+    const double support = camera_support(evidence.cameras, up);
+    if (support > most) most = support, best = up;
+  }
+  if (most < kMostlyUpright) return std::nullopt;
+  Matrix3d squares = Matrix3d::Zero();
+  for (const CameraAxes& camera : evidence.cameras) {
+    if (std::abs(camera.right.dot(best)) > std::sin(20.0 * kDegree)) continue;
+    squares += camera.right * camera.right.transpose();
+  }
+  const Eigen::SelfAdjointEigenSolver<Matrix3d> axes(squares);
+  if (axes.eigenvalues()[1] > kManyHeadings * axes.eigenvalues()[2]) {
+    const Vector3d normal = axes.eigenvectors().col(0);
+    best = normal.dot(best) < 0.0 ? Vector3d(-normal) : normal;
+  }
+  return glm::dvec3(best.x(), best.y(), best.z());
+}
+
 }  // namespace segsim::reconstruction

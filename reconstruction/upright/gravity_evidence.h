@@ -36,4 +36,10 @@ struct GravityEvidence {
 [[nodiscard]] std::optional<GravityEvidence> find_gravity(
     std::span<const SurfaceElement> elements, std::span<const core::CameraPose> cameras);
 
+/// Up by the cameras alone, within some degrees: their images' right is level. A guess, for
+/// recordings that show no surfaces.
+/// @return  nullopt with fewer than 8 cameras, or if they were held any way.
+[[nodiscard]] std::optional<glm::dvec3> up_of_cameras(
+    std::span<const core::CameraPose> cameras);
+
 }  // namespace segsim::reconstruction

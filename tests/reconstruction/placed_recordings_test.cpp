@@ -349,6 +349,17 @@ TEST(PlacedByHand, CamerasOnTheirSidesAreADoubtNotADecision) {
   EXPECT_NEAR(placed(*sequence, {1, 0, 0, 0}, {0, 0, 0}).floor_m, 0.0, 0.03);
 }
 
+TEST(PlacedByHand, WithoutDepthCamerasAloneRaiseADoubt) {
+  const TemporaryFolder folder("colour");
+  const glm::dquat R = glm::angleAxis(1.0, glm::normalize(glm::dvec3(1, 2, 0)));
+  write_as_colmap(folder.path(), record(living_room(), R, {0, 0, 0}));
+  fs::remove_all(folder.path() / "depth");
+  const auto sequence = open_sequence(folder.path());
+  EXPECT_EQ(sequence->placement()->up_source, UpSource::kLayout);
+  EXPECT_THAT(sequence->warnings(),
+              Contains(AllOf(HasSubstr("57 deg"), HasSubstr("--gravity"))));
+}
+
 TEST(PlacedByHand, GravityWithoutADirectionIsRefused) {
   const TemporaryFolder folder("zero");
   write_seven_scenes(folder.path(), false);

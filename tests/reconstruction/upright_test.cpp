@@ -158,6 +158,21 @@ TEST(GravityEvidence, NeedsCamerasAndSurfaces) {
   EXPECT_FALSE(find_gravity({}, seen.cameras).has_value());
 }
 
+TEST(GravityEvidence, CamerasAloneKnowUpWithinDegrees) {
+  core::RandomStream random(9, "turns");
+  for (int turn = 0; turn < 5; ++turn) {
+    const glm::dquat R = random_turn(random);
+    std::vector<core::CameraPose> cameras;
+    for (const core::CameraPose& pose : living_room().cameras) {
+      cameras.emplace_back(R * pose.rotation(), R * pose.translation_m());
+    }
+    const auto up = up_of_cameras(cameras);
+    ASSERT_TRUE(up.has_value());
+    EXPECT_LT(off_deg(*up, R * glm::dvec3(0, 0, 1)), 3.0);
+    EXPECT_FALSE(up_of_cameras(std::span(cameras).first(5)).has_value());
+  }
+}
+
 TEST(FloorEvidence, IsTheLowestLargeSurfaceBelowTheCameras) {
   for (const RayRoom& room :
        {living_room(), living_room({.ceiling = false}), two_storeys(true), landing()}) {

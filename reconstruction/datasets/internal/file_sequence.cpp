@@ -310,12 +310,18 @@ WorldConvention convention_of(const SequenceOptions& options, UpAxis habit) {
   if (options.gravity) {
     const double length = glm::length(*options.gravity);
     if (!(length > 0.0) || !std::isfinite(length)) {
-      throw InputError::expected("--gravity", "a direction, three numbers that are not all 0",
-                                 "none");
+      const glm::dvec3& g = *options.gravity;
+      throw InputError::expected(
+          "--gravity", "a direction, three numbers that are not all 0",
+          std::to_string(g.x) + " " + std::to_string(g.y) + " " + std::to_string(g.z));
     }
     if (options.up_axis != UpAxis::kAuto) {
       throw InputError::expected("--gravity and --up", "one of them", "both");
     }
+  }
+  if (!std::isfinite(options.floor_height_m.value_or(0.0))) {
+    throw InputError::expected("--floor-height", "a height in metres",
+                               std::to_string(*options.floor_height_m));
   }
   WorldConvention convention;
   convention.up = options.up_axis == UpAxis::kAuto ? habit : options.up_axis;

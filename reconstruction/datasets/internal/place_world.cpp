@@ -127,31 +127,41 @@ std::vector<SurfaceElement> elements_of(const SequenceParts& parts,
   return surface_elements(seen);
 }
 
+double angle_rad(const glm::dvec3& a, const glm::dvec3& b) {
+  return std::acos(std::clamp(glm::dot(a, b), -1.0, 1.0));
+}
+
+/// Not enough to contradict the layout, and too much to say nothing.
+void doubt_up(const glm::dvec3& up, const glm::dvec3& axis, const char* why,
+              std::vector<std::string>& warnings) {
+  constexpr double kDoubtful_rad = 20.0 * kDegree;
+  if (angle_rad(up, axis) < kDoubtful_rad) return;
+  char text[256];
+  std::snprintf(text, sizeof text,
+                "up may be %.0f deg off the layout's axis, but %s; if the scene lies on its "
+                "side, try --gravity %.3f %.3f %.3f",
+                angle_rad(up, axis) / kDegree, why, -up.x, -up.y, -up.z);
+  warnings.emplace_back(text);
+}
+
 /// Replaces the layout's axis by what surfaces and cameras say, if they are sure of another
 /// direction; warns if they doubt it.
 void find_up(const std::vector<SurfaceElement>& elements, SequenceParts& parts) {
+  constexpr std::size_t kEnoughToDoubt = 150;
   WorldPlacement& placement = parts.placement;
   std::vector<core::CameraPose> cameras;
   for (const FrameFiles& frame : parts.frames) cameras.push_back(frame.T_world_camera);
   placement.gravity = find_gravity(elements, cameras);
-  if (!placement.gravity) return;
-  const glm::dvec3& found = placement.gravity->up;
-  const double off_rad = std::acos(std::clamp(glm::dot(found, placement.up), -1.0, 1.0));
-  if (off_rad <= kSameUp_rad) return;
-  if (placement.gravity->sure()) {
-    placement.up = found;
+  if (elements.empty()) {
+    const auto up = up_of_cameras(cameras);
+    if (up) doubt_up(*up, placement.up, "cameras alone say so", parts.warnings);
+  } else if (placement.gravity && placement.gravity->sure()) {
+    if (angle_rad(placement.gravity->up, placement.up) <= kSameUp_rad) return;
+    placement.up = placement.gravity->up;
     placement.up_source = UpSource::kEvidence;
-    return;
+  } else if (placement.gravity && placement.gravity->elements >= kEnoughToDoubt) {
+    doubt_up(placement.gravity->up, placement.up, "the evidence is weak", parts.warnings);
   }
-  constexpr double kDoubtful_rad = 20.0 * kDegree;
-  constexpr std::size_t kEnoughToDoubt = 150;
-  if (off_rad < kDoubtful_rad || placement.gravity->elements < kEnoughToDoubt) return;
-  char text[256];
-  std::snprintf(text, sizeof text,
-                "up may be %.0f deg off the layout's axis, but the evidence is weak; if the "
-                "scene lies on its side, try --gravity %.3f %.3f %.3f",
-                off_rad / kDegree, -found.x, -found.y, -found.z);
-  parts.warnings.emplace_back(text);
 }
 
 /// The old and simple rule: the lowest plane with nothing below. None that is above the
