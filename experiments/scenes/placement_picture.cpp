@@ -71,7 +71,7 @@ void draw_floor(cv::Mat& image, const Scale& scale, reconstruction::FloorSource 
   using reconstruction::FloorSource;
   const int row = scale.row(0.0);
   const cv::Scalar color = ink::kRecover;
-  cv::line(image, {20, row}, {kWidth - 20, row}, color, 1, cv::LINE_AA);
+  cv::line(image, {20, row}, {kWidth - 20, row}, color, 1);
   const char* words = source == FloorSource::kFitted    ? "floor"
                       : source == FloorSource::kGuessed ? "floor, guessed"
                       : source == FloorSource::kGiven   ? "floor, given"
@@ -82,7 +82,7 @@ void draw_floor(cv::Mat& image, const Scale& scale, reconstruction::FloorSource 
 void draw_heights(cv::Mat& image, const Scale& scale,
                   const std::vector<SurfaceElement>& elements) {
   std::array<std::vector<int>, kKinds> bins;
-  const int last = static_cast<int>((kHeight - kTop - kBottom) / scale.px_per_m / kBin_m) + 1;
+  const int last = static_cast<int>((image.rows - kTop - kBottom) / scale.px_per_m / kBin_m);
   for (auto& counts : bins) counts.assign(static_cast<std::size_t>(last) + 1, 0);
   int most = 1;
   for (const SurfaceElement& e : elements) {
@@ -109,8 +109,8 @@ void draw_legend(cv::Mat& image, const std::string& words) {
   if (two) drawing::draw_text(image, words.substr(cut + 2), {20.0, 36.0}, kText, ink::kText);
   double x = 20.0;
   const auto entry = [&](const std::string& text, const cv::Scalar& color) {
-    cv::circle(image, {static_cast<int>(x) + 4, kHeight - 12}, 4, color, -1, cv::LINE_AA);
-    drawing::draw_text(image, text, {x + 14.0, kHeight - 8.0}, kText, ink::kText);
+    cv::circle(image, {static_cast<int>(x) + 4, image.rows - 12}, 4, color, -1, cv::LINE_AA);
+    drawing::draw_text(image, text, {x + 14.0, image.rows - 8.0}, kText, ink::kText);
     x += drawing::text_width_px(text, kText) + 40.0;
   };
   for (std::size_t kind = 0; kind < kKinds; ++kind) entry(kWords[kind], kColors[kind]);
@@ -136,7 +136,9 @@ core::Image<core::Rgb8> placement_picture(const reconstruction::WorldPlacement& 
       std::min((kView - 30.0) / std::max(along.high - along.low, 0.1),
                (kHeight - kTop - kBottom - 24.0) / std::max(heights.high - heights.low, 0.1))};
 
-  cv::Mat image(kHeight, kWidth, CV_8UC3, ink::kPaper);
+  const int drawn_px = static_cast<int>((heights.high - heights.low) * scale.px_per_m);
+  cv::Mat image(std::max(kTop + drawn_px + 24 + kBottom, 240), kWidth, CV_8UC3, ink::kPaper);
+  draw_floor(image, scale, placement.floor_source);
   for (const Kind kind : {kOther, kWall, kFromBelow, kFromAbove}) {
     for (const SurfaceElement& e : elements) {
       if (kind_of(e) != kind) continue;
@@ -147,7 +149,6 @@ core::Image<core::Rgb8> placement_picture(const reconstruction::WorldPlacement& 
   for (const glm::dvec3& p : camera_positions_m) {
     cv::circle(image, scale.at(along_m(p), p.z), 2, ink::kNavigate, -1, cv::LINE_AA);
   }
-  draw_floor(image, scale, placement.floor_source);
   draw_heights(image, scale, elements);
   const cv::Point arrow(kView + 20, kTop + 20);
   cv::arrowedLine(image, arrow, {arrow.x, arrow.y + 70}, ink::kText, 2, cv::LINE_AA, 0, 0.2);
