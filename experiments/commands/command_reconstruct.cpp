@@ -9,8 +9,10 @@
 
 #include "core/error.h"
 #include "experiments/commands/commands.h"
+#include "experiments/scenes/placement_picture.h"
 #include "experiments/scenes/reconstruct.h"
 #include "experiments/scenes/scene_source.h"
+#include "perception/data/image_file.h"
 #include "reconstruction/labels/panoptic_head.h"
 
 namespace segsim::experiments::commands {
@@ -22,6 +24,7 @@ struct Flags {
   fs::path sequence, boxes, label_map, out, config, start, export_pack;
   std::string layout = "auto", up = "auto", on_bad_frame = "refuse", robot = "jackal-gentle";
   std::string backend = "cpu", mesh = "auto";
+  std::vector<double> gravity;  ///< Three numbers, or none.
   double floor_height_m = 0.0;
   bool floor_given = false, init_only = false;
   std::int64_t iterations = -1, label_iterations = -1;
@@ -70,6 +73,22 @@ void check_outputs(const Flags& flags) {
   }
 }
 
+/// Beside the bundle, and before the long work: it tells whether that is worth while.
+void write_placement_picture(const reconstruction::RgbdSequence& sequence,
+                             const fs::path& out) {
+  if (sequence.placement() == nullptr) return;
+  std::vector<glm::dvec3> cameras_m;
+  for (std::size_t i = 0; i < sequence.frame_count(); ++i) {
+    cameras_m.push_back(sequence.pose(i).translation_m());
+  }
+  const auto picture = scenes::placement_picture(*sequence.placement(), cameras_m);
+  if (picture.empty()) return;
+  const fs::path file = out.string() + ".upright.png";
+  if (file.has_parent_path()) fs::create_directories(file.parent_path());
+  perception::write_image(file, picture);
+  std::printf("%s: up, floor and cameras from the side\n", file.string().c_str());
+}
+
 void reconstruct(Flags flags) {
   check_outputs(flags);
   if (!flags.init_only) {
@@ -85,6 +104,9 @@ void reconstruct(Flags flags) {
   options.on_bad_frame =
       reconstruction::parse_on_bad_frame(flags.on_bad_frame, "--on-bad-frame");
   options.label_map = flags.label_map;
+  if (!flags.gravity.empty()) {
+    options.gravity = glm::dvec3(flags.gravity[0], flags.gravity[1], flags.gravity[2]);
+  }
   if (flags.floor_given) options.floor_height_m = flags.floor_height_m;
   flags.reconstruct.collision.floor_is_known = flags.floor_given;
   if (!flags.start.empty()) {
@@ -100,6 +122,7 @@ void reconstruct(Flags flags) {
                 1e-6 * static_cast<double>(fs::file_size(flags.export_pack)));
     return;
   }
+  write_placement_picture(*sequence, flags.out);
   flags.reconstruct.mesh = scenes::parse_mesh_source(flags.mesh, "--mesh");
   worlds::DepthFusionOptions& fusion = flags.reconstruct.surface.fusion;
   fusion.truncation_m = scenes::kTruncationVoxels * fusion.voxel_m;
@@ -190,15 +213,23 @@ void add_reconstruct_command(CLI::App& app) {
           "auto | hololens | 7scenes | scannet | scannetpp | replica | tum | nerfstudio | "
           "colmap")
       ->capture_default_str();
-  command->add_option("--up", flags->up, "auto | y | z: the recording's axis that points up")
+  command
+      ->add_option("--up", flags->up,
+                   "auto | y | z: the recording's axis that points up; auto: the layout's, "
+                   "unless the recording shows another direction")
       ->capture_default_str();
+  command
+      ->add_option("--gravity", flags->gravity,
+                   "Direction in which things fall, in the recording's frame; instead of --up")
+      ->expected(3)
+      ->type_name("X Y Z");
   command
       ->add_option("--on-bad-frame", flags->on_bad_frame,
                    "refuse | skip: what a broken image or pose does")
       ->capture_default_str();
   command
       ->add_option("--floor-height", flags->floor_height_m,
-                   "Floor along the up axis of the recording [m]; default: fitted")
+                   "Floor along up, in the recording's frame [m]; default: found")
       ->each([flags](const std::string&) { flags->floor_given = true; });
   command->add_option("--start", flags->start,
                       "Point cloud (PCD or PLY, in the coordinates of the recording's poses) "

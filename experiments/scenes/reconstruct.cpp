@@ -232,6 +232,11 @@ core::SceneBundle reconstruct_bundle(const reconstruction::RgbdSequence& sequenc
     manifest.statistics.emplace_back("surfels", static_cast<double>(scene.surfels.size()));
     manifest.statistics.emplace_back("frames_skipped",
                                      static_cast<double>(sequence.warnings().size()));
+    const reconstruction::WorldPlacement* placement = sequence.placement();
+    if (placement != nullptr &&
+        placement->floor_source == reconstruction::FloorSource::kGuessed) {
+      manifest.statistics.emplace_back("floor_guessed", 1.0);
+    }
 
     renderer::write_surfels_ply(temporary / manifest.surfels.name, scene.surfels);
     if (scene.model) {

@@ -166,6 +166,7 @@ class BoxLabelledSequence final : public RgbdSequence {
   }
   const std::vector<std::string>& warnings() const override { return inner_->warnings(); }
   const std::vector<std::string>& notes() const override { return notes_; }
+  const WorldPlacement* placement() const override { return inner_->placement(); }
 
   RgbdFrame load(std::size_t i) const override {
     RgbdFrame frame = inner_->load(i);

@@ -33,6 +33,7 @@
 #include "core/frames.h"
 #include "core/image.h"
 #include "core/scene_bundle.h"
+#include "reconstruction/datasets/world_placement.h"
 
 namespace segsim::reconstruction {
 
@@ -65,17 +66,20 @@ enum class SequenceLayout : std::uint8_t {
   kColmap
 };
 /// Axis of the source's world that points up. kAuto = the layout's own habit (hololens y, all
-/// others z).
+/// others z), unless surfaces and cameras say otherwise.
 enum class UpAxis : std::uint8_t { kAuto, kY, kZ };
 /// What to do with a frame whose pose or image file is broken.
 enum class OnBadFrame : std::uint8_t { kRefuse, kSkip };
 
 struct SequenceOptions {
   SequenceLayout layout = SequenceLayout::kAuto;
+  /// Given, it is taken for exact; kAuto is checked against what the recording shows.
   UpAxis up_axis = UpAxis::kAuto;
+  /// Direction in which things fall, in the source's world, of any length; instead of up_axis.
+  std::optional<glm::dvec3> gravity;
   OnBadFrame on_bad_frame = OnBadFrame::kRefuse;
-  /// Height of the floor along the source's up axis; that height becomes world z = 0. Without
-  /// it the floor is fitted to the depth of a few frames. Ignored, like up_axis, if
+  /// Height of the floor along up, in the source's world; it becomes world z = 0. Without it
+  /// the floor is found in the depth of a few frames. Ignored, like up_axis and gravity, if
   /// labels.yaml is there.
   std::optional<double> floor_height_m;
   /// What else was measured there (a LiDAR cloud), in the source's world: the floor is fitted
@@ -120,6 +124,8 @@ class RgbdSequence {
   [[nodiscard]] virtual const std::vector<std::string>& warnings() const = 0;
   /// Conventions that were applied, in words, for the log and the manifest.
   [[nodiscard]] virtual const std::vector<std::string>& notes() const = 0;
+  /// How up and floor were decided; nullptr if the source does not say.
+  [[nodiscard]] virtual const WorldPlacement* placement() const { return nullptr; }
 };
 
 /// Opens a recording and checks it: intrinsics, every pose (finite, rotation orthonormal

@@ -154,6 +154,19 @@ TEST_F(Cli, BadFrameIsSkippedOnRequestAndCounted) {
   EXPECT_THAT(run.text, HasSubstr("frame-000002"));
 }
 
+TEST_F(Cli, GravityIsOneDirectionAndNotAnAxisToo) {
+  write_recording("r");
+  const auto with = [&](const std::string& flags) {
+    return segsim("reconstruct " + at("r") + " " + flags + " --out " + at("bundle"));
+  };
+  expect_input_error(with("--gravity 0 0 0"), "--gravity");
+  expect_input_error(with("--gravity 0 nan -1"), "--gravity");
+  expect_input_error(with("--gravity 0 0 -1 --up z"), "--gravity and --up");
+  expect_input_error(with("--gravity 0 -1 0 --floor-height nan"), "--floor-height");
+  EXPECT_EQ(with("--gravity 0 -1").exit_code, 2);
+  EXPECT_FALSE(fs::exists(at("bundle")));
+}
+
 TEST_F(Cli, CloudsToStartFromAreChecked) {
   write_recording("r");
   const auto start = [&](const std::string& cloud) {

@@ -6,8 +6,10 @@
 #include <sstream>
 #include <utility>
 
+#include <glm/geometric.hpp>
+
 #include "core/error.h"
-#include "reconstruction/datasets/floor_fit.h"
+#include "reconstruction/datasets/internal/place_world.h"
 #include "reconstruction/datasets/internal/pose_jumps.h"
 #include "renderer/files/exr_io.h"
 
@@ -88,106 +90,6 @@ core::Image<float> with_camera(const core::Image<float>& depth_m,
   return result;
 }
 
-/// Depth of the view of the colour image, along +z.
-core::Image<float> read_depth(const FrameFiles& frame, const SequenceParts& parts) {
-  core::Image<float> depth_m = read_stored_depth(frame, parts.depth_unit_m);
-  if (depth_m.empty()) return depth_m;
-  if (parts.lens) {
-    return Undistortion(*parts.lens, parts.intrinsics, depth_m.width_px(), depth_m.height_px())
-        .nearest(depth_m);
-  }
-  if (parts.depth_camera) {
-    return with_camera(depth_m, *parts.depth_camera,
-                       parts.intrinsics.resized(depth_m.width_px(), depth_m.height_px()));
-  }
-  return depth_m;
-}
-
-/// Source world -> our world, without the floor.
-core::Transform<core::frame::World, core::frame::World> turn_up(UpAxis up) {
-  if (up == UpAxis::kZ) return {};
-  // (x, y, z) -> (x, -z, y): a quarter turn about x.
-  return {glm::dquat(std::sqrt(0.5), std::sqrt(0.5), 0.0, 0.0), glm::dvec3(0.0)};
-}
-
-/// World points of every 8th pixel of a dozen frames.
-std::vector<glm::vec3> sample_points(const SequenceParts& parts) {
-  constexpr std::size_t kFrames = 16;
-  constexpr int kPixelStep = 8;
-  std::vector<glm::vec3> points;
-  const std::size_t frames = std::min(kFrames, parts.frames.size());
-  for (std::size_t k = 0; k < frames; ++k) {
-    const FrameFiles& frame = parts.frames[k * parts.frames.size() / frames];
-    const core::Image<float> depth_m = read_depth(frame, parts);
-    if (depth_m.empty()) continue;
-    const core::CameraIntrinsics camera =
-        parts.intrinsics.resized(depth_m.width_px(), depth_m.height_px());
-    for (int y = kPixelStep / 2; y < depth_m.height_px(); y += kPixelStep) {
-      for (int x = kPixelStep / 2; x < depth_m.width_px(); x += kPixelStep) {
-        const double z = depth_m(x, y);
-        if (!(z > 0.0 && z < 6.0)) continue;
-        const core::Point<core::frame::Camera> p{camera.back_project({x + 0.5, y + 0.5}, z)};
-        points.emplace_back((frame.T_world_camera * p).xyz_m);
-      }
-    }
-  }
-  return points;
-}
-
-std::vector<glm::vec3> turned(
-    const std::vector<glm::vec3>& points_m,
-    const core::Transform<core::frame::World, core::frame::World>& T_turned_source) {
-  std::vector<glm::vec3> result;
-  result.reserve(points_m.size());
-  for (const glm::vec3& p_m : points_m) {
-    result.emplace_back((T_turned_source * core::Point<core::frame::World>{p_m}).xyz_m);
-  }
-  return result;
-}
-
-void apply_convention(SequenceParts& parts, const WorldConvention& convention) {
-  const auto T_turned_source = turn_up(convention.up);
-  for (FrameFiles& frame : parts.frames) {
-    frame.T_world_camera = T_turned_source * frame.T_world_camera;
-  }
-  std::optional<double> floor_m = convention.floor_height_m;
-  std::string origin = "given";
-  const bool any_depth =
-      std::any_of(parts.frames.begin(), parts.frames.end(), [](const FrameFiles& frame) {
-        return !frame.depth_png.empty() || !frame.depth_exr.empty();
-      });
-  if (!floor_m && convention.fit_floor && !any_depth && !convention.floor_points_m.empty()) {
-    floor_m = fit_floor_height_m(turned(convention.floor_points_m, T_turned_source));
-    origin = "fitted to the cloud";
-    if (!floor_m) {
-      parts.warnings.emplace_back(
-          "no floor found in the cloud: source heights are kept (set floor_height_m)");
-    }
-  } else if (!floor_m && convention.fit_floor && !any_depth) {
-    parts.warnings.emplace_back(
-        "no depth images: source heights are kept (set floor_height_m), and the frames cannot "
-        "be lifted");
-  } else if (!floor_m && convention.fit_floor) {
-    floor_m = fit_floor_height_m(sample_points(parts));
-    origin = "fitted";
-    if (!floor_m) {
-      parts.warnings.emplace_back(
-          "no floor found in the depth images: source heights are kept (set floor_height_m)");
-    }
-  }
-  std::ostringstream note;
-  note.precision(4);
-  note << "world: source " << (convention.up == UpAxis::kY ? "+Y" : "+Z") << " is up";
-  if (floor_m) note << ", floor at source height " << *floor_m << " m (" << origin << ")";
-  parts.notes.push_back(note.str());
-  const core::Transform<core::frame::World, core::frame::World> T_world_turned{
-      glm::dquat(1.0, 0.0, 0.0, 0.0), {0.0, 0.0, -floor_m.value_or(0.0)}};
-  for (FrameFiles& frame : parts.frames) {
-    frame.T_world_camera = T_world_turned * frame.T_world_camera;
-  }
-  parts.T_world_source = T_world_turned * T_turned_source;
-}
-
 /// Ids that the label table lists, as a lookup table.
 template <class Entry>
 std::vector<bool> known_ids(const std::vector<Entry>& entries) {
@@ -230,6 +132,7 @@ class FileSequence final : public RgbdSequence {
   }
   const std::vector<std::string>& warnings() const override { return parts_.warnings; }
   const std::vector<std::string>& notes() const override { return parts_.notes; }
+  const WorldPlacement* placement() const override { return &parts_.placement; }
 
   RgbdFrame load(std::size_t i) const override {
     const FrameFiles& files = at(i);
@@ -348,6 +251,20 @@ class FileSequence final : public RgbdSequence {
 
 }  // namespace
 
+core::Image<float> read_depth(const FrameFiles& frame, const SequenceParts& parts) {
+  core::Image<float> depth_m = read_stored_depth(frame, parts.depth_unit_m);
+  if (depth_m.empty()) return depth_m;
+  if (parts.lens) {
+    return Undistortion(*parts.lens, parts.intrinsics, depth_m.width_px(), depth_m.height_px())
+        .nearest(depth_m);
+  }
+  if (parts.depth_camera) {
+    return with_camera(depth_m, *parts.depth_camera,
+                       parts.intrinsics.resized(depth_m.width_px(), depth_m.height_px()));
+  }
+  return depth_m;
+}
+
 bool accept_frame(OnBadFrame on_bad_frame, const std::string& frame_name,
                   std::vector<std::string>& warnings, const std::function<void()>& check) {
   try {
@@ -391,8 +308,26 @@ std::optional<LabelMap> choose_label_map(const SequenceOptions& options,
 }
 
 WorldConvention convention_of(const SequenceOptions& options, UpAxis habit) {
+  if (options.gravity) {
+    const double length = glm::length(*options.gravity);
+    if (!(length > 0.0) || !std::isfinite(length)) {
+      const glm::dvec3& g = *options.gravity;
+      throw InputError::expected(
+          "--gravity", "a direction, three numbers that are not all 0",
+          std::to_string(g.x) + " " + std::to_string(g.y) + " " + std::to_string(g.z));
+    }
+    if (options.up_axis != UpAxis::kAuto) {
+      throw InputError::expected("--gravity and --up", "one of them", "both");
+    }
+  }
+  if (!std::isfinite(options.floor_height_m.value_or(0.0))) {
+    throw InputError::expected("--floor-height", "a height in metres",
+                               std::to_string(*options.floor_height_m));
+  }
   WorldConvention convention;
   convention.up = options.up_axis == UpAxis::kAuto ? habit : options.up_axis;
+  convention.up_given = options.up_axis != UpAxis::kAuto;
+  convention.gravity = options.gravity;
   convention.floor_height_m = options.floor_height_m;
   convention.floor_points_m = options.floor_points_m;
   return convention;
@@ -437,7 +372,7 @@ std::unique_ptr<RgbdSequence> finish_sequence(SequenceParts parts,
   parts.frames = std::move(good);
   check_pose_jumps(parts, on_bad_frame);
   if (parts.label_map) parts.classes = parts.label_map->classes;
-  apply_convention(parts, convention);
+  place_world(parts, convention);
   return std::make_unique<FileSequence>(std::move(parts));
 }
 

@@ -14,6 +14,7 @@
 #include "reconstruction/datasets/internal/lens.h"
 #include "reconstruction/datasets/label_map.h"
 #include "reconstruction/datasets/rgbd_sequence.h"
+#include "reconstruction/datasets/world_placement.h"
 
 namespace segsim::reconstruction::internal {
 
@@ -44,14 +45,17 @@ struct SequenceParts {
   std::vector<core::SceneInstance> instances;
   std::vector<std::uint16_t> crowds;  ///< RgbdFrame::crowds.
   std::vector<std::string> warnings, notes;
-  /// Of the source's world; finish_sequence fills it in.
+  WorldPlacement placement;  ///< place_world() fills it in, and the poses' way to our world.
   core::Transform<core::frame::World, core::frame::World> T_world_source;
 };
 
 /// How to bring the source's world to ours.
 struct WorldConvention {
-  UpAxis up = UpAxis::kZ;                 ///< kY or kZ.
-  bool fit_floor = true;                  ///< Without floor_height_m: fit it; else it is 0.
+  UpAxis up = UpAxis::kZ;             ///< kY or kZ.
+  bool up_given = false;              ///< By hand: evidence is not asked.
+  std::optional<glm::dvec3> gravity;  ///< By hand, in the source's world; instead of `up`.
+  /// False: all of it is known, and a floor without height is at 0.
+  bool fit_floor = true;
   std::optional<double> floor_height_m;   ///< Along `up`, in the source's world.
   std::vector<glm::vec3> floor_points_m;  ///< SequenceOptions::floor_points_m.
 };
@@ -83,6 +87,10 @@ struct WorldConvention {
 /// Makes poses out of camera axes of OpenGL (x right, y up, z backward): negates the second
 /// and third column of a row-major 4x4.
 void turn_opengl_axes(std::vector<double>& matrix);
+
+/// Depth of the view of the colour image, along +z; empty if the frame has none.
+[[nodiscard]] core::Image<float> read_depth(const FrameFiles& frame,
+                                            const SequenceParts& parts);
 
 [[nodiscard]] std::unique_ptr<RgbdSequence> finish_sequence(
     SequenceParts parts, const std::filesystem::path& folder,
