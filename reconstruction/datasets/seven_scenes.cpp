@@ -110,7 +110,10 @@ std::unique_ptr<RgbdSequence> open_seven_scenes(const fs::path& folder,
     parts.instances = std::move(labels.instances);
     parts.has_masks = !parts.classes.empty();
     center_offset_px = 0.5 - labels.pixel_center;
-    convention = {labels.up, false, std::nullopt, {}};
+    convention.up = labels.up;
+    convention.fit_floor = false;
+    convention.floor_height_m.reset();
+    convention.floor_points_m.clear();
     parts.notes.push_back("labels.yaml: " + labels.source);
   } else if (!find_one(table.begin()->second, {"semantic.png", "instance.png"}).empty()) {
     parts.warnings.emplace_back("masks without labels.yaml are ignored");
