@@ -11,6 +11,7 @@
 #include "experiments/commands/commands.h"
 #include "experiments/scenes/placement_picture.h"
 #include "experiments/scenes/reconstruct.h"
+#include "experiments/scenes/recording_check.h"
 #include "experiments/scenes/scene_source.h"
 #include "perception/data/image_file.h"
 #include "reconstruction/labels/panoptic_head.h"
@@ -21,12 +22,15 @@ namespace {
 namespace fs = std::filesystem;
 
 struct Flags {
-  fs::path sequence, boxes, label_map, out, config, start, export_pack;
+  fs::path sequence, boxes, label_map, out, config, start, export_pack, check_picture;
   std::string layout = "auto", up = "auto", on_bad_frame = "refuse", robot = "jackal-gentle";
   std::string backend = "cpu", mesh = "auto";
   std::vector<double> gravity;  ///< Three numbers, or none.
   double floor_height_m = 0.0;
-  bool floor_given = false, init_only = false;
+  bool floor_given = false, init_only = false, check = false;
+  double depth_scale = 1.0, pose_scale = 1.0;
+  bool invert_poses = false;
+  bool poses_stated = false;  ///< One of these three was given.
   std::int64_t iterations = -1, label_iterations = -1;
   scenes::ReconstructOptions reconstruct;
   training::TrainingOptions training;
@@ -61,6 +65,14 @@ void check_head(const std::string& head) {
 
 /// What cannot be asked for together.
 void check_outputs(const Flags& flags) {
+  if (!flags.check_picture.empty() && !flags.check) {
+    throw core::InputError::expected("--check-picture", "--check, too", "it alone");
+  }
+  if (flags.check) {
+    if (flags.out.empty() && flags.export_pack.empty()) return;
+    throw core::InputError::expected(
+        "--check", "no --out or --export-pack: nothing is reconstructed", "one of them");
+  }
   if (flags.out.empty() == flags.export_pack.empty()) {
     throw core::InputError::expected("segsim reconstruct", "--out or --export-pack",
                                      flags.out.empty() ? "neither" : "both");
@@ -89,8 +101,41 @@ void write_placement_picture(const reconstruction::RgbdSequence& sequence,
   std::printf("%s: up, floor and cameras from the side\n", file.string().c_str());
 }
 
+/// How the recording is read.
+reconstruction::SequenceOptions sequence_options(const Flags& flags) {
+  reconstruction::SequenceOptions options;
+  options.layout = reconstruction::parse_sequence_layout(flags.layout, "--layout");
+  options.up_axis = reconstruction::parse_up_axis(flags.up, "--up");
+  options.on_bad_frame =
+      reconstruction::parse_on_bad_frame(flags.on_bad_frame, "--on-bad-frame");
+  options.label_map = flags.label_map;
+  options.depth_scale = flags.depth_scale;
+  options.pose_scale = flags.pose_scale;
+  options.invert_poses = flags.invert_poses;
+  if (!flags.gravity.empty()) {
+    options.gravity = glm::dvec3(flags.gravity[0], flags.gravity[1], flags.gravity[2]);
+  }
+  if (flags.floor_given) options.floor_height_m = flags.floor_height_m;
+  return options;
+}
+
+/// Broken frames are findings, not the end; a recording that cannot be read at all is.
+void check(const Flags& flags) {
+  reconstruction::SequenceOptions options = sequence_options(flags);
+  options.on_bad_frame = reconstruction::OnBadFrame::kSkip;
+  const auto sequence = scenes::open_recording(flags.sequence, flags.boxes, options);
+  for (const std::string& note : sequence->notes()) std::printf("%s\n", note.c_str());
+  scenes::check_recording(*sequence, flags.check_picture.empty()
+                                         ? fs::path(sequence->name() + ".check.png")
+                                         : flags.check_picture);
+}
+
 void reconstruct(Flags flags) {
   check_outputs(flags);
+  if (flags.check) {
+    check(flags);
+    return;
+  }
   if (!flags.init_only) {
     check_head(flags.training.head);
     flags.training.config = config_of(flags);
@@ -98,16 +143,7 @@ void reconstruct(Flags flags) {
     flags.training.set.frame_step = flags.reconstruct.lift.frame_step;
     flags.reconstruct.training = flags.training;
   }
-  reconstruction::SequenceOptions options;
-  options.layout = reconstruction::parse_sequence_layout(flags.layout, "--layout");
-  options.up_axis = reconstruction::parse_up_axis(flags.up, "--up");
-  options.on_bad_frame =
-      reconstruction::parse_on_bad_frame(flags.on_bad_frame, "--on-bad-frame");
-  options.label_map = flags.label_map;
-  if (!flags.gravity.empty()) {
-    options.gravity = glm::dvec3(flags.gravity[0], flags.gravity[1], flags.gravity[2]);
-  }
-  if (flags.floor_given) options.floor_height_m = flags.floor_height_m;
+  reconstruction::SequenceOptions options = sequence_options(flags);
   flags.reconstruct.collision.floor_is_known = flags.floor_given;
   if (!flags.start.empty()) {
     flags.reconstruct.start = reconstruction::read_point_cloud(flags.start);
@@ -115,6 +151,7 @@ void reconstruct(Flags flags) {
   }
   const auto sequence = scenes::open_recording(flags.sequence, flags.boxes, options);
   for (const std::string& note : sequence->notes()) std::printf("%s\n", note.c_str());
+  scenes::refuse_wrong_poses(*sequence, flags.poses_stated);
 
   if (!flags.export_pack.empty()) {
     scenes::export_training_pack(*sequence, flags.reconstruct, flags.export_pack);
@@ -193,6 +230,34 @@ void add_training_options(CLI::App& command, const std::shared_ptr<Flags>& flags
                    "Go on from the state in OUT.training, if there is one");
 }
 
+/// What a recording holds other than its layout says, and how to find that out.
+void add_check_options(CLI::App& command, const std::shared_ptr<Flags>& flags) {
+  const auto stated = [flags](const std::string&) { flags->poses_stated = true; };
+  command.add_flag("--check", flags->check,
+                   "Read the recording, print what will be hard (docs/datasets.md) and stop");
+  command.add_option("--check-picture", flags->check_picture,
+                     "Of --check: where cameras looked, from above (.png); default: "
+                     "NAME.check.png in the working folder");
+  command
+      .add_option("--depth-scale", flags->depth_scale,
+                  "What depth is multiplied with to become metres, after the layout's unit")
+      ->check(CLI::Range(1e-6, 1e6))
+      ->capture_default_str()
+      ->each(stated);
+  command
+      .add_option("--pose-scale", flags->pose_scale,
+                  "What positions of the poses are multiplied with to become metres; 0.001: "
+                  "they are in millimetres")
+      ->check(CLI::Range(1e-6, 1e6))
+      ->capture_default_str()
+      ->each(stated);
+  command
+      .add_flag("--invert-poses", flags->invert_poses,
+                "The files hold world-to-camera where the layout says camera-to-world, or the "
+                "other way round")
+      ->each(stated);
+}
+
 }  // namespace
 
 void add_reconstruct_command(CLI::App& app) {
@@ -266,6 +331,7 @@ void add_reconstruct_command(CLI::App& app) {
       ->capture_default_str();
   command->add_option("--origin-yaw", origin.yaw_rad, "From east to world +x [rad]")
       ->capture_default_str();
+  add_check_options(*command, flags);
   add_training_options(*command, flags);
   command->callback([flags] { reconstruct(*flags); });
 }

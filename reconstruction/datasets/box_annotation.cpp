@@ -155,6 +155,7 @@ class BoxLabelledSequence final : public RgbdSequence {
   std::size_t frame_count() const override { return inner_->frame_count(); }
   const std::string& frame_name(std::size_t i) const override { return inner_->frame_name(i); }
   const core::CameraPose& pose(std::size_t i) const override { return inner_->pose(i); }
+  std::optional<double> time_s(std::size_t i) const override { return inner_->time_s(i); }
   core::Transform<core::frame::World, core::frame::World> T_world_source() const override {
     return inner_->T_world_source();
   }

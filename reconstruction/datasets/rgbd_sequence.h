@@ -78,6 +78,10 @@ struct SequenceOptions {
   /// Direction in which things fall, in the source's world, of any length; instead of up_axis.
   std::optional<glm::dvec3> gravity;
   OnBadFrame on_bad_frame = OnBadFrame::kRefuse;
+  /// What lengths are multiplied with to become metres, beyond the layout's own unit.
+  double depth_scale = 1.0, pose_scale = 1.0;
+  /// The files hold the inverses of the poses that the layout says they hold.
+  bool invert_poses = false;
   /// Height of the floor along up, in the source's world; it becomes world z = 0. Without it
   /// the floor is found in the depth of a few frames. Ignored, like up_axis and gravity, if
   /// labels.yaml is there.
@@ -104,6 +108,11 @@ class RgbdSequence {
   [[nodiscard]] virtual std::size_t frame_count() const = 0;
   [[nodiscard]] virtual const std::string& frame_name(std::size_t i) const = 0;
   [[nodiscard]] virtual const core::CameraPose& pose(std::size_t i) const = 0;
+  /// When the colour image was taken [s], from any origin; nothing where the source does not
+  /// tell.
+  [[nodiscard]] virtual std::optional<double> time_s(std::size_t /*i*/) const {
+    return std::nullopt;
+  }
   /// @throws InputError if the files changed or broke since the sequence was opened.
   [[nodiscard]] virtual RgbdFrame load(std::size_t i) const = 0;
   /// From the coordinates of the source's poses to the world frame: the way that other

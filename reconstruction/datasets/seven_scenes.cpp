@@ -111,9 +111,12 @@ std::unique_ptr<RgbdSequence> open_seven_scenes(const fs::path& folder,
     parts.crowds = std::move(labels.crowds);
     parts.has_masks = !parts.classes.empty();
     center_offset_px = 0.5 - labels.pixel_center;
-    convention = {};
     convention.up = labels.up;
     convention.fit_floor = false;
+    convention.floor_height_m.reset();
+    convention.floor_points_m.clear();
+    convention.gravity.reset();
+    convention.up_given = false;
     parts.notes.push_back("labels.yaml: " + labels.source);
   } else if (!find_one(table.begin()->second, {"semantic.png", "instance.png"}).empty()) {
     parts.warnings.emplace_back("masks without labels.yaml are ignored");

@@ -150,6 +150,7 @@ std::unique_ptr<RgbdSequence> open_tum(const fs::path& folder,
     FrameFiles frame;
     frame.rgb = folder / color.words[0];
     frame.name = frame.rgb.stem().string();
+    frame.time_s = color.time_s;
     frame.depth_png = folder / depth->words[0];
     if (accept_frame(options.on_bad_frame, frame.name, parts.warnings,
                      [&] { frame.T_world_camera = pose_of(*pose, pose_file); })) {

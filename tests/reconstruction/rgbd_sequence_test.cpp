@@ -281,6 +281,36 @@ TEST(RgbdSequence, LoadsFromManyThreads) {
   EXPECT_THAT(seen, ::testing::Each(1.006F));
 }
 
+TEST(RgbdSequence, CorrectsUnitsAndInvertedPosesOnRequest) {
+  const TemporaryFolder folder("corrected");
+  testing::write_seven_scenes(folder.path(), true);
+  SequenceOptions options;
+  options.depth_scale = 0.2;
+  options.pose_scale = 0.001;
+  options.invert_poses = true;
+  const auto sequence = open_sequence(folder.path(), options);
+  // The files say (1, 2, 3) without rotation.
+  const glm::dvec3 position = sequence->pose(0).translation_m();
+  EXPECT_NEAR(position.x, -0.001, 1e-12);
+  EXPECT_NEAR(position.y, -0.002, 1e-12);
+  EXPECT_NEAR(position.z, -0.003, 1e-12);
+  EXPECT_FLOAT_EQ(sequence->load(0).depth_m(7, 5), 0.2F * 1.007F);
+  EXPECT_THAT(sequence->notes(), ::testing::Contains("poses inverted"));
+}
+
+TEST(RgbdSequence, PositionsBeyondTenKilometresNameTheFlag) {
+  const TemporaryFolder folder("far");
+  testing::write_hololens(folder.path());
+  testing::write_text(folder.path() / "poses.txt", testing::pose_line(12000.0, 2.0, 3.0) +
+                                                       testing::pose_line(12001.0, 2.0, 3.0) +
+                                                       testing::pose_line(12002.0, 2.0, 3.0));
+  EXPECT_THAT(open_error(folder.path(), with_floor(0.0)),
+              AllOf(HasSubstr("pose of frame 00003"), HasSubstr("--pose-scale 0.001")));
+  SequenceOptions millimetres = with_floor(0.0);
+  millimetres.pose_scale = 0.001;
+  EXPECT_EQ(open_sequence(folder.path(), millimetres)->frame_count(), 3U);
+}
+
 TEST(FloorFit, FindsTheFloorBelowTableAndCeiling) {
   std::vector<glm::vec3> points;
   for (int i = 0; i < 40; ++i) {

@@ -167,6 +167,20 @@ TEST_F(Cli, GravityIsOneDirectionAndNotAnAxisToo) {
   EXPECT_FALSE(fs::exists(at("bundle")));
 }
 
+TEST_F(Cli, CheckTellsWhatIsHardAndDrawsIt) {
+  write_recording("r");
+  const fs::path file = folder_ / "r" / "frame-000001.depth.png";
+  fs::resize_file(file, fs::file_size(file) / 2);
+  const Output run =
+      segsim("reconstruct " + at("r") + " --check --check-picture " + at("plan.png"));
+  EXPECT_EQ(run.exit_code, 0) << run.text;
+  EXPECT_THAT(run.text, HasSubstr("few frames: 2 frames"));
+  EXPECT_THAT(run.text, HasSubstr("loading: frame frame-000001 skipped"));
+  EXPECT_FALSE(cv::imread(at("plan.png")).empty());
+  EXPECT_EQ(segsim("reconstruct " + at("nowhere") + " --check").exit_code, 2);
+  EXPECT_EQ(segsim("reconstruct " + at("r") + " --check --out " + at("b")).exit_code, 2);
+}
+
 TEST_F(Cli, CloudsToStartFromAreChecked) {
   write_recording("r");
   const auto start = [&](const std::string& cloud) {

@@ -16,7 +16,6 @@ namespace {
 using core::InputError;
 
 constexpr double kRotationTolerance = 1e-2;
-constexpr double kFarthest_m = 1e4;  // Voxel keys cover 20 km at 2 cm.
 
 std::string text_of(double value) {
   std::ostringstream out;
@@ -133,12 +132,6 @@ core::CameraPose pose_from_matrix(std::span<const double> numbers, const std::st
                                text_of(numbers[12]) + " " + text_of(numbers[13]) + " " +
                                    text_of(numbers[14]) + " " + text_of(numbers[15]));
   }
-  for (const std::size_t i : {3U, 7U, 11U}) {
-    if (std::abs(numbers[i]) > kFarthest_m) {
-      throw InputError::expected(place, "a position within 10 km of the origin",
-                                 text_of(numbers[i]) + " m");
-    }
-  }
   glm::dmat3 R;
   for (int row = 0; row < 3; ++row) {
     for (int column = 0; column < 3; ++column) R[column][row] = numbers[4 * row + column];
@@ -165,9 +158,8 @@ core::CameraPose pose_from_quaternion(const glm::dquat& R_world_camera,
                                "one of length " + text_of(length));
   }
   for (int i = 0; i < 3; ++i) {
-    if (!(std::abs(p_world_camera_m[i]) <= kFarthest_m)) {
-      throw InputError::expected(place, "a position within 10 km of the origin",
-                                 text_of(p_world_camera_m[i]) + " m");
+    if (!std::isfinite(p_world_camera_m[i])) {
+      throw InputError::expected(place, "a finite position", text_of(p_world_camera_m[i]));
     }
   }
   return {glm::normalize(R_world_camera), p_world_camera_m};

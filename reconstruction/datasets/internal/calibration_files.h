@@ -40,7 +40,7 @@ struct NumberLine {
                                                 const std::string& place);
 
 /// Camera-to-world from a quaternion, which is normalised.
-/// @throws InputError for a length off by more than 1e-2, or a position farther than 10 km.
+/// @throws InputError for a length off by more than 1e-2, or a position that is not finite.
 [[nodiscard]] core::CameraPose pose_from_quaternion(const glm::dquat& R_world_camera,
                                                     const glm::dvec3& p_world_camera_m,
                                                     const std::string& place);

@@ -63,11 +63,12 @@ void check_files(const FrameFiles& frame, const core::CameraIntrinsics& camera,
 }
 
 /// Depth as stored; empty if the frame has none.
-core::Image<float> read_stored_depth(const FrameFiles& frame, double unit_m) {
+core::Image<float> read_stored_depth(const FrameFiles& frame, double unit_m, double scale) {
   if (frame.depth_exr.empty() && frame.depth_png.empty()) return {};
-  if (frame.depth_exr.empty()) return read_depth_image(frame.depth_png, unit_m);
+  if (frame.depth_exr.empty()) return read_depth_image(frame.depth_png, unit_m * scale);
   core::Image<float> depth_m = renderer::read_depth_exr(frame.depth_exr);
   for (float& value : depth_m.pixels()) {
+    value *= static_cast<float>(scale);
     if (!(value > 0.0F) || !std::isfinite(value)) value = std::nanf("");
   }
   return depth_m;
@@ -88,6 +89,42 @@ core::Image<float> with_camera(const core::Image<float>& depth_m,
     }
   }
   return result;
+}
+
+void expect_near_origin(const FrameFiles& frame, const std::string& sequence) {
+  constexpr double kFarthest_m = 1e4;  // Voxel keys cover 20 km at 2 cm.
+  for (int i = 0; i < 3; ++i) {
+    const double p_m = frame.T_world_camera.translation_m()[i];
+    if (std::abs(p_m) <= kFarthest_m) continue;
+    std::ostringstream found;
+    found << p_m << " m; if poses are in millimetres: --pose-scale 0.001";
+    throw InputError::expected(sequence + ", pose of frame " + frame.name,
+                               "a position within 10 km of the origin", found.str());
+  }
+}
+
+/// Poses and depth in metres, poses camera-to-world, if the files hold something else.
+void apply_corrections(SequenceParts& parts, const WorldConvention& convention) {
+  parts.depth_scale = convention.depth_scale;
+  for (FrameFiles& frame : parts.frames) {
+    core::CameraPose& T = frame.T_world_camera;
+    if (convention.invert_poses) {
+      const auto T_camera_world = T.inverse();
+      T = {T_camera_world.rotation(), T_camera_world.translation_m()};
+    }
+    if (convention.pose_scale != 1.0) {
+      T = {T.rotation(), convention.pose_scale * T.translation_m()};
+    }
+  }
+  const auto tell = [&](const std::string& what, double factor) {
+    if (factor == 1.0) return;
+    std::ostringstream note;
+    note << what << " multiplied with " << factor;
+    parts.notes.push_back(note.str());
+  };
+  tell("depth", convention.depth_scale);
+  tell("positions of the poses", convention.pose_scale);
+  if (convention.invert_poses) parts.notes.emplace_back("poses inverted");
 }
 
 /// Ids that the label table lists, as a lookup table.
@@ -130,6 +167,7 @@ class FileSequence final : public RgbdSequence {
   const std::vector<core::SceneInstance>& instances() const override {
     return parts_.instances;
   }
+  std::optional<double> time_s(std::size_t i) const override { return at(i).time_s; }
   const std::vector<std::string>& warnings() const override { return parts_.warnings; }
   const std::vector<std::string>& notes() const override { return parts_.notes; }
   const WorldPlacement* placement() const override { return &parts_.placement; }
@@ -252,7 +290,7 @@ class FileSequence final : public RgbdSequence {
 }  // namespace
 
 core::Image<float> read_depth(const FrameFiles& frame, const SequenceParts& parts) {
-  core::Image<float> depth_m = read_stored_depth(frame, parts.depth_unit_m);
+  core::Image<float> depth_m = read_stored_depth(frame, parts.depth_unit_m, parts.depth_scale);
   if (depth_m.empty()) return depth_m;
   if (parts.lens) {
     return Undistortion(*parts.lens, parts.intrinsics, depth_m.width_px(), depth_m.height_px())
@@ -271,7 +309,10 @@ bool accept_frame(OnBadFrame on_bad_frame, const std::string& frame_name,
     check();
     return true;
   } catch (const InputError& error) {
-    if (on_bad_frame == OnBadFrame::kRefuse) throw;
+    if (on_bad_frame == OnBadFrame::kRefuse) {
+      throw InputError(std::string(error.what()) + " (--on-bad-frame skip leaves frame " +
+                       frame_name + " out)");
+    }
     warnings.push_back("frame " + frame_name + " skipped: " + error.what());
     return false;
   }
@@ -328,6 +369,9 @@ WorldConvention convention_of(const SequenceOptions& options, UpAxis habit) {
   convention.up = options.up_axis == UpAxis::kAuto ? habit : options.up_axis;
   convention.up_given = options.up_axis != UpAxis::kAuto;
   convention.gravity = options.gravity;
+  convention.depth_scale = options.depth_scale;
+  convention.pose_scale = options.pose_scale;
+  convention.invert_poses = options.invert_poses;
   convention.floor_height_m = options.floor_height_m;
   convention.floor_points_m = options.floor_points_m;
   return convention;
@@ -363,13 +407,18 @@ std::unique_ptr<RgbdSequence> finish_sequence(SequenceParts parts,
       good.push_back(std::move(frame));
     }
   }
-  if (good.empty()) {
+  parts.frames = std::move(good);
+  apply_corrections(parts, convention);
+  std::erase_if(parts.frames, [&](const FrameFiles& frame) {
+    return !accept_frame(on_bad_frame, frame.name, parts.warnings,
+                         [&] { expect_near_origin(frame, parts.name); });
+  });
+  if (parts.frames.empty()) {
     throw InputError::expected(
         folder.string(), "at least one usable frame",
         std::to_string(parts.warnings.size()) + " warnings and no frame" +
             (parts.warnings.empty() ? "" : ": " + parts.warnings.front()));
   }
-  parts.frames = std::move(good);
   check_pose_jumps(parts, on_bad_frame);
   if (parts.label_map) parts.classes = parts.label_map->classes;
   place_world(parts, convention);

@@ -24,6 +24,7 @@ struct FrameFiles {
   std::filesystem::path rgb, depth_png, depth_exr, semantic, instance;
   std::filesystem::path valid;      ///< 8 bit, 0 = ignore the pixel.
   core::CameraPose T_world_camera;  ///< In the source's world until finish_sequence.
+  std::optional<double> time_s;
 };
 
 struct SequenceParts {
@@ -35,6 +36,7 @@ struct SequenceParts {
   /// Of the depth images, if it is not the colour camera at their size; from the same place.
   std::optional<core::CameraIntrinsics> depth_camera;
   double depth_unit_m = 1e-3;  ///< Metres per count of a depth PNG.
+  double depth_scale = 1.0;    ///< Of all depth; finish_sequence fills it in.
   std::vector<FrameFiles> frames;
   bool has_masks = false;
   /// Classes of the label images; empty: labels.yaml's, whose ids are taken as they are. With
@@ -51,6 +53,8 @@ struct SequenceParts {
 
 /// How to bring the source's world to ours.
 struct WorldConvention {
+  double depth_scale = 1.0, pose_scale = 1.0;  ///< As SequenceOptions has them.
+  bool invert_poses = false;
   UpAxis up = UpAxis::kZ;             ///< kY or kZ.
   bool up_given = false;              ///< By hand: evidence is not asked.
   std::optional<glm::dvec3> gravity;  ///< By hand, in the source's world; instead of `up`.
