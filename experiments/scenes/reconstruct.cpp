@@ -232,10 +232,12 @@ core::SceneBundle reconstruct_bundle(const reconstruction::RgbdSequence& sequenc
     manifest.statistics.emplace_back("surfels", static_cast<double>(scene.surfels.size()));
     manifest.statistics.emplace_back("frames_skipped",
                                      static_cast<double>(sequence.warnings().size()));
+    worlds::CollisionMeshOptions collision = options.collision;
     const reconstruction::WorldPlacement* placement = sequence.placement();
     if (placement != nullptr &&
         placement->floor_source == reconstruction::FloorSource::kGuessed) {
       manifest.statistics.emplace_back("floor_guessed", 1.0);
+      collision.floor_is_known = true;  // It was not seen, but walls tell where it is.
     }
 
     renderer::write_surfels_ply(temporary / manifest.surfels.name, scene.surfels);
@@ -249,7 +251,7 @@ core::SceneBundle reconstruct_bundle(const reconstruction::RgbdSequence& sequenc
       renderer::write_panoptic_field(temporary / parts.labels.name, *scene.field);
     }
     for (const std::string& warning :
-         write_shape(temporary, shape, options.robot, options.collision, manifest, parts)) {
+         write_shape(temporary, shape, options.robot, collision, manifest, parts)) {
       std::fprintf(stderr, "warning: %s\n", warning.c_str());
     }
     core::write_bundle_manifest(temporary, manifest, parts);
