@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "sim/ground/triangle_mesh.h"
+#include "tests/box_mesh.h"
 
 namespace segsim::sim {
 namespace {
