@@ -96,7 +96,6 @@ void write_placement_picture(const reconstruction::RgbdSequence& sequence,
   const auto picture = scenes::placement_picture(*sequence.placement(), cameras_m);
   if (picture.empty()) return;
   const fs::path file = out.string() + ".upright.png";
-  if (file.has_parent_path()) fs::create_directories(file.parent_path());
   perception::write_image(file, picture);
   std::printf("%s: up, floor and cameras from the side\n", file.string().c_str());
 }

@@ -26,7 +26,7 @@ constexpr double kVoxel_m = 0.25;
 constexpr int kWidth_px = 64, kHeight_px = 48;
 constexpr double kHfov_rad = std::numbers::pi / 3.0;
 
-/// Holes of one robot view: how many of its pixels miss a voxel.
+/// One robot view, and the voxels of its holes.
 struct RobotView {
   core::Pose2 pose;
   std::vector<std::uint32_t> voxels;  ///< Ascending, each once.

@@ -1,44 +1,20 @@
 #include "reconstruction/inspection/finding.h"
 
-#include "core/check.h"
+#include "core/name_table.h"
 #include "reconstruction/datasets/rgbd_sequence.h"
 
 namespace segsim::reconstruction {
+namespace {
 
-std::string words_of(FindingKind kind) {
-  switch (kind) {
-    case FindingKind::kLoading:
-      return "loading";
-    case FindingKind::kFewFrames:
-      return "few frames";
-    case FindingKind::kInvertedPoses:
-      return "inverted poses";
-    case FindingKind::kUnits:
-      return "wrong unit";
-    case FindingKind::kPosesDisagree:
-      return "poses and depth disagree";
-    case FindingKind::kRepeatedFrames:
-      return "repeated frames";
-    case FindingKind::kFrameGap:
-      return "frame gap";
-    case FindingKind::kFastCamera:
-      return "fast camera";
-    case FindingKind::kBlur:
-      return "motion blur";
-    case FindingKind::kUnseenDirections:
-      return "directions not looked at";
-    case FindingKind::kFloorUnseen:
-      return "floor unseen";
-    case FindingKind::kCalibration:
-      return "calibration";
-    case FindingKind::kOpenLoop:
-      return "open loop";
-    case FindingKind::kDepthHoles:
-      return "holes in depth";
-  }
-  SEGSIM_CHECK(false, "unknown kind of finding");
-  return {};
-}
+constexpr core::NameTable<FindingKind, FindingKind::kDepthHoles> kWords(
+    "a kind of finding",
+    {"loading", "few frames", "inverted poses", "wrong unit", "poses and depth disagree",
+     "repeated frames", "frame gap", "fast camera", "motion blur", "directions not looked at",
+     "floor unseen", "calibration", "open loop", "holes in depth"});
+
+}  // namespace
+
+std::string words_of(FindingKind kind) { return kWords.name(kind); }
 
 std::string line_of(const Finding& finding) {
   return words_of(finding.kind) + ": " + (finding.where.empty() ? "" : finding.where + ": ") +

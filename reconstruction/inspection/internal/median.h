@@ -1,17 +1,16 @@
 #pragma once
 
-#include <algorithm>
-#include <cstddef>
+#include <utility>
 #include <vector>
+
+#include "core/quantile.h"
 
 namespace segsim::reconstruction::internal {
 
 /// The middle value, the upper one of two. @param values  Not empty.
 template <class Value>
 [[nodiscard]] Value median(std::vector<Value> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
+  return core::quantile(std::move(values), 0.5, core::Between::kNearest);
 }
 
 }  // namespace segsim::reconstruction::internal
