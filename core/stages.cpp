@@ -1,21 +1,16 @@
 #include "core/stages.h"
 
-namespace segsim::core {
+#include "core/name_table.h"
 
-const char* to_string(PolicyMode mode) {
-  switch (mode) {
-    case PolicyMode::kInitialize:
-      return "initialize";
-    case PolicyMode::kExplore:
-      return "explore";
-    case PolicyMode::kNavigate:
-      return "navigate";
-    case PolicyMode::kRecover:
-      return "recover";
-    case PolicyMode::kStop:
-      return "stop";
-  }
-  return "unknown";
-}
+namespace segsim::core {
+namespace {
+
+constexpr NameTable<PolicyMode, PolicyMode::kStop> kModes("a mode of the policy",
+                                                          {"initialize", "explore", "navigate",
+                                                           "recover", "stop"});
+
+}  // namespace
+
+const char* to_string(PolicyMode mode) { return kModes.name(mode); }
 
 }  // namespace segsim::core

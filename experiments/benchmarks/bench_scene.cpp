@@ -13,6 +13,7 @@
 #include "core/error.h"
 #include "core/random.h"
 #include "core/scene_bundle.h"
+#include "experiments/scenes/scene_surfels.h"
 #include "renderer/files/ply_io.h"
 #include "renderer/scene/room_scene.h"
 #include "sim/ground/navmesh.h"
@@ -131,8 +132,10 @@ BenchScene load_bench_scene(const BenchSceneOptions& options) {
   }
   const core::SceneBundle bundle = core::load_bundle(place);
   core::require_drivable(bundle);  // The cameras walk.
-  scene.surfels = std::make_shared<renderer::SurfelCloud>(
-      renderer::read_surfels_ply(bundle.surfels_file()));
+  const scenes::SceneSurfels drawn = scenes::load_scene_surfels(bundle);
+  scene.surfels = drawn.surfels;
+  scene.labels = drawn.labels;
+  if (scene.labels) scene.name += ", label distributions";
   const sim::Navmesh navmesh = sim::Navmesh::load(bundle.navmesh_file());
   scene.path = walk_cameras(random_walk(navmesh, options.seed), options.views,
                             bundle.manifest.camera_height_m);

@@ -10,6 +10,7 @@
 
 #include "core/camera.h"
 #include "core/frames.h"
+#include "renderer/scene/panoptic_field.h"
 #include "renderer/scene/surfels.h"
 
 namespace segsim::experiments::benchmarks {
@@ -28,6 +29,8 @@ struct BenchSceneOptions {
 struct BenchScene {
   std::string name;  ///< With the parameters that made it.
   std::shared_ptr<const renderer::SurfelCloud> surfels;
+  /// Label distributions of a bundle; nullptr: the surfels' own ids.
+  std::shared_ptr<const renderer::PanopticField> labels;
   std::vector<core::CameraPose> path;
   double focal_per_width = 0.0;  ///< Focal length over image width.
 

@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/check.h"
+#include "core/formatted.h"
 #include "experiments/benchmarks/render_report.h"
 #include "experiments/support/grid_document.h"
 #include "experiments/support/text_grid.h"
@@ -11,8 +12,8 @@
 namespace segsim::experiments::benchmarks {
 namespace {
 
+using core::print;
 using support::internal::amount;
-using support::internal::print;
 using Json = nlohmann::ordered_json;
 
 AblationRow row(const BenchCase& base, const std::string& name, renderer::TileBounds bounds,

@@ -96,7 +96,7 @@ std::vector<BenchResult> run_cases(const BenchScene& scene, std::span<const Benc
   for (std::size_t c = 0; c < cases.size(); ++c) {
     results[c].setup = cases[c];
     renderers.push_back(renderer::make_renderer(cases[c].backend, scene.surfels,
-                                                cases[c].options, nullptr,
+                                                cases[c].options, scene.labels,
                                                 reproducibility::warn_about_backend));
   }
   const int total = static_cast<int>(scene.path.size() * cases.size()) * (repeat + 1);

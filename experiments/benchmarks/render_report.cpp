@@ -1,5 +1,6 @@
 // Text, JSON and CSV forms of benchmark results.
 #include "experiments/benchmarks/render_report.h"
+#include "core/formatted.h"
 
 #include <algorithm>
 #include <cmath>
@@ -110,24 +111,22 @@ std::string bench_text(const BenchProvenance& provenance,
                  "Touched", "Evals/px", "Hits/px", "Fetches/px", "Pairs/s"};
   for (const BenchResult& r : results) {
     const double pixels = static_cast<double>(r.setup.width_px) * r.setup.height_px;
-    grid.rows.push_back({size_text(r.setup), top_k_name(r.setup.options.top_k),
-                         bounds_name(r.setup.options.bounds),
-                         r.setup.backend == renderer::Backend::kCpu
-                             ? std::to_string(thread_count(r.setup.options.threads))
-                             : renderer::backend_name(r.setup.backend),
-                         support::internal::print("%.2f", r.times.median_ms),
-                         support::internal::print("%.2f", r.times.p95_ms),
-                         support::internal::print("%.2f", r.times.p99_ms),
-                         support::internal::print("%.2f", r.times.min_ms),
-                         support::internal::print("%.1f", r.fps()),
-                         support::internal::amount(r.stats.surfels_projected),
-                         support::internal::amount(r.stats.pairs_binned),
-                         support::internal::print("%.0f", r.pairs_per_tile()),
-                         support::internal::amount(r.stats.pairs_touched),
-                         support::internal::print("%.1f", r.stats.evaluations / pixels),
-                         support::internal::print("%.1f", r.stats.contributions / pixels),
-                         support::internal::print("%.1f", r.stats.feature_fetches / pixels),
-                         support::internal::amount(r.pairs_per_s())});
+    grid.rows.push_back(
+        {size_text(r.setup), top_k_name(r.setup.options.top_k),
+         bounds_name(r.setup.options.bounds),
+         r.setup.backend == renderer::Backend::kCpu
+             ? std::to_string(thread_count(r.setup.options.threads))
+             : renderer::backend_name(r.setup.backend),
+         core::print("%.2f", r.times.median_ms), core::print("%.2f", r.times.p95_ms),
+         core::print("%.2f", r.times.p99_ms), core::print("%.2f", r.times.min_ms),
+         core::print("%.1f", r.fps()), support::internal::amount(r.stats.surfels_projected),
+         support::internal::amount(r.stats.pairs_binned),
+         core::print("%.0f", r.pairs_per_tile()),
+         support::internal::amount(r.stats.pairs_touched),
+         core::print("%.1f", r.stats.evaluations / pixels),
+         core::print("%.1f", r.stats.contributions / pixels),
+         core::print("%.1f", r.stats.feature_fetches / pixels),
+         support::internal::amount(r.pairs_per_s())});
   }
   std::string text = provenance.scene + "; " + std::to_string(provenance.views) + " views x " +
                      std::to_string(provenance.repeat) + "\n\n" +
@@ -150,8 +149,8 @@ std::string bench_text(const BenchProvenance& provenance,
   for (const reproducibility::MachinePeaks& peaks : provenance.peaks) {
     text += "peak, " + std::to_string(peaks.threads) +
             (peaks.threads == 1 ? " thread: " : " threads: ") +
-            support::internal::print("%.0f GFLOP/s (", peaks.gflops) + peaks.vector_isa +
-            support::internal::print("), read %.1f GB/s\n", peaks.read_gbps);
+            core::print("%.0f GFLOP/s (", peaks.gflops) + peaks.vector_isa +
+            core::print("), read %.1f GB/s\n", peaks.read_gbps);
   }
   return text + "segsim " + provenance.version + ", " + provenance.cpu + ", SIMD " +
          provenance.simd + ", " + provenance.date + "\n";

@@ -6,8 +6,8 @@
 
 #include <CLI/CLI.hpp>
 
+#include "core/formatted.h"
 #include "experiments/commands/commands.h"
-#include "experiments/support/formatted.h"
 #include "experiments/support/text_grid.h"
 #include "nav/grid/robot_fit.h"
 #include "sim/ground/robot.h"
@@ -18,13 +18,13 @@ namespace {
 std::vector<std::string> row_of(const sim::RobotModel& robot) {
   const nav::RobotFit fit = nav::fit_of(robot);
   return {robot.name,
-          support::print("%.3f x %.3f", robot.length_m, robot.width_m),
-          support::print("%.2f", robot.max_forward_mps),
-          support::print("%.2f", robot.max_turn_radps),
-          support::print("%.1f", robot.max_acceleration_mps2),
-          support::print("%.2f", robot.camera_height_m),
-          support::print("%.2f", fit.radius_m),
-          support::print("%.2f", fit.tight_radius_m),
+          core::print("%.3f x %.3f", robot.length_m, robot.width_m),
+          core::print("%.2f", robot.max_forward_mps),
+          core::print("%.2f", robot.max_turn_radps),
+          core::print("%.1f", robot.max_acceleration_mps2),
+          core::print("%.2f", robot.camera_height_m),
+          core::print("%.2f", fit.radius_m),
+          core::print("%.2f", fit.tight_radius_m),
           robot.title};
 }
 

@@ -1,4 +1,5 @@
 #include "experiments/detection/comparison_files.h"
+#include "core/formatted.h"
 
 #include <algorithm>
 #include <cstdio>
@@ -13,7 +14,7 @@
 namespace segsim::experiments::detection {
 namespace {
 
-using support::internal::print;
+using core::print;
 using support::internal::TextGrid;
 using Json = nlohmann::ordered_json;
 

@@ -1,4 +1,5 @@
 #include "experiments/detection/label_report.h"
+#include "core/formatted.h"
 
 #include <algorithm>
 #include <cmath>
@@ -16,10 +17,10 @@ namespace segsim::experiments::detection {
 namespace {
 
 namespace fs = std::filesystem;
+using core::print;
 using perception::CocoDataset;
 using perception::LabeledBox;
 using perception::LabeledImage;
-using support::internal::print;
 using support::internal::TextGrid;
 
 constexpr int kSheetPictures = 20, kSheetColumns = 4;

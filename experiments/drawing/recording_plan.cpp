@@ -8,8 +8,8 @@
 #include <glm/vec2.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "core/formatted.h"
 #include "experiments/drawing/map_canvas.h"
-#include "experiments/support/formatted.h"
 
 namespace segsim::experiments::drawing {
 namespace {

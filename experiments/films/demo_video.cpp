@@ -7,11 +7,11 @@
 #include <utility>
 
 #include "core/error.h"
+#include "core/formatted.h"
 #include "core/progress.h"
 #include "experiments/films/internal/pages.h"
 #include "experiments/films/internal/pair_film.h"
 #include "experiments/films/internal/title_card.h"
-#include "experiments/support/formatted.h"
 #include "experiments/video/video_file.h"
 
 namespace segsim::experiments::films {
@@ -150,8 +150,8 @@ VideoSummary write_demo_video(const results::StoredRun& stored, const DemoOption
             "The same search, robot, starts and goals; the detector alone differs: \"" +
                 table.before + "\" against \"" + table.after + "\".",
             "Places: " + names_of(stored.scenes) +
-                support::print(".  Trials: %d of %d planned.", table.finished_trials,
-                               table.run.planned_trials)}),
+                core::print(".  Trials: %d of %d planned.", table.finished_trials,
+                            table.run.planned_trials)}),
        kTitle_s);
   show(internal::reading_card(table.before, table.after), kReading_s);
   TrialPlayer player(stored, options.video.data);
@@ -159,14 +159,13 @@ VideoSummary write_demo_video(const results::StoredRun& stored, const DemoOption
     const std::string title =
         title_of(stored, pair.before->scene) + ": find a " + pair.before->goal_class;
     const double speed = speed_for(pair, options.video.speed);
-    show(
-        internal::title_card(
-            title, {pair.reason, "Episode " + pair.before->episode +
-                                     support::print(", shown at %g times its speed.", speed)}),
-        kPairTitle_s);
+    show(internal::title_card(
+             title, {pair.reason, "Episode " + pair.before->episode +
+                                      core::print(", shown at %g times its speed.", speed)}),
+         kPairTitle_s);
     internal::append_pair(player, *pair.before, *pair.after, title,
-                          support::print("%g x real time", speed), speed / kFrames_per_s,
-                          on_tick, file);
+                          core::print("%g x real time", speed), speed / kFrames_per_s, on_tick,
+                          file);
     file.hold(kOutcome_s);
   }
   show(internal::result_card(table), kResult_s);

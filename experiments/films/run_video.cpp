@@ -6,12 +6,12 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
+#include "core/formatted.h"
 #include "core/progress.h"
 #include "experiments/films/internal/pages.h"
 #include "experiments/films/internal/pair_film.h"
 #include "experiments/records/trial_log.h"
 #include "experiments/runs/trial_replay.h"
-#include "experiments/support/formatted.h"
 #include "experiments/video/video_file.h"
 
 namespace segsim::experiments::films {
@@ -153,7 +153,7 @@ VideoSummary write_pair_video(const results::StoredRun& stored, const records::T
   TrialPlayer player(stored, options.data);
   internal::append_pair(
       player, left, right, "Find a " + left.goal_class + ",  " + left.episode,
-      support::print("%g x real time", options.speed), options.speed / rate,
+      core::print("%g x real time", options.speed), options.speed / rate,
       [&] { progress.update(std::min(++done, ticks)); }, file);
   file.hold(kHold_s);
   file.finish();

@@ -1,4 +1,5 @@
 #include "experiments/panoptic/panoptic_table.h"
+#include "core/formatted.h"
 
 #include <algorithm>
 #include <cmath>
@@ -16,7 +17,7 @@
 namespace segsim::experiments::panoptic {
 namespace {
 
-using support::internal::print;
+using core::print;
 using Json = nlohmann::ordered_json;
 
 constexpr const char* kSchema = "segsim.table1/1";

@@ -11,7 +11,7 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
-#include "experiments/support/formatted.h"
+#include "core/formatted.h"
 #include "renderer/files/exr_io.h"
 #include "renderer/files/frame_writer.h"
 
@@ -42,8 +42,8 @@ Json to_json(const sim::TickRecord& tick, std::size_t number) {
           {"fresh", tick.fresh},
           {"goal_pixels", tick.goal_pixels},
           {"goal_detections", tick.detections_of_goal},
-          {"detections", support::hex(tick.detections_hash)},
-          {"hash", support::hex(tick.state_hash)}};
+          {"detections", core::hex(tick.detections_hash)},
+          {"hash", core::hex(tick.state_hash)}};
 }
 
 sim::TickRecord tick_from(const Json& json) {
@@ -148,7 +148,7 @@ sim::TimingReport timing_from(const Json& json) {
 Json to_json(const std::vector<sim::SensorLog::Digest>& sensors) {
   Json json = Json::object();
   for (const sim::SensorLog::Digest& digest : sensors) {
-    json[digest.sensor] = {digest.readings, support::hex(digest.hash)};
+    json[digest.sensor] = {digest.readings, core::hex(digest.hash)};
   }
   return json;
 }
@@ -241,11 +241,11 @@ std::vector<std::pair<const char*, std::string>> fields_of(const sim::TickRecord
           {"contact", tick.in_contact ? "yes" : "no"},
           {"image", std::to_string(tick.capture_index)},
           {"age_ns", std::to_string(tick.age_ns)},
-          {"detections", support::hex(tick.detections_hash)},
+          {"detections", core::hex(tick.detections_hash)},
           {"command", exact(tick.command)},
           {"mode", core::to_string(tick.mode)},
           {"goal_pixels", std::to_string(tick.goal_pixels)},
-          {"hash", support::hex(tick.state_hash)}};
+          {"hash", core::hex(tick.state_hash)}};
 }
 
 }  // namespace
@@ -278,7 +278,7 @@ void write_replay_log(const fs::path& file, const ReplayLog& log) {
     }
     out << Json{{"result",
                  {{"outcome", sim::to_string(log.outcome)},
-                  {"hash", support::hex(log.state_hash)}}}}
+                  {"hash", core::hex(log.state_hash)}}}}
                .dump()
         << '\n';
   });

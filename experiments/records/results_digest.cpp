@@ -7,15 +7,13 @@
 #include <optional>
 
 #include "core/file_io.h"
-#include "experiments/support/formatted.h"
+#include "core/formatted.h"
 
 namespace segsim::experiments::records {
 namespace {
 
 /// Hexadecimal floating point: every bit.
-std::string exact(const Column& /*column*/, double value) {
-  return support::print("%a", value);
-}
+std::string exact(const Column& /*column*/, double value) { return core::print("%a", value); }
 
 std::string exact(const Column& column, const std::optional<double>& value) {
   return value && std::isfinite(*value) ? exact(column, *value) : "none";
@@ -25,7 +23,7 @@ std::string exact(const Column& /*column*/, const std::string& text) { return te
 
 template <std::integral Integer>
 std::string exact(const Column& column, Integer value) {
-  return column.hexadecimal ? support::hex(static_cast<std::uint64_t>(value))
+  return column.hexadecimal ? core::hex(static_cast<std::uint64_t>(value))
                             : std::to_string(value);
 }
 

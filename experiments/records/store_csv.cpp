@@ -5,8 +5,8 @@
 #include <optional>
 #include <string>
 
+#include "core/formatted.h"
 #include "experiments/records/store.h"
-#include "experiments/support/formatted.h"
 #include "experiments/support/text_grid.h"
 
 namespace segsim::experiments::records {
@@ -17,7 +17,7 @@ std::string csv_value(const Column& /*column*/, const std::string& text) {
 }
 
 std::string csv_value(const Column& /*column*/, double value) {
-  return std::isfinite(value) ? support::print("%.6g", value) : "";
+  return std::isfinite(value) ? core::print("%.6g", value) : "";
 }
 
 std::string csv_value(const Column& column, const std::optional<double>& value) {
@@ -26,7 +26,7 @@ std::string csv_value(const Column& column, const std::optional<double>& value) 
 
 template <std::integral Integer>
 std::string csv_value(const Column& column, Integer value) {
-  if (column.hexadecimal) return support::hex(static_cast<std::uint64_t>(value));
+  if (column.hexadecimal) return core::hex(static_cast<std::uint64_t>(value));
   if (column.unknown_below_zero && static_cast<std::int64_t>(value) < 0) return "";
   return std::to_string(value);
 }

@@ -5,12 +5,12 @@
 #include <opencv2/imgproc.hpp>
 
 #include "core/check.h"
+#include "core/formatted.h"
 #include "experiments/drawing/box_picture.h"
 #include "experiments/drawing/frame_picture.h"
 #include "experiments/drawing/goal_boxes.h"
 #include "experiments/drawing/map_canvas.h"
 #include "experiments/results/explanation.h"
-#include "experiments/support/formatted.h"
 
 namespace segsim::experiments::report {
 namespace {
@@ -130,7 +130,7 @@ core::Image<core::Rgb8> draw_filmstrip(const records::TrialRow& trial,
     const core::Image<core::Rgb8> seen = drawing::draw_boxes(
         frame.rgb, drawing::goal_boxes(frame, goal != nullptr ? goal->id : std::uint16_t{0}),
         detections, {log.episode.class_name}, scale);
-    draw_caption(page, x, support::print("%.1f s", core::seconds(tick.time_ns)), moment.what);
+    draw_caption(page, x, core::print("%.1f s", core::seconds(tick.time_ns)), moment.what);
     const cv::Mat panes[] = {to_pane(drawing::to_bgr(seen)),
                              to_pane(drawing::to_bgr(drawing::panoptic_picture(frame))),
                              map_pane(log, manifest, plan, moment.tick)};

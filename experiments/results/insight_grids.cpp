@@ -1,4 +1,5 @@
 #include "experiments/results/insight_grids.h"
+#include "core/formatted.h"
 
 #include <algorithm>
 
@@ -7,7 +8,7 @@
 namespace segsim::experiments::results::internal {
 
 std::string share_text(int part, int whole) {
-  return whole > 0 ? support::internal::print("%.2f", static_cast<double>(part) / whole) : "-";
+  return whole > 0 ? core::print("%.2f", static_cast<double>(part) / whole) : "-";
 }
 
 support::internal::Grid causes_grid(const std::vector<GroupSummary>& groups) {
@@ -57,17 +58,13 @@ support::internal::Grid perception_grid(const std::vector<GroupSummary>& groups)
       const TrialInsights& in = arm.insights;
       if (in.trials == 0) continue;
       grid.rows.push_back(
-          {group.title, arm.arm,
-           in.recall() ? support::internal::print("%.2f", *in.recall()) : "-",
+          {group.title, arm.arm, in.recall() ? core::print("%.2f", *in.recall()) : "-",
            std::to_string(in.saw_goal) + "/" + std::to_string(in.trials),
            std::to_string(in.never_detected),
-           in.delay_ticks ? support::internal::print("%.1f", *in.delay_ticks) : "-",
-           in.frames > 0
-               ? support::internal::print("%.1f", 100.0 * in.false_detections / in.frames)
-               : "-",
-           support::internal::print("%.2f", in.false_clouds),
-           in.misplaced_clouds ? support::internal::print("%.2f", *in.misplaced_clouds)
-                               : "-"});
+           in.delay_ticks ? core::print("%.1f", *in.delay_ticks) : "-",
+           in.frames > 0 ? core::print("%.1f", 100.0 * in.false_detections / in.frames) : "-",
+           core::print("%.2f", in.false_clouds),
+           in.misplaced_clouds ? core::print("%.2f", *in.misplaced_clouds) : "-"});
     }
   }
   return grid;
@@ -87,7 +84,7 @@ support::internal::Grid profiles_grid(const std::vector<GroupSummary>& groups) {
       std::vector<std::string> row{group.title, arm.arm};
       for (const ProfileRate& rate : arm.insights.profiles) {
         row.push_back(share_text(rate.successes, arm.insights.trials) + " / " +
-                      support::internal::print("%.2f", rate.spl));
+                      core::print("%.2f", rate.spl));
       }
       grid.rows.push_back(std::move(row));
     }

@@ -1,4 +1,5 @@
 #include "experiments/results/navigation_table.h"
+#include "core/formatted.h"
 
 #include <algorithm>
 #include <array>
@@ -13,8 +14,8 @@
 namespace segsim::experiments::results {
 namespace {
 
+using core::print;
 using support::internal::Grid;
-using support::internal::print;
 using Json = nlohmann::ordered_json;
 
 constexpr const char* kTitle = "Impact of fine-tuning on object search (the paper's Table 3)";

@@ -1,6 +1,7 @@
 // Text, Markdown, LaTeX, CSV and JSON forms of a ResultTable.
 #include <cstdio>
 
+#include "core/formatted.h"
 #include "experiments/results/insight_grids.h"
 #include "experiments/results/leakage.h"
 #include "experiments/results/table.h"
@@ -12,8 +13,8 @@
 namespace segsim::experiments::results {
 namespace {
 
+using core::print;
 using internal::compares;
-using support::internal::print;
 
 std::string quoted(const std::string& text) {
   std::string result = "\"";

@@ -1,5 +1,6 @@
 // What a ResultTable says, as cells.
 #include "experiments/results/table_grids.h"
+#include "core/formatted.h"
 
 #include "experiments/results/insight_grids.h"
 #include "experiments/results/training_grids.h"
@@ -10,9 +11,8 @@ namespace {
 
 /// "+0.345 [+0.241, +0.452]"
 std::string mean_text(const MeanInterval& mean, const char* format) {
-  return support::internal::print(format, mean.mean) + " [" +
-         support::internal::print(format, mean.interval.low) + ", " +
-         support::internal::print(format, mean.interval.high) + "]";
+  return core::print(format, mean.mean) + " [" + core::print(format, mean.interval.low) +
+         ", " + core::print(format, mean.interval.high) + "]";
 }
 
 }  // namespace
@@ -22,7 +22,7 @@ std::string profile_name(const ResultTable& table) {
 }
 
 std::string p_text(double p) {
-  return p < 0.001 ? support::internal::print("%.1e", p) : support::internal::print("%.3f", p);
+  return p < 0.001 ? core::print("%.1e", p) : core::print("%.3f", p);
 }
 
 /// "12/20  60 % [39, 78]"
@@ -30,17 +30,17 @@ std::string rate_text(const ArmSummary* arm) {
   if (arm == nullptr || arm->success.trials == 0) return "-";
   const Interval interval = arm->interval();
   return std::to_string(arm->success.successes) + "/" + std::to_string(arm->success.trials) +
-         "  " + support::internal::print("%.0f", 100.0 * arm->success.value()) + " % [" +
-         support::internal::print("%.0f", 100.0 * interval.low) + ", " +
-         support::internal::print("%.0f", 100.0 * interval.high) + "]";
+         "  " + core::print("%.0f", 100.0 * arm->success.value()) + " % [" +
+         core::print("%.0f", 100.0 * interval.low) + ", " +
+         core::print("%.0f", 100.0 * interval.high) + "]";
 }
 
 std::string difference_text(const GroupSummary& group) {
   if (group.pairs.total() == 0) return "-";
   const PairedDifference& d = group.difference;
-  return support::internal::print("%+.0f", 100.0 * d.difference) + " [" +
-         support::internal::print("%+.0f", 100.0 * d.interval.low) + ", " +
-         support::internal::print("%+.0f", 100.0 * d.interval.high) + "]";
+  return core::print("%+.0f", 100.0 * d.difference) + " [" +
+         core::print("%+.0f", 100.0 * d.interval.low) + ", " +
+         core::print("%+.0f", 100.0 * d.interval.high) + "]";
 }
 
 std::string pairs_text(const GroupSummary& group) {
@@ -136,14 +136,12 @@ support::internal::Grid arms_grid(const ResultTable& table,
       for (const auto& [outcome, count] : arm.outcomes) {
         outcomes += (outcomes.empty() ? "" : ", ") + outcome + " " + std::to_string(count);
       }
-      grid.rows.push_back(
-          {group.title, arm.arm, share_text(arm.success.successes, arm.success.trials),
-           support::internal::print("%.3f", arm.spl),
-           support::internal::print("%.3f", arm.soft_spl),
-           support::internal::print("%.1f", arm.sim_s),
-           support::internal::print("%.1f", arm.path_m),
-           support::internal::print("%.2f", arm.contacts),
-           support::internal::print("%.1f", 100.0 * arm.invalid_pixels), outcomes});
+      grid.rows.push_back({group.title, arm.arm,
+                           share_text(arm.success.successes, arm.success.trials),
+                           core::print("%.3f", arm.spl), core::print("%.3f", arm.soft_spl),
+                           core::print("%.1f", arm.sim_s), core::print("%.1f", arm.path_m),
+                           core::print("%.2f", arm.contacts),
+                           core::print("%.1f", 100.0 * arm.invalid_pixels), outcomes});
     }
   }
   return grid;
@@ -156,16 +154,14 @@ support::internal::Grid detectors_grid(const ResultTable& table) {
                                 "Views", "AP50 source rooms", "AP50 unseen homes"},
                                {}};
   const auto optional_text = [](const std::optional<double>& ap50) {
-    return ap50 ? support::internal::print("%.1f", 100.0 * *ap50) : std::string("-");
+    return ap50 ? core::print("%.1f", 100.0 * *ap50) : std::string("-");
   };
   for (const records::ArmRow& arm : table.arm_rows) {
     if (!arm.held_out) continue;
     const records::HeldOutPrecision& p = *arm.held_out;
-    grid.rows.push_back({arm.name, support::internal::print("%.1f", 100.0 * p.ap50),
-                         support::internal::print("%.1f", 100.0 * p.ap),
-                         support::internal::print("%.2f", p.precision),
-                         support::internal::print("%.2f", p.recall),
-                         support::internal::print("%.3f", p.score_threshold),
+    grid.rows.push_back({arm.name, core::print("%.1f", 100.0 * p.ap50),
+                         core::print("%.1f", 100.0 * p.ap), core::print("%.2f", p.precision),
+                         core::print("%.2f", p.recall), core::print("%.3f", p.score_threshold),
                          std::to_string(p.views), optional_text(p.source_ap50),
                          optional_text(p.unseen_ap50)});
   }

@@ -6,7 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "experiments/support/formatted.h"
+#include "core/formatted.h"
 #include "sim/time/latency_budget.h"
 
 namespace segsim::experiments::results {
@@ -22,19 +22,17 @@ std::string stage_line(const sim::StageTiming& stage) {
   const auto ms = [&](double share) {
     return sim::ms_from_ns(stage.response.percentile(share));
   };
-  std::string line =
-      support::print("%-12s %7d %9.1f %9.1f %9.1f %9.1f", stage.name.c_str(),
-                     stage.response.count(), ms(0.5), ms(0.95), ms(0.99), ms(1.0));
+  std::string line = core::print("%-12s %7d %9.1f %9.1f %9.1f %9.1f", stage.name.c_str(),
+                                 stage.response.count(), ms(0.5), ms(0.95), ms(0.99), ms(1.0));
   if (stage.deadline_ns > 0) {
     const Interval interval = wilson_interval(misses_of(stage));
-    line +=
-        support::print(" %9.1f %6.2f %% (%.2f-%.2f) %5d", sim::ms_from_ns(stage.deadline_ns),
-                       100.0 * misses_of(stage).value(), 100.0 * interval.low,
-                       100.0 * interval.high, stage.longest_miss_run);
+    line += core::print(" %9.1f %6.2f %% (%.2f-%.2f) %5d", sim::ms_from_ns(stage.deadline_ns),
+                        100.0 * misses_of(stage).value(), 100.0 * interval.low,
+                        100.0 * interval.high, stage.longest_miss_run);
   } else {
-    line += support::print(" %9s %8s %13s %5s", "-", "-", "", "-");
+    line += core::print(" %9s %8s %13s %5s", "-", "-", "", "-");
   }
-  return line + support::print(" %6d\n", stage.drops);
+  return line + core::print(" %6d\n", stage.drops);
 }
 
 Json samples_json(const sim::DurationSamples& samples) {
@@ -81,27 +79,27 @@ std::vector<DeadlineCheck> check_deadlines(const sim::TimingReport& timing,
 }
 
 std::string format_timing(const sim::TimingReport& timing) {
-  std::string text = support::print("%-12s %7s %9s %9s %9s %9s %9s %8s %13s %5s %6s\n",
-                                    "stage", "n", "p50 [ms]", "p95", "p99", "max", "deadline",
-                                    "missed", "(95 %)", "run", "drops");
+  std::string text =
+      core::print("%-12s %7s %9s %9s %9s %9s %9s %8s %13s %5s %6s\n", "stage", "n", "p50 [ms]",
+                  "p95", "p99", "max", "deadline", "missed", "(95 %)", "run", "drops");
   for (const sim::StageTiming& stage : timing.stages) text += stage_line(stage);
   text += stage_line(timing.end_to_end);
   const auto age_ms = [&](double share) {
     return sim::ms_from_ns(timing.age.percentile(share));
   };
-  text += support::print("age of the image in use: p50 %.1f, p95 %.1f, p99 %.1f, max %.1f ms",
-                         age_ms(0.5), age_ms(0.95), age_ms(0.99), age_ms(1.0));
-  text += support::print(" (%d ticks; %d without a new image, %d without any)\n",
-                         timing.age.count() + timing.ticks_without_image,
-                         timing.ticks_without_news, timing.ticks_without_image);
+  text += core::print("age of the image in use: p50 %.1f, p95 %.1f, p99 %.1f, max %.1f ms",
+                      age_ms(0.5), age_ms(0.95), age_ms(0.99), age_ms(1.0));
+  text += core::print(" (%d ticks; %d without a new image, %d without any)\n",
+                      timing.age.count() + timing.ticks_without_image,
+                      timing.ticks_without_news, timing.ticks_without_image);
   for (const auto& [name, used] : timing.resources) {
-    text += support::print("%s: %.1f %% busy (%d server%s)\n", name.c_str(),
-                           100.0 * timing.utilisation(name), used.servers,
-                           used.servers == 1 ? "" : "s");
+    text += core::print("%s: %.1f %% busy (%d server%s)\n", name.c_str(),
+                        100.0 * timing.utilisation(name), used.servers,
+                        used.servers == 1 ? "" : "s");
   }
   if (timing.overruns > 0) {
-    text += support::print(
-        "%d ticks came late: this machine does not keep up with the clock\n", timing.overruns);
+    text += core::print("%d ticks came late: this machine does not keep up with the clock\n",
+                        timing.overruns);
   }
   return text;
 }
@@ -112,11 +110,11 @@ std::string format_checks(const std::vector<DeadlineCheck>& checks, double max_m
   for (const DeadlineCheck& check : checks) {
     if (check.misses.trials == 0) {
       text +=
-          support::print("FAILS  %s within %.1f ms: never ran, so there is nothing to judge\n",
-                         check.stage.c_str(), check.deadline_ms);
+          core::print("FAILS  %s within %.1f ms: never ran, so there is nothing to judge\n",
+                      check.stage.c_str(), check.deadline_ms);
       continue;
     }
-    text += support::print(
+    text += core::print(
         "%s  %s within %.1f ms: missed %d of %d, at most %.3f %% with %.0f %% "
         "confidence (limit %.3f %%), longest run %d\n",
         check.holds ? "holds" : "FAILS", check.stage.c_str(), check.deadline_ms,

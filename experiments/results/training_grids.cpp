@@ -1,4 +1,5 @@
 #include "experiments/results/training_grids.h"
+#include "core/formatted.h"
 
 #include <cmath>
 #include <set>
@@ -14,9 +15,7 @@ namespace {
 /// d < 0.1 m, a tenth of what most rules ask for.
 constexpr const char* kStrictestRule = "habitat-hm3d";
 
-std::string percent(double share) {
-  return support::internal::print("%.0f %%", 100.0 * share);
-}
+std::string percent(double share) { return core::print("%.0f %%", 100.0 * share); }
 
 /// Trials of an arm by a named rule, over all scenes; none if they are not attributed.
 Proportion rate_by_rule(const ResultTable& table, const std::string& arm,
@@ -60,8 +59,8 @@ std::string training_line(const ResultTable& table) {
 }
 
 std::string threshold_text(const records::ArmRow& arm) {
-  if (arm.score_threshold >= 0.0) return support::internal::print("%.3f", arm.score_threshold);
-  return arm.held_out ? support::internal::print("%.3f", arm.held_out->score_threshold) : "-";
+  if (arm.score_threshold >= 0.0) return core::print("%.3f", arm.score_threshold);
+  return arm.held_out ? core::print("%.3f", arm.held_out->score_threshold) : "-";
 }
 
 std::string spread_line(const ResultTable& table) {
@@ -71,12 +70,12 @@ std::string spread_line(const ResultTable& table) {
     rates += (rates.empty() ? "" : ", ") + percent(training.success.value());
     mean += training.success.value() / static_cast<double>(table.trainings.size());
   }
-  std::string line =
-      "SR by training: " + rates + "; mean " + percent(mean) + ", standard deviation " +
-      support::internal::print("%.1f points", 100.0 * training_rate_sd(table.trainings));
+  std::string line = "SR by training: " + rates + "; mean " + percent(mean) +
+                     ", standard deviation " +
+                     core::print("%.1f points", 100.0 * training_rate_sd(table.trainings));
   const GroupSummary& group = headline_group(table);
   if (!group.training) return line + ".";
-  return line + " (" + support::internal::print("%.1f", 100.0 * group.training->training_sd) +
+  return line + " (" + core::print("%.1f", 100.0 * group.training->training_sd) +
          " of the differences, without the chance of single trials).";
 }
 
@@ -138,12 +137,12 @@ support::internal::Grid trainings_grid(const ResultTable& table) {
     pairs.difference = newcombe_paired_difference(training.pairs);
     ArmSummary rate;
     rate.success = training.success;
-    grid.rows.push_back(
-        {training.arm, arm.finetune_seed ? std::to_string(*arm.finetune_seed) : "-",
-         std::to_string(arm.reconstruction), arm.weights_sha256.substr(0, 12),
-         threshold_text(arm),
-         arm.held_out ? support::internal::print("%.1f", 100.0 * arm.held_out->ap50) : "-",
-         rate_text(&rate), difference_text(pairs), pairs_text(pairs)});
+    grid.rows.push_back({training.arm,
+                         arm.finetune_seed ? std::to_string(*arm.finetune_seed) : "-",
+                         std::to_string(arm.reconstruction), arm.weights_sha256.substr(0, 12),
+                         threshold_text(arm),
+                         arm.held_out ? core::print("%.1f", 100.0 * arm.held_out->ap50) : "-",
+                         rate_text(&rate), difference_text(pairs), pairs_text(pairs)});
   }
   grid.lines.push_back(spread_line(table));
   return grid;

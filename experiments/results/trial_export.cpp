@@ -7,7 +7,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "experiments/support/formatted.h"
+#include "core/formatted.h"
 
 namespace segsim::experiments::results {
 namespace {
@@ -23,7 +23,7 @@ Json json_value(const records::Column& /*column*/, const std::optional<double>& 
 }
 template <std::integral Integer>
 Json json_value(const records::Column& column, Integer value) {
-  if (column.hexadecimal) return support::hex(static_cast<std::uint64_t>(value));
+  if (column.hexadecimal) return core::hex(static_cast<std::uint64_t>(value));
   if (column.unknown_below_zero && static_cast<std::int64_t>(value) < 0) return nullptr;
   return value;
 }

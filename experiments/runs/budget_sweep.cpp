@@ -8,9 +8,9 @@
 #include "core/check.h"
 #include "core/error.h"
 #include "core/file_io.h"
+#include "core/formatted.h"
 #include "experiments/benchmarks/bench_curves.h"
 #include "experiments/records/store.h"
-#include "experiments/support/formatted.h"
 
 namespace segsim::experiments::runs {
 namespace {
@@ -54,7 +54,7 @@ std::optional<double> margin(const std::vector<SweepPoint>& points, double delta
 }  // namespace
 
 std::string sweep_arm(const std::string& arm, double add_ms) {
-  return support::print("%s+%gms", arm.c_str(), add_ms);
+  return core::print("%s+%gms", arm.c_str(), add_ms);
 }
 
 specs::ExperimentSpec sweep_spec(const specs::ExperimentSpec& spec,
@@ -84,7 +84,7 @@ specs::ExperimentSpec sweep_spec(const specs::ExperimentSpec& spec,
     delayed.name = sweep_arm(arm->name, add_ms);
     delayed.clock.add_ms[options.stage] += add_ms;
     swept.arms.push_back(std::move(delayed));
-    delays += support::print(" %g", add_ms);
+    delays += core::print(" %g", add_ms);
   }
   // Its replay logs would name arms that the spec's text lacks.
   swept.replays.of = specs::Recorded::kNone;
@@ -116,18 +116,17 @@ SweepResult summarise_sweep(const SweepOptions& options, const std::string& arm,
 }
 
 std::string format_sweep(const SweepResult& result, const SweepOptions& options) {
-  std::string text = support::print("%-10s %9s %16s %22s\n", "added [ms]", "success", "(95 %)",
-                                    "against none (95 %)");
+  std::string text = core::print("%-10s %9s %16s %22s\n", "added [ms]", "success", "(95 %)",
+                                 "against none (95 %)");
   for (const SweepPoint& p : result.points) {
-    text +=
-        support::print("%-10g %4d/%-4d  %.3f-%.3f   %+.3f (%+.3f .. %+.3f)\n", p.add_ms,
-                       p.success.successes, p.success.trials, p.interval.low, p.interval.high,
-                       p.loss.difference, p.loss.interval.low, p.loss.interval.high);
+    text += core::print("%-10g %4d/%-4d  %.3f-%.3f   %+.3f (%+.3f .. %+.3f)\n", p.add_ms,
+                        p.success.successes, p.success.trials, p.interval.low, p.interval.high,
+                        p.loss.difference, p.loss.interval.low, p.loss.interval.high);
   }
   const auto words = [](const std::optional<double>& ms) {
-    return ms ? support::print("%g ms", *ms) : std::string("none of these delays");
+    return ms ? core::print("%g ms", *ms) : std::string("none of these delays");
   };
-  text += support::print(
+  text += core::print(
       "Latency margin of %s: %s (success at most %.2f lower, as measured); %s with "
       "95 %% confidence\n",
       options.stage.c_str(), words(result.margin_ms).c_str(), options.delta,
@@ -139,10 +138,9 @@ void write_sweep_csv(const std::filesystem::path& file, const SweepResult& resul
   core::write_file_atomically(file, [&](std::ostream& out) {
     out << "add_ms,successes,trials,low,high,difference,difference_low,difference_high\n";
     for (const SweepPoint& p : result.points) {
-      out << support::print("%g,%d,%d,%.6f,%.6f,%.6f,%.6f,%.6f\n", p.add_ms,
-                            p.success.successes, p.success.trials, p.interval.low,
-                            p.interval.high, p.loss.difference, p.loss.interval.low,
-                            p.loss.interval.high);
+      out << core::print("%g,%d,%d,%.6f,%.6f,%.6f,%.6f,%.6f\n", p.add_ms, p.success.successes,
+                         p.success.trials, p.interval.low, p.interval.high, p.loss.difference,
+                         p.loss.interval.low, p.loss.interval.high);
     }
   });
 }
@@ -164,9 +162,9 @@ core::Image<core::Rgb8> draw_sweep(const SweepResult& result, const SweepOptions
     low.y.push_back(100.0 * p.interval.low);
   }
   rate.note = result.margin_ms
-                  ? support::print("latency margin %g ms (at most %.0f points lower)",
-                                   *result.margin_ms, 100.0 * options.delta)
-                  : support::print("no delay within %.0f points", 100.0 * options.delta);
+                  ? core::print("latency margin %g ms (at most %.0f points lower)",
+                                *result.margin_ms, 100.0 * options.delta)
+                  : core::print("no delay within %.0f points", 100.0 * options.delta);
   const auto [fewest, most] =
       std::minmax_element(result.points.begin(), result.points.end(),
                           [](const SweepPoint& x, const SweepPoint& y) {
@@ -174,9 +172,9 @@ core::Image<core::Rgb8> draw_sweep(const SweepResult& result, const SweepOptions
                           });
   low.note =
       fewest->success.trials == most->success.trials
-          ? support::print("%d trials per delay, of the same episodes", most->success.trials)
-          : support::print("INTERIM: %d to %d trials per delay", fewest->success.trials,
-                           most->success.trials);
+          ? core::print("%d trials per delay, of the same episodes", most->success.trials)
+          : core::print("INTERIM: %d to %d trials per delay", fewest->success.trials,
+                        most->success.trials);
   return benchmarks::draw_curves({rate, low}, footer);
 }
 

@@ -8,11 +8,11 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
+#include "core/formatted.h"
 #include "experiments/records/results_digest.h"
 #include "experiments/results/stored_run.h"
 #include "experiments/runs/run.h"
 #include "experiments/support/folder_lock.h"
-#include "experiments/support/formatted.h"
 
 namespace segsim::experiments::runs {
 namespace {
@@ -76,8 +76,8 @@ class Trials {
           from.string() + ": trial " + trial.episode + " of arm " + trial.arm +
               ", repetition " + std::to_string(trial.repetition),
           "what another store has (" + entry.trial.outcome + ", hash " +
-              support::hex(entry.trial.state_hash) + ")",
-          trial.outcome + ", hash " + support::hex(trial.state_hash));
+              core::hex(entry.trial.state_hash) + ")",
+          trial.outcome + ", hash " + core::hex(trial.state_hash));
     }
     ++report.known;
   }

@@ -4,9 +4,9 @@
 
 #include <opencv2/imgproc.hpp>
 
+#include "core/formatted.h"
 #include "experiments/drawing/map_canvas.h"
 #include "experiments/scenes/coverage_guide.h"
-#include "experiments/support/formatted.h"
 
 namespace segsim::experiments::scenes {
 namespace {
@@ -63,8 +63,8 @@ core::Image<core::Rgb8> coverage_picture(const drawing::FloorPlan& plan,
                      drawing::ink::kPaper);
   drawing::draw_text(
       sheet,
-      support::print("camera %.2f m high: %.1f %% missing; arrows: frames that help most",
-                     guide.camera_height_m, 100.0 * guide.missing),
+      core::print("camera %.2f m high: %.1f %% missing; arrows: frames that help most",
+                  guide.camera_height_m, 100.0 * guide.missing),
       {8.0, sheet.rows - 0.5 * (kCaption_px - kLetter_px)}, kLetter_px, drawing::ink::kText);
   return drawing::from_bgr(sheet);
 }

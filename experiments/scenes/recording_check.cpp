@@ -7,8 +7,8 @@
 #include <glm/geometric.hpp>
 
 #include "core/error.h"
+#include "core/formatted.h"
 #include "experiments/drawing/recording_plan.h"
-#include "experiments/support/formatted.h"
 #include "perception/data/image_file.h"
 #include "reconstruction/inspection/image_checks.h"
 #include "reconstruction/inspection/inspect_recording.h"
@@ -32,8 +32,8 @@ drawing::RecordingPlan plan_of(const reconstruction::RgbdSequence& sequence,
                                const reconstruction::RecordingSample& sample) {
   constexpr std::size_t kPoints = 400'000;
   drawing::RecordingPlan plan;
-  plan.title = support::print("%s: %zu frames, %.1f m", sequence.name().c_str(),
-                              sequence.frame_count(), walked_m(sample.path));
+  plan.title = core::print("%s: %zu frames, %.1f m", sequence.name().c_str(),
+                           sequence.frame_count(), walked_m(sample.path));
   plan.points_m = reconstruction::sample_points_m(sample, kPoints);
   plan.path = sample.path;
   plan.horizontal_fov_rad = sequence.intrinsics().horizontal_fov_rad();
@@ -58,11 +58,11 @@ void check_recording(const reconstruction::RgbdSequence& sequence,
   for (const Finding& finding : findings) {
     std::printf("%s\n", reconstruction::line_of(finding).c_str());
   }
-  std::printf("%s\n",
-              findings.empty()
-                  ? "nothing stands out"
-                  : support::print("%zu findings; docs/datasets.md says more", findings.size())
-                        .c_str());
+  std::printf(
+      "%s\n",
+      findings.empty()
+          ? "nothing stands out"
+          : core::print("%zu findings; docs/datasets.md says more", findings.size()).c_str());
   perception::write_image(picture, drawing::draw_recording_plan(plan_of(sequence, sample)));
   std::printf("%s: where cameras looked, from above\n", picture.string().c_str());
 }

@@ -1,4 +1,5 @@
 #include "experiments/scenes/robot_pictures.h"
+#include "core/formatted.h"
 
 #include <algorithm>
 #include <cmath>
@@ -51,12 +52,11 @@ std::string caption(const core::Frame& frame, const core::Pose2& pose, double he
   const double covered =
       std::accumulate(alpha.begin(), alpha.end(), 0.0) / static_cast<double>(alpha.size());
   const double distance_m = nearest_camera_m({pose.x_m, pose.y_m, height_m}, cameras_m);
-  return support::internal::print("camera %.2f m high at (", height_m) +
-         support::internal::print("%.1f, ", pose.x_m) +
-         support::internal::print("%.1f), ", pose.y_m) +
-         support::internal::print("%.0f deg: ", pose.yaw_rad * 180.0 / std::numbers::pi) +
-         support::internal::print("%.0f %% covered, ", 100.0 * covered) +
-         support::internal::print("nearest training camera %.1f m away", distance_m);
+  return core::print("camera %.2f m high at (", height_m) + core::print("%.1f, ", pose.x_m) +
+         core::print("%.1f), ", pose.y_m) +
+         core::print("%.0f deg: ", pose.yaw_rad * 180.0 / std::numbers::pi) +
+         core::print("%.0f %% covered, ", 100.0 * covered) +
+         core::print("nearest training camera %.1f m away", distance_m);
 }
 
 }  // namespace

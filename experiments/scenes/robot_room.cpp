@@ -3,8 +3,8 @@
 #include <string>
 
 #include "core/error.h"
+#include "core/formatted.h"
 #include "core/version.h"
-#include "experiments/support/formatted.h"
 #include "sim/ground/free_disc.h"
 #include "sim/ground/no_room.h"
 #include "worlds/surface/bundle_files.h"
@@ -46,10 +46,9 @@ std::variant<sim::World, core::RenderingOnly> find_room(const sim::TriangleMesh&
     const sim::NavmeshSettings agent = sim::navmesh_settings_for(robot);
     return without_room(
         mesh, robot,
-        support::print(
-            "no walkable area for %s (radius %.2f m, height %.2f m, steps of %.2f m)",
-            robot.name.c_str(), agent.agent_radius_m, agent.agent_height_m,
-            agent.max_climb_m));
+        core::print("no walkable area for %s (radius %.2f m, height %.2f m, steps of %.2f m)",
+                    robot.name.c_str(), agent.agent_radius_m, agent.agent_height_m,
+                    agent.max_climb_m));
   } catch (const core::InputError& error) {
     return without_room(mesh, robot, error.what());
   }

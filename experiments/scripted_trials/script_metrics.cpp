@@ -5,8 +5,8 @@
 
 #include <glm/geometric.hpp>
 
+#include "core/formatted.h"
 #include "experiments/scripted_trials/internal/script_metrics.h"
-#include "experiments/support/formatted.h"
 
 namespace segsim::experiments::scripted_trials {
 namespace {
@@ -68,7 +68,7 @@ const FindResult* find_of(const ScriptedResult& result, int step) {
 std::string failure_of(const ScriptedTrial& script, const ScriptedResult& result,
                        std::size_t k) {
   const std::string name =
-      support::print("step %zu (%s) ", k + 1, to_string(script.steps[k].kind));
+      core::print("step %zu (%s) ", k + 1, to_string(script.steps[k].kind));
   const std::string outcome = sim::to_string(result.trial.outcome);
   if (k >= result.steps.size()) return name + "was not begun: " + outcome;
   const StepOutcome& step = result.steps[k];
@@ -80,8 +80,8 @@ std::string failure_of(const ScriptedTrial& script, const ScriptedResult& result
   const FindResult* find = find_of(result, step.step);
   if (find != nullptr && !find->success) {
     return name +
-           support::print("stopped %.2f m from a view point with %d px of the goal in view",
-                          find->view_point_m, find->visible_px);
+           core::print("stopped %.2f m from a view point with %d px of the goal in view",
+                       find->view_point_m, find->visible_px);
   }
   return {};
 }

@@ -5,10 +5,10 @@
 
 #include <opencv2/imgproc.hpp>
 
+#include "core/formatted.h"
 #include "experiments/drawing/map_canvas.h"
 #include "experiments/scripted_trials/internal/script_metrics.h"
 #include "experiments/scripted_trials/scripted_run.h"
-#include "experiments/support/formatted.h"
 
 namespace segsim::experiments::scripted_trials {
 namespace {
@@ -43,31 +43,31 @@ std::vector<Entry> entries_of(const ScriptedTrial& script, const ScriptedResult&
     } else {
       const StepOutcome& step = result.steps[k];
       entry.good = step.end == StepEnd::kDone;
-      entry.words += support::print(", from %.1f s", core::seconds(step.begin_ns));
-      entry.words += step.end ? support::print(" to %.1f s: %s", core::seconds(step.end_ns),
-                                               to_string(*step.end))
+      entry.words += core::print(", from %.1f s", core::seconds(step.begin_ns));
+      entry.words += step.end ? core::print(" to %.1f s: %s", core::seconds(step.end_ns),
+                                            to_string(*step.end))
                               : std::string(": not finished");
     }
     entries.push_back(std::move(entry));
   }
   for (std::size_t k = 0; k < script.fault_words.size(); ++k) {
-    entries.push_back({std::string(1, static_cast<char>('A' + k % 26)),
-                       support::print("fault at %.1f s: ", script.fault_times_s[k]) +
-                           script.fault_words[k]});
+    entries.push_back(
+        {std::string(1, static_cast<char>('A' + k % 26)),
+         core::print("fault at %.1f s: ", script.fault_times_s[k]) + script.fault_words[k]});
   }
   for (const sim::ContactRecord& contact : result.trial.contact_log) {
-    entries.push_back({"!",
-                       support::print("contact at %.1f s, %.2f m/s, for %.1f s",
-                                      core::seconds(contact.time_ns), contact.approach_mps,
-                                      contact.duration_s),
-                       false});
+    entries.push_back(
+        {"!",
+         core::print("contact at %.1f s, %.2f m/s, for %.1f s", core::seconds(contact.time_ns),
+                     contact.approach_mps, contact.duration_s),
+         false});
   }
   for (const ExpectationResult& verdict : result.verdicts) {
     const Expectation& wanted = *verdict.expectation;
     std::string words = wanted.metric + (wanted.stage.empty() ? "" : " of " + wanted.stage);
-    if (wanted.min) words += support::print(" >= %g", *wanted.min);
-    if (wanted.max) words += support::print(" <= %g", *wanted.max);
-    words += verdict.value ? support::print(": %g", *verdict.value) : ": not measured";
+    if (wanted.min) words += core::print(" >= %g", *wanted.min);
+    if (wanted.max) words += core::print(" <= %g", *wanted.max);
+    words += verdict.value ? core::print(": %g", *verdict.value) : ": not measured";
     entries.push_back({verdict.holds ? "+" : "x", std::move(words), verdict.holds});
   }
   return entries;
@@ -160,8 +160,8 @@ core::Image<core::Rgb8> draw_script(const BoundScript& bound, const ScriptedResu
   const bool passed = result.passed();
   const std::string line =
       std::string(passed ? "PASSED" : "FAILED") +
-      support::print("   path %.1f m   %.1f s   contacts %d", result.trial.path_m,
-                     result.trial.sim_s, result.trial.contacts) +
+      core::print("   path %.1f m   %.1f s   contacts %d", result.trial.path_m,
+                  result.trial.sim_s, result.trial.contacts) +
       (result.failure.empty() ? "" : "   " + result.failure);
   drawing::draw_text(page, line, {1.0 * kMargin, static_cast<double>(header)}, 1.1 * kLetter,
                      passed ? drawing::ink::kGoal : drawing::ink::kRecover, true);

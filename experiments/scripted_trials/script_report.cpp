@@ -3,11 +3,11 @@
 
 #include <nlohmann/json.hpp>
 
+#include "core/formatted.h"
 #include "core/version.h"
 #include "experiments/results/timing_report.h"
 #include "experiments/scripted_trials/internal/script_metrics.h"
 #include "experiments/scripted_trials/scripted_run.h"
-#include "experiments/support/formatted.h"
 
 namespace segsim::experiments::scripted_trials {
 namespace {
@@ -21,9 +21,9 @@ Json number(const std::optional<double>& value) {
 
 std::string bounds(const Expectation& wanted) {
   std::string text;
-  if (wanted.min) text += support::print(" >= %g", *wanted.min);
+  if (wanted.min) text += core::print(" >= %g", *wanted.min);
   if (wanted.min && wanted.max) text += " and";
-  if (wanted.max) text += support::print(" <= %g", *wanted.max);
+  if (wanted.max) text += core::print(" <= %g", *wanted.max);
   return text;
 }
 
@@ -78,29 +78,29 @@ std::string in_words(const ScriptedTrial& script, const ScriptedResult& result) 
   std::string text;
   for (const StepOutcome& step : result.steps) {
     const auto k = static_cast<std::size_t>(step.step);
-    text += support::print("step %zu  %-6s  %7.2f s .. ", k + 1,
-                           to_string(script.steps[k].kind), core::seconds(step.begin_ns));
-    text += step.end ? support::print("%7.2f s  %s\n", core::seconds(step.end_ns),
-                                      to_string(*step.end))
+    text += core::print("step %zu  %-6s  %7.2f s .. ", k + 1, to_string(script.steps[k].kind),
+                        core::seconds(step.begin_ns));
+    text += step.end ? core::print("%7.2f s  %s\n", core::seconds(step.end_ns),
+                                   to_string(*step.end))
                      : std::string("          not finished\n");
   }
   for (const FindResult& find : result.finds) {
-    text += support::print(
+    text += core::print(
         "find of step %d: %s, %.2f m from a view point, %d px in view, path %.2f m "
         "(shortest %.2f m)\n",
         find.step + 1, find.success ? "success" : "no success", find.view_point_m,
         find.visible_px, find.path_m, find.shortest_path_m);
   }
-  text += support::print("%.2f s of simulated time, path %.2f m, %d contact%s (%.2f s)\n",
-                         trial.sim_s, trial.path_m, trial.contacts,
-                         trial.contacts == 1 ? "" : "s", trial.contact_s);
+  text += core::print("%.2f s of simulated time, path %.2f m, %d contact%s (%.2f s)\n",
+                      trial.sim_s, trial.path_m, trial.contacts,
+                      trial.contacts == 1 ? "" : "s", trial.contact_s);
   if (!trial.timing.stages.empty()) text += results::format_timing(trial.timing);
   if (!result.failure.empty()) text += "FAILS  " + result.failure + "\n";
   for (const ExpectationResult& verdict : result.verdicts) {
-    text += support::print("%s  %s%s: ", verdict.holds ? "holds" : "FAILS",
-                           name_of(*verdict.expectation).c_str(),
-                           bounds(*verdict.expectation).c_str());
-    text += verdict.value ? support::print("%g\n", *verdict.value) : "not measured\n";
+    text += core::print("%s  %s%s: ", verdict.holds ? "holds" : "FAILS",
+                        name_of(*verdict.expectation).c_str(),
+                        bounds(*verdict.expectation).c_str());
+    text += verdict.value ? core::print("%g\n", *verdict.value) : "not measured\n";
   }
   return text;
 }
@@ -128,7 +128,7 @@ std::string to_json(const ScriptedTrial& script, const ScriptedResult& result) {
             {"failure", result.failure},
             {"seed", script.seed},
             {"clock", sim::to_string(script.clock.mode)},
-            {"state_hash", support::hex(trial.state_hash)},
+            {"state_hash", core::hex(trial.state_hash)},
             {"time_s", trial.sim_s},
             {"wall_s", trial.wall_s},
             {"path_m", trial.path_m},

@@ -8,12 +8,12 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
+#include "core/formatted.h"
 #include "core/progress.h"
 #include "core/random.h"
 #include "experiments/episodes/episodes.h"
 #include "experiments/records/trial_witness.h"
 #include "experiments/scripted_trials/internal/script_metrics.h"
-#include "experiments/support/formatted.h"
 #include "experiments/trials/frame_recorder.h"
 #include "experiments/trials/sensor_files.h"
 #include "experiments/trials/trial_options.h"
@@ -142,10 +142,10 @@ class Watcher {
     }
     progress_.update(
         static_cast<std::int64_t>(ended_),
-        support::print("%.0f s", core::seconds(tick.time_ns)) +
+        core::print("%.0f s", core::seconds(tick.time_ns)) +
             (steps.empty() ? std::string()
-                           : support::print(", step %zu, %s", steps.size(),
-                                            to_string(script_step(steps.size() - 1).kind))));
+                           : core::print(", step %zu, %s", steps.size(),
+                                         to_string(script_step(steps.size() - 1).kind))));
     if (video_) video_->add(tick, frame, detections, policy.view());
     if (frames_) frames_->add(tick, frame);
   }
@@ -239,12 +239,12 @@ void write_ticks(const fs::path& file, const ScriptedResult& result) {
   core::write_file_atomically(file, [&](std::ostream& out) {
     out << "time_s,x_m,y_m,yaw_rad,v_mps,w_radps,step,contact,image,age_ms,hash\n";
     for (const sim::TickRecord& tick : result.trial.track) {
-      out << support::print("%.3f,%.6f,%.6f,%.6f,%.4f,%.4f,", core::seconds(tick.time_ns),
-                            tick.pose.x_m, tick.pose.y_m, tick.pose.yaw_rad,
-                            tick.command.forward_mps, tick.command.turn_radps)
+      out << core::print("%.3f,%.6f,%.6f,%.6f,%.4f,%.4f,", core::seconds(tick.time_ns),
+                         tick.pose.x_m, tick.pose.y_m, tick.pose.yaw_rad,
+                         tick.command.forward_mps, tick.command.turn_radps)
           << step_at(result.steps, tick.time_ns) + 1 << (tick.in_contact ? ",1," : ",0,")
-          << tick.capture_index << support::print(",%.1f,", sim::ms_from_ns(tick.age_ns))
-          << support::hex(tick.state_hash) << '\n';
+          << tick.capture_index << core::print(",%.1f,", sim::ms_from_ns(tick.age_ns))
+          << core::hex(tick.state_hash) << '\n';
     }
   });
 }

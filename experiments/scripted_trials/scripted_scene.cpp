@@ -4,12 +4,12 @@
 #include <numbers>
 
 #include "core/error.h"
+#include "core/formatted.h"
 #include "experiments/reproducibility/backend_warning.h"
 #include "experiments/scenes/mesh_floor_plan.h"
 #include "experiments/scenes/mesh_source.h"
 #include "experiments/scenes/scene_surfels.h"
 #include "experiments/scripted_trials/scripted_run.h"
-#include "experiments/support/formatted.h"
 #include "renderer/renderer_backend.h"
 #include "sim/trial/oracle_way.h"
 #include "worlds/capture/mesh_renderer.h"
@@ -129,7 +129,7 @@ void check_ways(const BoundScript& bound) {
     if (way.from({bound.start.x_m, bound.start.y_m}).empty()) {
       throw core::InputError::expected(
           step.where, "a place that " + bound.world.robot().name + " can reach from its start",
-          support::print("(%.2f, %.2f), where it cannot get", goal_m.x, goal_m.y));
+          core::print("(%.2f, %.2f), where it cannot get", goal_m.x, goal_m.y));
     }
   }
 }
@@ -172,8 +172,8 @@ BoundScript bind(const ScriptedTrial& script, const worlds::TextureReader& textu
       bound.world.collision().collides(bound.start)) {
     throw core::InputError::expected(script.file.string() + ": start",
                                      "a place where " + robot.name + " fits",
-                                     support::print("(%.2f, %.2f), where it touches something",
-                                                    bound.start.x_m, bound.start.y_m));
+                                     core::print("(%.2f, %.2f), where it touches something",
+                                                 bound.start.x_m, bound.start.y_m));
   }
   check_ways(bound);
   check_categories(bound);

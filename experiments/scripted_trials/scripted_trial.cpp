@@ -5,8 +5,8 @@
 #include <numbers>
 
 #include "core/file_io.h"
+#include "core/formatted.h"
 #include "experiments/scripted_trials/internal/script_reader.h"
-#include "experiments/support/formatted.h"
 #include "sim/ground/robot.h"
 
 namespace segsim::experiments::scripted_trials {
@@ -112,7 +112,7 @@ void read_latency_fault(const ConfigNode& node, double at_s, ScriptedTrial& tria
   fault.until_ns = fault.from_ns + std::llround(for_s * 1e9);
   fault.added_ns = sim::ns_from_ms(add_ms);
   trial.fault_words.push_back(
-      support::print("%s +%g ms for %g s", fault.stage.c_str(), add_ms, for_s));
+      core::print("%s +%g ms for %g s", fault.stage.c_str(), add_ms, for_s));
   trial.faults.latencies.push_back(std::move(fault));
 }
 
@@ -133,7 +133,7 @@ void read_faults(const ConfigNode& root, ScriptedTrial& trial) {
       const int count = static_cast<int>(support::number_within(drop, "count", 1.0, 1.0, 1e6));
       drop.finish();
       trial.faults.frame_drops.push_back({std::llround(at_s * 1e9), count});
-      trial.fault_words.push_back(support::print("%d frames lost", count));
+      trial.fault_words.push_back(core::print("%d frames lost", count));
     }
     node.finish();
     trial.fault_times_s.push_back(at_s);
@@ -206,7 +206,7 @@ Place script::place_of(const ConfigNode& node, const std::vector<double>& number
   if (!latlon) return glm::dvec2(numbers[0], numbers[1]);
   if (std::abs(numbers[0]) > 90.0 || std::abs(numbers[1]) > 180.0) {
     node.fail("[latitude, longitude] in degrees",
-              support::print("[%g, %g]", numbers[0], numbers[1]));
+              core::print("[%g, %g]", numbers[0], numbers[1]));
   }
   return sim::GeodeticPoint{numbers[0], numbers[1], 0.0};
 }

@@ -8,7 +8,7 @@
 #include <string>
 
 #include "core/config.h"
-#include "experiments/support/formatted.h"
+#include "core/formatted.h"
 
 namespace segsim::experiments::support {
 
@@ -16,7 +16,7 @@ namespace segsim::experiments::support {
                                           double fallback, double low, double high) {
   const double value = node.number_or(key, fallback);
   if (!(value >= low && value <= high)) {
-    node.child(key).fail(print("a number in [%g, %g]", low, high), node.text(key));
+    node.child(key).fail(core::print("a number in [%g, %g]", low, high), node.text(key));
   }
   return value;
 }
@@ -25,7 +25,7 @@ namespace segsim::experiments::support {
                                       int fallback, int low, int high) {
   const std::int64_t value = node.integer_or(key, fallback);
   if (value < low || value > high) {
-    node.child(key).fail(print("an integer in [%d, %d]", low, high), node.text(key));
+    node.child(key).fail(core::print("an integer in [%d, %d]", low, high), node.text(key));
   }
   return static_cast<int>(value);
 }

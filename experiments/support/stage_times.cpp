@@ -4,7 +4,7 @@
 #include <cstdlib>
 #include <utility>
 
-#include "experiments/support/formatted.h"
+#include "core/formatted.h"
 #include "experiments/support/text_grid.h"
 
 namespace segsim::experiments::support {
@@ -40,13 +40,13 @@ std::vector<StageTime> StageTimes::all() const {
 }
 
 std::string in_words(const StageTime& time) {
-  return time.made ? print("%.1f s", time.wall_s) : "0 s (was there)";
+  return time.made ? core::print("%.1f s", time.wall_s) : "0 s (was there)";
 }
 
 std::string stage_times_text(const std::vector<StageTime>& times, double total_s) {
   internal::TextGrid grid{{"Stage", "Wall time"}, {}};
   for (const StageTime& time : times) grid.rows.push_back({time.stage, in_words(time)});
-  grid.rows.push_back({"all", print("%.1f s", total_s)});
+  grid.rows.push_back({"all", core::print("%.1f s", total_s)});
   return internal::text_of(grid);
 }
 

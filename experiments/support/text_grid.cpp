@@ -1,4 +1,5 @@
 #include "experiments/support/text_grid.h"
+#include "core/formatted.h"
 
 #include <algorithm>
 #include <cstdio>
@@ -116,20 +117,14 @@ std::string latex_of(const TextGrid& grid) {
   return text + "\\bottomrule\n\\end{tabular}\n";
 }
 
-std::string print(const char* format, double value) {
-  char text[48];
-  std::snprintf(text, sizeof text, format, value);
-  return text;
-}
-
 std::string amount(double value) {
   const auto digits = [](double v) {
     return v < 9.995 ? "%.2f" : v < 99.95 ? "%.1f" : "%.0f";
   };
-  if (value < 999.5) return print("%.0f", value);
-  if (value < 999.5e3) return print(digits(value / 1e3), value / 1e3) + " k";
-  if (value < 999.5e6) return print(digits(value / 1e6), value / 1e6) + " M";
-  return print(digits(value / 1e9), value / 1e9) + " G";
+  if (value < 999.5) return core::print("%.0f", value);
+  if (value < 999.5e3) return core::print(digits(value / 1e3), value / 1e3) + " k";
+  if (value < 999.5e6) return core::print(digits(value / 1e6), value / 1e6) + " M";
+  return core::print(digits(value / 1e9), value / 1e9) + " G";
 }
 
 }  // namespace internal

@@ -29,7 +29,6 @@ struct TextGrid {
 /// What LaTeX prints as this text.
 [[nodiscard]] std::string latex_escaped(const std::string& text);
 
-[[nodiscard]] std::string print(const char* format, double value);
 /// Three digits and a unit: "830", "12.3 k", "6.10 M".
 [[nodiscard]] std::string amount(double value);
 

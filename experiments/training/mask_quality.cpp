@@ -1,4 +1,5 @@
 #include "experiments/training/mask_quality.h"
+#include "core/formatted.h"
 
 #include <algorithm>
 #include <cmath>
@@ -110,9 +111,7 @@ reconstruction::ViewQuality published_quality() {
 }
 
 std::string mask_quality_text(const std::string& name, const MaskQuality& quality) {
-  const auto percent = [](double share) {
-    return support::internal::print("%.1f", 100.0 * share);
-  };
+  const auto percent = [](double share) { return core::print("%.1f", 100.0 * share); };
   const auto row = [&](const std::string& title, const reconstruction::ViewQuality& q) {
     return std::vector<std::string>{title,
                                     percent(q.pq),
@@ -123,8 +122,8 @@ std::string mask_quality_text(const std::string& name, const MaskQuality& qualit
                                     percent(q.mean_iou),
                                     percent(q.mean_accuracy),
                                     percent(q.mean_coverage),
-                                    support::internal::print("%.2f", q.true_segments),
-                                    support::internal::print("%.2f", q.predicted_segments),
+                                    core::print("%.2f", q.true_segments),
+                                    core::print("%.2f", q.predicted_segments),
                                     q.views == 0 ? "-" : percent(q.labelled_share)};
   };
   support::internal::TextGrid grid;
@@ -184,7 +183,7 @@ worlds::MaskNoise fit_mask_noise(
 }
 
 std::string describe(const MaskSimulation& simulation) {
-  return support::internal::print("simulated, level %g", simulation.level) +
+  return core::print("simulated, level %g", simulation.level) +
          (simulation.fit ? ", fitted" : "") + ", seed " + std::to_string(simulation.seed);
 }
 

@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/file_io.h"
-#include "experiments/support/formatted.h"
+#include "core/formatted.h"
 #include "experiments/support/gzip_file.h"
 
 namespace segsim::experiments::trials {
@@ -21,8 +21,8 @@ constexpr double kDegPerRad = 180.0 / std::numbers::pi;
 
 /// To the nanosecond.
 std::string seconds_text(core::TimeNs time_ns) {
-  return support::print("%lld.%09lld", static_cast<long long>(time_ns / core::kNsPerSecond),
-                        static_cast<long long>(time_ns % core::kNsPerSecond));
+  return core::print("%lld.%09lld", static_cast<long long>(time_ns / core::kNsPerSecond),
+                     static_cast<long long>(time_ns % core::kNsPerSecond));
 }
 
 template <class Value>
@@ -32,7 +32,7 @@ std::string times_of(const sim::Reading<Value>& reading) {
 
 /// Infinity, which stands for "unknown", as an empty field.
 std::string number_text(double value) {
-  return std::isfinite(value) ? support::print("%.6f", value) : std::string();
+  return std::isfinite(value) ? core::print("%.6f", value) : std::string();
 }
 
 Json number(double value) { return std::isfinite(value) ? Json(value) : Json(); }
@@ -53,8 +53,7 @@ Json camera_summary(const sim::SensorLog& log) {
 Json summary_of(const sim::SensorSettings& settings, const sim::SensorLog& log) {
   Json sensors = Json::object();
   for (const sim::SensorLog::Digest& digest : log.digests()) {
-    sensors[digest.sensor] = {{"readings", digest.readings},
-                              {"hash", support::hex(digest.hash)}};
+    sensors[digest.sensor] = {{"readings", digest.readings}, {"hash", core::hex(digest.hash)}};
   }
   if (settings.lidar && sensors.contains("lidar")) {
     const sim::LidarModel& model = settings.lidar->model;
@@ -77,7 +76,7 @@ std::string camera_csv(const sim::SensorLog& log) {
       "render_invalid\n";
   for (const auto& image : log.camera) {
     const sim::RenderValidity& v = image.value;
-    text += times_of(image) + support::print(",%.6f,%.6f,", v.mean_alpha, v.hole_share) +
+    text += times_of(image) + core::print(",%.6f,%.6f,", v.mean_alpha, v.hole_share) +
             number_text(v.view_m) + "," + number_text(v.view_rad * kDegPerRad) +
             (v.render_invalid ? ",1\n" : ",0\n");
   }
@@ -91,7 +90,7 @@ std::string imu_csv(const sim::SensorLog& log) {
   for (const auto& reading : log.imu) {
     const glm::dvec3 &a = reading.value.accel_mps2, &w = reading.value.gyro_radps;
     text += times_of(reading) +
-            support::print(",%.9g,%.9g,%.9g,%.9g,%.9g,%.9g\n", a.x, a.y, a.z, w.x, w.y, w.z);
+            core::print(",%.9g,%.9g,%.9g,%.9g,%.9g,%.9g\n", a.x, a.y, a.z, w.x, w.y, w.z);
   }
   return text;
 }
@@ -100,8 +99,8 @@ std::string odometry_csv(const sim::SensorLog& log) {
   std::string text = "time_s,available_s,x_m,y_m,yaw_rad\n";
   for (const auto& reading : log.odometry) {
     const core::Pose2& pose = reading.value;
-    text += times_of(reading) +
-            support::print(",%.9g,%.9g,%.9g\n", pose.x_m, pose.y_m, pose.yaw_rad);
+    text +=
+        times_of(reading) + core::print(",%.9g,%.9g,%.9g\n", pose.x_m, pose.y_m, pose.yaw_rad);
   }
   return text;
 }
@@ -109,8 +108,8 @@ std::string odometry_csv(const sim::SensorLog& log) {
 std::string gps_csv(const sim::SensorLog& log) {
   std::string text = "time_s,available_s,latitude_deg,longitude_deg,height_m\n";
   for (const auto& fix : log.gps) {
-    text += times_of(fix) + support::print(",%.10f,%.10f,%.4f\n", fix.value.latitude_deg,
-                                           fix.value.longitude_deg, fix.value.height_m);
+    text += times_of(fix) + core::print(",%.10f,%.10f,%.4f\n", fix.value.latitude_deg,
+                                        fix.value.longitude_deg, fix.value.height_m);
   }
   return text;
 }
@@ -118,7 +117,7 @@ std::string gps_csv(const sim::SensorLog& log) {
 std::string compass_csv(const sim::SensorLog& log) {
   std::string text = "time_s,available_s,heading_deg\n";
   for (const auto& reading : log.compass_rad) {
-    text += times_of(reading) + support::print(",%.6f\n", reading.value * kDegPerRad);
+    text += times_of(reading) + core::print(",%.6f\n", reading.value * kDegPerRad);
   }
   return text;
 }
@@ -135,7 +134,7 @@ std::string lidar_csv(const sim::SensorLog& log) {
     text += times_of(scan);
     for (const float range_m : scan.value) {
       text += ',';
-      if (!std::isnan(range_m)) text += support::print("%.4f", double{range_m});
+      if (!std::isnan(range_m)) text += core::print("%.4f", double{range_m});
     }
     text += '\n';
   }

@@ -7,10 +7,10 @@
 
 #include <opencv2/imgproc.hpp>
 
+#include "core/formatted.h"
 #include "experiments/drawing/frame_picture.h"
 #include "experiments/drawing/map_canvas.h"
 #include "experiments/scenes/coverage.h"
-#include "experiments/support/formatted.h"
 #include "sim/ground/robot.h"
 #include "sim/sensors/depth_sensor.h"
 #include "sim/sensors/lidar.h"
@@ -69,12 +69,12 @@ class View {
     core::Image<core::Rgb8> noisy = exact_.rgb, coded = exact_.rgb;
     sim::add_rgb_noise(noise, sim::PixelNoise(options_.seed, "camera/rgb", 0), noisy);
     sim::compress_jpeg(jpeg, coded);
-    return {{"colour: exact", drawing::to_bgr(exact_.rgb)},
-            {support::print("exposure %.0f ms at %.1f rad/s", 1e3 * kExposure_s,
-                            options_.turn_radps),
-             drawing::to_bgr(exposed(blur))},
-            {"shot and read noise: full well 1000 e-, 8 e-", drawing::to_bgr(noisy)},
-            {"JPEG, quality 20", drawing::to_bgr(coded)}};
+    return {
+        {"colour: exact", drawing::to_bgr(exact_.rgb)},
+        {core::print("exposure %.0f ms at %.1f rad/s", 1e3 * kExposure_s, options_.turn_radps),
+         drawing::to_bgr(exposed(blur))},
+        {"shot and read noise: full well 1000 e-, 8 e-", drawing::to_bgr(noisy)},
+        {"JPEG, quality 20", drawing::to_bgr(coded)}};
   }
 
   /// Depth, and below it its errors.
@@ -98,8 +98,8 @@ class View {
                          sim::PixelNoise(options_.seed, "camera/depth", 0), exact_.depth_m,
                          measured_m);
       depths.push_back({name, drawing::to_bgr(drawing::depth_picture(measured_m, kDepth_m))});
-      errors.push_back({support::print("error: red far, blue near (full: %.0f cm), black none",
-                                       100.0 * double{kErrorShown_m}),
+      errors.push_back({core::print("error: red far, blue near (full: %.0f cm), black none",
+                                    100.0 * double{kErrorShown_m}),
                         error_picture(exact_.depth_m, measured_m)});
     }
   }
@@ -183,7 +183,7 @@ std::vector<Cell> scan_cells(const sim::World& world, const drawing::FloorPlan& 
   const cv::Rect around(cvRound(robot.x) - width_px / 2, cvRound(robot.y) - height_px / 2,
                         width_px, height_px);
   return {{"lidar, 720 beams: red all at once", scan_map(world, plan, options, whole)},
-          {support::print(
+          {core::print(
                "blue: swept in %.0f ms at %.1f rad/s, drawn from the pose of the first beam",
                1e3 * kSweep_s, options.turn_radps),
            large(around & cv::Rect({0, 0}, large.size())).clone()}};

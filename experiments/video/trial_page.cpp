@@ -7,10 +7,10 @@
 #include <opencv2/imgproc.hpp>
 
 #include "core/check.h"
+#include "core/formatted.h"
 #include "experiments/drawing/frame_picture.h"
 #include "experiments/drawing/map_canvas.h"
 #include "experiments/drawing/map_legend.h"
-#include "experiments/support/formatted.h"
 
 namespace segsim::experiments::video::internal {
 namespace {
@@ -55,8 +55,8 @@ void draw_detection(cv::Mat& pane, const cv::Point2d& corner, double scale,
   cv::rectangle(pane, box, color, goal ? 3 : 1, cv::LINE_AA);
   const auto index = static_cast<std::size_t>(d.class_index);
   const std::string text =
-      support::print("%s %.2f", index < classes.size() ? classes[index].c_str() : "?",
-                     static_cast<double>(d.score));
+      core::print("%s %.2f", index < classes.size() ? classes[index].c_str() : "?",
+                  static_cast<double>(d.score));
   drawing::draw_pill(pane, text, {box.x + 4.0, std::max(kSmallLetter + 6.0, box.y - 5.0)},
                      kSmallLetter, color);
 }
@@ -123,10 +123,10 @@ void TrialPage::draw_status(cv::Mat& page, const cv::Point& corner, int width_px
       drawing::draw_pill(page, upper(core::to_string(tick.mode)), {corner.x + 0.0, base},
                          kLetter, drawing::mode_color(tick.mode));
   std::string text =
-      support::print("tick %zu    %.1f s", track_.size() - 1, core::seconds(tick.time_ns));
+      core::print("tick %zu    %.1f s", track_.size() - 1, core::seconds(tick.time_ns));
   if (scene_.distance_m) {
     const double distance_m = scene_.distance_m({tick.pose.x_m, tick.pose.y_m});
-    text += std::isfinite(distance_m) ? support::print("    %.1f m to goal", distance_m)
+    text += std::isfinite(distance_m) ? core::print("    %.1f m to goal", distance_m)
                                       : std::string("    no way to goal");
   }
   float best = -1.0F;
@@ -135,7 +135,7 @@ void TrialPage::draw_status(cv::Mat& page, const cv::Point& corner, int width_px
   }
   if (best >= 0.0F) {
     text += "    sees a " + scene_.episode->class_name +
-            support::print(": %.2f", static_cast<double>(best));
+            core::print(": %.2f", static_cast<double>(best));
   }
   if (tick.in_contact) text += "    CONTACT";
   // Long lines get smaller letters.
@@ -208,11 +208,11 @@ cv::Mat TrialPage::draw_outcome(const sim::TrialResult& result) const {
   std::string text = drawing::outcome_words(result.outcome);
   if (form_ == PageForm::kColumn) text = scene_.arm + ": " + text;
   drawing::draw_text(page, text, {12.0, 28.0}, kTitle, kWhite, true);
-  std::string figures = support::print("%.1f s", result.sim_s);
+  std::string figures = core::print("%.1f s", result.sim_s);
   if (result.success) {
-    figures += support::print(", path %.1f m, SPL %.2f", result.path_m, result.spl);
+    figures += core::print(", path %.1f m, SPL %.2f", result.path_m, result.spl);
   } else if (std::isfinite(result.distance_to_goal_m)) {
-    figures += support::print(", %.1f m from the goal", result.distance_to_goal_m);
+    figures += core::print(", %.1f m from the goal", result.distance_to_goal_m);
   }
   const double room = page.cols - 36.0 - drawing::text_width_px(text, kTitle, true);
   double letter = 10.0;

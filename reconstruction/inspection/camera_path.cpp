@@ -6,15 +6,15 @@
 #include <map>
 #include <optional>
 
+#include "core/formatted.h"
 #include "reconstruction/inspection/internal/median.h"
 #include "reconstruction/inspection/internal/pose_steps.h"
-#include "reconstruction/inspection/internal/print.h"
 
 namespace segsim::reconstruction {
 namespace {
 
+using core::print;
 using internal::degrees;
-using internal::print;
 using internal::turn_rad;
 using internal::way_m;
 
@@ -86,7 +86,8 @@ std::vector<std::size_t> long_steps(const RgbdSequence& sequence,
 
 std::string step_text(const RecordingSample& sample, std::size_t i) {
   const core::CameraPose &a = sample.path[i], &b = sample.path[i + 1];
-  return print("%.2f m", way_m(a, b)) + " and " + print("%.0f deg", degrees(turn_rad(a, b)));
+  return core::print("%.2f m", way_m(a, b)) + " and " +
+         core::print("%.0f deg", degrees(turn_rad(a, b)));
 }
 
 double speed_excess(const core::CameraPose& a, const core::CameraPose& b, double time_s) {
@@ -109,9 +110,9 @@ std::optional<Finding> find_high_speed(const RgbdSequence& sequence,
   if (fast.empty()) return std::nullopt;
   const core::CameraPose &a = sample.path[worst], &b = sample.path[worst + 1];
   return Finding{FindingKind::kFastCamera, frames_text(sequence, fast),
-                 print("up to %.1f m/s", way_m(a, b) / worst_s) + " and " +
-                     print("%.0f deg/s", degrees(turn_rad(a, b)) / worst_s) + " at frame " +
-                     sequence.frame_name(worst),
+                 core::print("up to %.1f m/s", way_m(a, b) / worst_s) + " and " +
+                     core::print("%.0f deg/s", degrees(turn_rad(a, b)) / worst_s) +
+                     " at frame " + sequence.frame_name(worst),
                  "move and turn more slowly: images blur and lines bend", false};
 }
 
@@ -131,7 +132,7 @@ std::vector<Finding> find_repeated_frames(const RgbdSequence& sequence) {
   if (!same_time.empty()) {
     findings.push_back(
         {FindingKind::kRepeatedFrames, frames_text(sequence, same_time),
-         print("the time stamp %.6f s", *sequence.time_s(same_time.front())) +
+         core::print("the time stamp %.6f s", *sequence.time_s(same_time.front())) +
              " is that of the frame before" + (same_time.size() > 1 ? ", and so on" : ""),
          "one of two such frames has the other's pose: remove it from the list", false});
   }
@@ -166,9 +167,9 @@ std::vector<Finding> find_frame_gaps(const RgbdSequence& sequence,
   }
   if (gaps.empty()) return {};
   return {{FindingKind::kFrameGap, "after " + frames_text(sequence, gaps),
-           print("up to %.3g ", widest_gap) + stamps.unit + print(" instead of %.3g", usual) +
-               ", while the camera went " + step_text(sample, widest) + " (frame " +
-               sequence.frame_name(widest) + ")",
+           core::print("up to %.3g ", widest_gap) + stamps.unit +
+               core::print(" instead of %.3g", usual) + ", while the camera went " +
+               step_text(sample, widest) + " (frame " + sequence.frame_name(widest) + ")",
            "record this part again, or give all frames", false}};
 }
 

@@ -6,14 +6,14 @@
 
 #include <glm/geometric.hpp>
 
+#include "core/formatted.h"
 #include "reconstruction/inspection/internal/median.h"
 #include "reconstruction/inspection/internal/pose_steps.h"
-#include "reconstruction/inspection/internal/print.h"
 
 namespace segsim::reconstruction {
 namespace {
 
-using internal::print;
+using core::print;
 
 /// Of the medians of the recording. Both must be low: a bare wall has no sharp edges, either.
 constexpr double kBlurredSharpness = 0.4, kBlurredFineShare = 0.5;
@@ -93,11 +93,11 @@ bool halves_agree(const std::vector<const EdgeView*>& views, const EdgeShift& be
 std::string shift_text(const EdgeShift& shift, double reduction) {
   std::string text;
   if (glm::length(shift.shift_px) > 0.0) {
-    text = "shifted by (" + print("%.0f", shift.shift_px.x / reduction) + ", " +
-           print("%.0f", shift.shift_px.y / reduction) + ") px";
+    text = "shifted by (" + core::print("%.0f", shift.shift_px.x / reduction) + ", " +
+           core::print("%.0f", shift.shift_px.y / reduction) + ") px";
   }
   if (shift.scale != 1.0) {
-    text += (text.empty() ? "" : " and ") + print("scaled by %.2f", shift.scale);
+    text += (text.empty() ? "" : " and ") + core::print("scaled by %.2f", shift.scale);
   }
   return text;
 }
@@ -129,7 +129,7 @@ std::vector<Finding> find_blur(const RgbdSequence& sequence, const RecordingSamp
   const double share = sample.frames[worst].detail.sharpness / median_detail(sample).sharpness;
   return {{FindingKind::kBlur, frames_text(sequence, frames_at(sample, blurred)),
            count_of(blurred.size(), sample) + "; the variance of the Laplacian falls to " +
-               print("%.2f", share) + " of its median (frame " +
+               core::print("%.2f", share) + " of its median (frame " +
                sequence.frame_name(sample.frames[worst].frame) + ")",
            "leave these frames out, or record them again with more light or more slowly",
            false}};
@@ -148,12 +148,13 @@ std::vector<Finding> find_depth_holes(const RgbdSequence& sequence,
   const double usual = internal::median(shares);
   const double most = *std::max_element(shares.begin(), shares.end());
   if (empty.empty() && usual <= kUsualHoleShare) return {};
-  return {{FindingKind::kDepthHoles,
-           empty.empty() ? std::string() : frames_text(sequence, frames_at(sample, empty)),
-           print("the middle frame has no depth at %.0f %% of its pixels, ", 100.0 * usual) +
-               print("the worst at %.0f %%", 100.0 * most),
-           "record glass, mirrors, black and far surfaces from nearer and from other sides",
-           false}};
+  return {
+      {FindingKind::kDepthHoles,
+       empty.empty() ? std::string() : frames_text(sequence, frames_at(sample, empty)),
+       core::print("the middle frame has no depth at %.0f %% of its pixels, ", 100.0 * usual) +
+           core::print("the worst at %.0f %%", 100.0 * most),
+       "record glass, mirrors, black and far surfaces from nearer and from other sides",
+       false}};
 }
 
 std::vector<Finding> find_wrong_calibration(const RgbdSequence& sequence,
@@ -176,9 +177,9 @@ std::vector<Finding> find_wrong_calibration(const RgbdSequence& sequence,
            {},
            "edges of depth lie on edges of colour best if depth is " +
                shift_text(fit.best, reduction) +
-               print(": agreement %.2f", fit.best.agreement) +
-               print(" instead of %.2f", fit.given.agreement) +
-               print(" (%.2f by chance)", fit.elsewhere),
+               core::print(": agreement %.2f", fit.best.agreement) +
+               core::print(" instead of %.2f", fit.given.agreement) +
+               core::print(" (%.2f by chance)", fit.elsewhere),
            "check the camera matrix, and that depth is registered to colour",
            false}};
 }

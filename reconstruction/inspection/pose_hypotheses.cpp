@@ -4,14 +4,14 @@
 #include <array>
 #include <cmath>
 
+#include "core/formatted.h"
 #include "reconstruction/inspection/internal/median.h"
-#include "reconstruction/inspection/internal/print.h"
 #include "reconstruction/lifting/parallel_loading.h"
 
 namespace segsim::reconstruction {
 namespace {
 
-using internal::print;
+using core::print;
 using RelativePose = core::Transform<core::frame::Camera, core::frame::Camera>;
 
 constexpr double kScaleStep = 1.08;
@@ -63,7 +63,7 @@ double round_factor(double factor) {
 /// How unlike a room: natural logarithm of depth over 2 m.
 double oddness(double median_depth_m) { return std::abs(std::log(median_depth_m / 2.0)); }
 
-std::string percent(double share) { return print("%.0f %%", 100.0 * share); }
+std::string percent(double share) { return core::print("%.0f %%", 100.0 * share); }
 
 std::string as_agreement(const PoseEvidence& evidence, const std::string& then) {
   return percent(evidence.given.agreement) +
@@ -77,13 +77,13 @@ Finding unit_finding(const PoseEvidence& evidence, double median_depth_m) {
   const bool depth_is_wrong = oddness(median_depth_m / scale) < oddness(median_depth_m);
   Finding finding{FindingKind::kUnits, {}, {}, {}, true};
   if (depth_is_wrong) {
-    const std::string factor = print("%.4g", 1.0 / scale);
+    const std::string factor = core::print("%.4g", 1.0 / scale);
     finding.how_bad =
         as_agreement(evidence, "if depth is multiplied with " + factor) +
-        print(", which puts the middle of the depth at %.2g m", median_depth_m / scale);
+        core::print(", which puts the middle of the depth at %.2g m", median_depth_m / scale);
     finding.help = "depth is in another unit: --depth-scale " + factor;
   } else {
-    const std::string factor = print("%.4g", scale);
+    const std::string factor = core::print("%.4g", scale);
     finding.how_bad =
         as_agreement(evidence, "if positions of the poses are multiplied with " + factor);
     finding.help = scale == 0.001 ? "poses are in millimetres: --pose-scale 0.001"
@@ -99,10 +99,10 @@ std::optional<Finding> odd_depth(double median_depth_m, bool poses_agree) {
   double factor = 1.0;
   while (median_depth_m * factor > 10.0) factor /= 10.0;
   while (median_depth_m * factor < 0.3) factor *= 10.0;
-  const std::string flag = print("%g", factor);
+  const std::string flag = core::print("%g", factor);
   Finding finding{FindingKind::kUnits, {}, {}, {}, false};
   finding.how_bad =
-      print("the middle of the depth is %.3g m, which is no room", median_depth_m);
+      core::print("the middle of the depth is %.3g m, which is no room", median_depth_m);
   finding.help = "is depth in another unit? --depth-scale " + flag +
                  (poses_agree ? " --pose-scale " + flag + " (the poses agree with it)" : "");
   return finding;

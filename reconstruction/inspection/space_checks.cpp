@@ -6,16 +6,16 @@
 #include <numbers>
 #include <optional>
 
+#include "core/formatted.h"
 #include "reconstruction/datasets/floor_fit.h"
 #include "reconstruction/inspection/internal/median.h"
 #include "reconstruction/inspection/internal/pose_steps.h"
-#include "reconstruction/inspection/internal/print.h"
 #include "reconstruction/lifting/parallel_loading.h"
 
 namespace segsim::reconstruction {
 namespace {
 
-using internal::print;
+using core::print;
 
 constexpr double kFarthest_m = 6.0;
 constexpr std::size_t kFloorPoints = 40'000;
@@ -132,11 +132,11 @@ std::vector<Finding> find_unseen_floor(const RecordingSample& sample) {
   if (floor_m && *floor_m < lowest_camera_m) return {};
   return {{FindingKind::kFloorUnseen,
            {},
-           floor_m
-               ? print("the lowest large horizontal surface, at %.2f m, lies above a camera",
-                       *floor_m)
-               : std::string("no large horizontal surface with nothing below it in the "
-                             "depth of all frames looked at"),
+           floor_m ? core::print(
+                         "the lowest large horizontal surface, at %.2f m, lies above a camera",
+                         *floor_m)
+                   : std::string("no large horizontal surface with nothing below it in the "
+                                 "depth of all frames looked at"),
            "say which way is up (--up), give --floor-height, or record the floor",
            false}};
 }
@@ -170,7 +170,7 @@ std::vector<Finding> find_open_loops(const RgbdSequence& sequence,
                sequence.frame_name(sample.frames[worst.second].frame) +
                " sees the surfaces of frame " +
                sequence.frame_name(sample.frames[worst.first].frame) +
-               print(" %.2f m elsewhere", worst.agreement.median_error_m),
+               core::print(" %.2f m elsewhere", worst.agreement.median_error_m),
            "poses drift: take them from a system that closes loops, or reconstruct the parts "
            "apart",
            false}};

@@ -6,14 +6,14 @@
 
 #include <glm/geometric.hpp>
 
+#include "core/formatted.h"
 #include "reconstruction/inspection/internal/pose_steps.h"
-#include "reconstruction/inspection/internal/print.h"
 
 namespace segsim::reconstruction {
 namespace {
 
+using core::print;
 using internal::degrees;
-using internal::print;
 
 constexpr double kSector_rad = 2.0 * std::numbers::pi / ViewDirections::kSectors;
 constexpr int kSmallestGap = 3;  ///< Sectors.
@@ -112,11 +112,13 @@ std::vector<Finding> find_unseen_directions(const RgbdSequence& sequence,
         "record these directions, too");
   }
   if (directions.lowest_rad > -kLowEnough_rad) {
-    add(print("nothing lower than %.0f deg was looked at", degrees(directions.lowest_rad)),
+    add(core::print("nothing lower than %.0f deg was looked at",
+                    degrees(directions.lowest_rad)),
         "look down at the floor now and then");
   }
   if (directions.highest_rad < kLowEnough_rad) {
-    add(print("nothing higher than %.0f deg was looked at", degrees(directions.highest_rad)),
+    add(core::print("nothing higher than %.0f deg was looked at",
+                    degrees(directions.highest_rad)),
         "look up at walls and ceiling now and then");
   }
   return findings;

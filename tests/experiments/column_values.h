@@ -12,8 +12,8 @@
 #include <string>
 #include <string_view>
 
+#include "core/formatted.h"
 #include "experiments/records/column.h"
-#include "experiments/support/formatted.h"
 
 namespace segsim::experiments {
 
@@ -57,7 +57,7 @@ template <class Row>
 }
 
 inline std::string as_text(const std::string& text) { return text; }
-inline std::string as_text(double value) { return support::print("%a", value); }
+inline std::string as_text(double value) { return core::print("%a", value); }
 inline std::string as_text(const std::optional<double>& value) {
   return value ? as_text(*value) : "none";
 }

@@ -8,11 +8,11 @@
 #include <nlohmann/json.hpp>
 
 #include "core/error.h"
+#include "core/formatted.h"
 #include "experiments/commands/light/light_commands.h"
 #include "experiments/results/stored_run.h"
 #include "experiments/results/table_grids.h"
 #include "experiments/results/training_grids.h"
-#include "experiments/support/formatted.h"
 #include "experiments/support/text_grid.h"
 
 namespace segsim::experiments::commands {
@@ -118,7 +118,7 @@ void plan(const PlanFlags& flags) {
   const support::TableFormat format = results::table_format_from(flags.format);
   if (flags.delta == 0.0 || std::abs(flags.delta) > flags.psi) {
     throw core::InputError::expected("--delta", "a difference of at most psi, and not 0",
-                                     support::print("%g", flags.delta));
+                                     core::print("%g", flags.delta));
   }
   const int pairs = results::pairs_needed(flags.psi, flags.delta, flags.power);
   if (format == support::TableFormat::kJson) {
@@ -130,8 +130,8 @@ void plan(const PlanFlags& flags) {
   const Grid grid{
       "Episodes for a paired comparison",
       {"psi", "delta", "power", "episodes", "trials of two arms"},
-      {{support::print("%g", flags.psi), support::print("%g", flags.delta),
-        support::print("%g", flags.power), std::to_string(pairs), std::to_string(2 * pairs)}}};
+      {{core::print("%g", flags.psi), core::print("%g", flags.delta),
+        core::print("%g", flags.power), std::to_string(pairs), std::to_string(2 * pairs)}}};
   if (format == support::TableFormat::kCsv) {
     std::fputs(support::internal::csv_of({grid.header, grid.rows}).c_str(), stdout);
     return;

@@ -9,11 +9,11 @@
 #include <opencv2/imgproc.hpp>
 
 #include "core/error.h"
+#include "core/formatted.h"
 #include "experiments/drawing/box_picture.h"
 #include "experiments/drawing/frame_picture.h"
 #include "experiments/drawing/goal_boxes.h"
 #include "experiments/drawing/map_canvas.h"
-#include "experiments/support/formatted.h"
 #include "renderer/cpu_renderer.h"
 
 namespace segsim::experiments::dashboard::internal {

@@ -5,11 +5,11 @@
 
 #include <opencv2/imgproc.hpp>
 
+#include "core/formatted.h"
 #include "experiments/drawing/map_canvas.h"
 #include "experiments/drawing/map_legend.h"
 #include "experiments/films/internal/pages.h"
 #include "experiments/results/training_grids.h"
-#include "experiments/support/formatted.h"
 
 namespace segsim::experiments::films::internal {
 namespace {
@@ -60,7 +60,7 @@ void draw_rate(cv::Mat& card, double y, const results::ArmSummary& arm,
     cv::line(card, {at(end), up(-0.6 * kHeight)}, {at(end), up(0.6 * kHeight)},
              drawing::ink::kText, 2 * kOver);
   }
-  const std::string text = support::print(
+  const std::string text = core::print(
       "%.0f %% [%.0f, %.0f]   %d of %d", 100.0 * arm.success.value(), 100.0 * interval.low,
       100.0 * interval.high, arm.success.successes, arm.success.trials);
   drawing::draw_text(card, text, {kBar + kFull + 20.0 * kOver, y + 0.5 * kLetter}, kLetter,
@@ -81,12 +81,12 @@ std::vector<std::string> notes_for_viewers(const results::ResultTable& table) {
 std::string test_in_words(const results::GroupSummary& group,
                           const results::ResultTable& table) {
   const results::Interval& by = group.difference.interval;
-  return support::print("%+.0f points [%+.0f, %+.0f],  p = %.2g",
-                        100.0 * group.difference.difference, 100.0 * by.low, 100.0 * by.high,
-                        group.p) +
-         ":  " + group.verdict +
-         support::print("  (%d episodes only ", group.pairs.only_after) + table.after +
-         support::print(" solved, %d only ", group.pairs.only_before) + table.before + ")";
+  return core::print("%+.0f points [%+.0f, %+.0f],  p = %.2g",
+                     100.0 * group.difference.difference, 100.0 * by.low, 100.0 * by.high,
+                     group.p) +
+         ":  " + group.verdict + core::print("  (%d episodes only ", group.pairs.only_after) +
+         table.after + core::print(" solved, %d only ", group.pairs.only_before) +
+         table.before + ")";
 }
 
 }  // namespace

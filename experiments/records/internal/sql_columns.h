@@ -11,9 +11,9 @@
 #include <string>
 #include <string_view>
 
+#include "core/formatted.h"
 #include "experiments/records/column.h"
 #include "experiments/records/internal/sqlite_statement.h"
-#include "experiments/support/formatted.h"
 
 namespace segsim::experiments::records {
 
@@ -98,7 +98,7 @@ class ColumnBinder {
   template <std::integral Integer>
   void operator()(const Column& column, Integer number) {
     if (column.hexadecimal) {
-      statement_.bind(texts_.emplace_back(support::hex(static_cast<std::uint64_t>(number))));
+      statement_.bind(texts_.emplace_back(core::hex(static_cast<std::uint64_t>(number))));
     } else {
       statement_.bind(static_cast<std::int64_t>(number));
     }

@@ -1,6 +1,6 @@
 #include "experiments/report/internal/html.h"
 
-#include "experiments/support/formatted.h"
+#include "core/formatted.h"
 
 namespace segsim::experiments::report::internal {
 namespace {
@@ -44,8 +44,7 @@ std::string url_escaped(const std::string& text) {
     if (is_plain(c) || c == '~') {
       escaped += c;
     } else {
-      escaped +=
-          support::print("%%%02X", static_cast<unsigned>(static_cast<unsigned char>(c)));
+      escaped += core::print("%%%02X", static_cast<unsigned>(static_cast<unsigned char>(c)));
     }
   }
   return escaped;

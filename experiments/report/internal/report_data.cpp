@@ -7,12 +7,12 @@
 #include <nlohmann/json.hpp>
 
 #include "core/error.h"
+#include "core/formatted.h"
 #include "experiments/records/replay_log.h"
 #include "experiments/report/internal/html.h"
 #include "experiments/report/internal/report_model.h"
 #include "experiments/results/table_grids.h"
 #include "experiments/runs/budget_sweep.h"
-#include "experiments/support/formatted.h"
 
 namespace segsim::experiments::report::internal {
 namespace {
@@ -58,7 +58,7 @@ std::vector<double> rates_of(const std::vector<results::Proportion>& proportions
 }
 
 /// Percentage of a share.
-std::string percent(double share) { return support::print("%.1f %%", 100.0 * share); }
+std::string percent(double share) { return core::print("%.1f %%", 100.0 * share); }
 
 /// Bins of equal width over what all series have in common.
 struct Bins {
@@ -94,7 +94,7 @@ std::string histogram(const ReportModel& model, const std::string& title,
   support::internal::Grid grid{
       title, {"Arm", "n", "p50 [ms]", "p95 [ms]", "p99 [ms]", "max [ms]"}, {}};
   for (int k = 0; k < bins.count; ++k) {
-    plot["labels"].push_back(support::print("%.3g", bins.low + (k + 0.5) * bins.width));
+    plot["labels"].push_back(core::print("%.3g", bins.low + (k + 0.5) * bins.width));
   }
   for (auto [arm, values] : by_arm) {
     if (values.empty()) continue;
@@ -106,7 +106,7 @@ std::string histogram(const ReportModel& model, const std::string& title,
     std::sort(values.begin(), values.end());
     const auto at = [&](double share) {
       const auto rank = std::ceil(share * static_cast<double>(values.size())) - 1.0;
-      return support::print("%.1f", values[static_cast<std::size_t>(std::max(0.0, rank))]);
+      return core::print("%.1f", values[static_cast<std::size_t>(std::max(0.0, rank))]);
     };
     grid.rows.push_back(
         {arm, std::to_string(values.size()), at(0.5), at(0.95), at(0.99), at(1.0)});
@@ -189,13 +189,13 @@ std::string delay_figure(const ReportModel& model, const results::StoredRun& sto
       line["points"].push_back(
           {point.add_ms, point.success.value(), point.interval.low, point.interval.high});
       grid.rows.push_back(
-          {support::print("%g", point.add_ms),
+          {core::print("%g", point.add_ms),
            std::to_string(point.success.successes) + "/" +
                std::to_string(point.success.trials),
            percent(point.success.value()),
            percent(point.interval.low) + " to " + percent(point.interval.high),
-           support::print("%+.0f [%+.0f, %+.0f]", 100.0 * point.loss.difference,
-                          100.0 * point.loss.interval.low, 100.0 * point.loss.interval.high)});
+           core::print("%+.0f [%+.0f, %+.0f]", 100.0 * point.loss.difference,
+                       100.0 * point.loss.interval.low, 100.0 * point.loss.interval.high)});
     }
     const Json plot{{"kind", "lines"},
                     {"x", "added delay [ms]"},

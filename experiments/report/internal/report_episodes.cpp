@@ -1,7 +1,7 @@
 // Pages of a report about trials: the list of all, and one page per episode.
+#include "core/formatted.h"
 #include "experiments/report/internal/html.h"
 #include "experiments/report/internal/report_model.h"
-#include "experiments/support/formatted.h"
 
 namespace segsim::experiments::report::internal {
 namespace {
@@ -36,9 +36,9 @@ std::string trial_row(const TrialView& view) {
   cell(row.success ? "" : fate);
   cell(view.change);
   if (row.counts()) {
-    cell(support::print("%.2f", row.spl));
-    cell(support::print("%.1f", row.path_m));
-    cell(support::print("%.1f", row.sim_s));
+    cell(core::print("%.2f", row.spl));
+    cell(core::print("%.1f", row.path_m));
+    cell(core::print("%.1f", row.sim_s));
     cell(std::to_string(row.contacts));
   } else {
     html += "<td></td><td></td><td></td><td></td>";
@@ -55,21 +55,20 @@ std::string facts(const TrialView& view) {
   if (!row.success && row.why.known()) add("why", fate_in_words(row.why.cause));
   if (!row.error.empty()) add("error", row.error);
   if (row.counts()) {
-    add("SPL", support::print("%.3f", row.spl));
-    add("path", support::print("%.1f m (shortest %.1f m)", row.path_m, row.shortest_path_m));
-    add("time", support::print("%.1f s, %d steps", row.sim_s, row.ticks));
+    add("SPL", core::print("%.3f", row.spl));
+    add("path", core::print("%.1f m (shortest %.1f m)", row.path_m, row.shortest_path_m));
+    add("time", core::print("%.1f s, %d steps", row.sim_s, row.ticks));
     add("to goal", row.distance_to_goal_m
-                       ? support::print("%.2f m at the end", *row.distance_to_goal_m)
+                       ? core::print("%.2f m at the end", *row.distance_to_goal_m)
                        : "off the floor at the end");
     add("stopped", row.stop_reason.empty() ? "no" : row.stop_reason);
     if (row.contacts > 0) {
-      add("contacts", support::print("%d, %.1f s", row.contacts, row.contact_s));
+      add("contacts", core::print("%d, %.1f s", row.contacts, row.contact_s));
     }
     if (row.why.known()) {
-      add("detector",
-          support::print("in view in %d images, detected in %d, %d false detections",
-                         row.why.visible_frames, row.why.detected_frames,
-                         row.why.false_detections));
+      add("detector", core::print("in view in %d images, detected in %d, %d false detections",
+                                  row.why.visible_frames, row.why.detected_frames,
+                                  row.why.false_detections));
     }
   }
   return html + "</dl>\n";

@@ -5,12 +5,12 @@
 #include <optional>
 #include <set>
 
+#include "core/formatted.h"
 #include "experiments/report/internal/html.h"
 #include "experiments/report/internal/report_model.h"
 #include "experiments/results/insight_grids.h"
 #include "experiments/results/table_grids.h"
 #include "experiments/results/training_grids.h"
-#include "experiments/support/formatted.h"
 
 namespace segsim::experiments::report::internal {
 namespace {
@@ -41,7 +41,7 @@ std::string rate_link(const TrialFilter& group, const results::ArmSummary& arm) 
                                             std::to_string(arm.success.trials));
 }
 
-std::string points(double share) { return support::print("%+.0f", 100.0 * share); }
+std::string points(double share) { return core::print("%+.0f", 100.0 * share); }
 
 std::string answer_words(const std::string& verdict) {
   if (verdict == "improved") return "Yes, it got better.";
@@ -62,7 +62,7 @@ std::string better_card(const ReportModel& model) {
             (group->arms.size() == 1 ? " arm" : " arms") + "; no two are compared.</p>\n<dl>";
     for (const results::ArmSummary& arm : group->arms) {
       html += "<dt>" + html_escaped(arm.arm) + "</dt><dd>" + rate_link(filter, arm) +
-              support::print(" = %.0f %%</dd>", 100.0 * arm.success.value());
+              core::print(" = %.0f %%</dd>", 100.0 * arm.success.value());
     }
     return html + "</dl></section>\n";
   }
@@ -71,8 +71,8 @@ std::string better_card(const ReportModel& model) {
   const results::ArmSummary* before = group->find(table.before);
   const results::ArmSummary* after = group->find(table.after);
   if (before != nullptr && after != nullptr) {
-    html += support::print("<p class=\"big\">%.0f %% &rarr; %.0f %%</p>\n",
-                           100.0 * before->success.value(), 100.0 * after->success.value());
+    html += core::print("<p class=\"big\">%.0f %% &rarr; %.0f %%</p>\n",
+                        100.0 * before->success.value(), 100.0 * after->success.value());
     html += "<p>" + html_escaped(table.before) + " " + rate_link(filter, *before) +
             " episodes succeed, " + html_escaped(table.after) + " " +
             rate_link(filter, *after) +
@@ -132,8 +132,8 @@ std::string sure_card(const ReportModel& model) {
             "</li>";
     if (several) {
       html += "<li>standard deviation between trainings: " +
-              support::print("%.0f points",
-                             100.0 * results::internal::training_rate_sd(table.trainings)) +
+              core::print("%.0f points",
+                          100.0 * results::internal::training_rate_sd(table.trainings)) +
               "</li>";
     } else if (table.compares_trainings) {
       html += "<li><strong>one training</strong>: another may give another result</li>";
@@ -302,7 +302,7 @@ std::string fate_color(const std::string& fate) {
 std::string path_element(const TrialView& view) {
   const std::string fate = fate_of(*view.row);
   std::string line;
-  for (const glm::dvec2& p : view.path_px) line += support::print("%.0f,%.0f ", p.x, p.y);
+  for (const glm::dvec2& p : view.path_px) line += core::print("%.0f,%.0f ", p.x, p.y);
   const glm::dvec2 end = view.path_px.back();
   const std::string color = fate_color(fate);
   return "<a href=\"" + view.page + "#" + view.anchor + "\" data-arm=\"" +
@@ -310,8 +310,8 @@ std::string path_element(const TrialView& view) {
          html_escaped(view.row->episode + ", " + view.row->arm + ": " + fate) +
          "</title><polyline class=\"path\" stroke=\"" + color + "\" points=\"" + line +
          "\"/>" +
-         support::print("<circle cx=\"%.0f\" cy=\"%.0f\" r=\"6\" fill=\"%s\"/></a>\n", end.x,
-                        end.y, color.c_str());
+         core::print("<circle cx=\"%.0f\" cy=\"%.0f\" r=\"6\" fill=\"%s\"/></a>\n", end.x,
+                     end.y, color.c_str());
 }
 
 std::string map_section(const ReportModel& model, const SceneMap& map) {
@@ -336,13 +336,13 @@ std::string map_section(const ReportModel& model, const SceneMap& map) {
             "\"></span>" + html_escaped(fate) + " " + std::to_string(count) + "</label>";
   }
   return html + "</div>\n" +
-         support::print(
+         core::print(
              "<svg viewBox=\"0 0 %d %d\" role=\"img\" aria-label=\"Paths seen "
              "from above\"><image href=\"",
              map.width_px, map.height_px) +
          map.image +
-         support::print("\" width=\"%d\" height=\"%d\" opacity=\"0.55\"/>\n", map.width_px,
-                        map.height_px) +
+         core::print("\" width=\"%d\" height=\"%d\" opacity=\"0.55\"/>\n", map.width_px,
+                     map.height_px) +
          paths + "</svg></div>\n";
 }
 

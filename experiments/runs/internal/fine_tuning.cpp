@@ -7,9 +7,9 @@
 #include <sstream>
 
 #include "core/file_io.h"
+#include "core/formatted.h"
 #include "core/progress.h"
 #include "experiments/detection/source_dataset.h"
-#include "experiments/support/formatted.h"
 #include "experiments/support/side_by_side.h"
 #include "perception/training/training.h"
 
@@ -124,7 +124,7 @@ void fine_tune(const specs::ExperimentSpec& spec, const std::vector<FineTuning>&
       const std::lock_guard<std::mutex> lock(mutex);
       done[k] = steps_done;
       progress.update(std::accumulate(done.begin(), done.end(), std::int64_t{0}),
-                      support::print("loss %.3f", loss));
+                      core::print("loss %.3f", loss));
     });
   });
 }

@@ -7,7 +7,7 @@
 #include <cstdio>
 #include <string>
 
-namespace segsim::experiments::support {
+namespace segsim::core {
 
 /// printf into a string, cut at 255 characters.
 template <class... Values>
@@ -22,4 +22,4 @@ template <class... Values>
   return print("%016llx", static_cast<unsigned long long>(value));
 }
 
-}  // namespace segsim::experiments::support
+}  // namespace segsim::core
