@@ -100,6 +100,7 @@ std::size_t FrontierChooser::fallback(const FloorWays& ways,
   if (rules_.published(Quirk::kVetoFallback)) {
     // The index of the farthest in the unsorted list, used in the sorted one.
     std::vector<double> lengths_m;
+    lengths_m.reserve(listed.size());
     for (const std::size_t k : listed) lengths_m.push_back(ways.length_m(k));
     return static_cast<std::size_t>(std::max_element(lengths_m.begin(), lengths_m.end()) -
                                     lengths_m.begin());

@@ -69,9 +69,11 @@ void write_yolo_splits(const std::filesystem::path& folder,
                        const std::map<std::string, CocoDataset>& splits) {
   SEGSIM_CHECK(!splits.empty(), "no split");
   for (const auto& [name, dataset] : splits) {
-    core::write_file_atomically(folder / (name + ".txt"), [&](std::ostream& out) {
-      for (const LabeledImage& image : dataset.images) out << "./" << image.file << '\n';
-    });
+    core::write_file_atomically(folder / (name + ".txt"),
+                                [&images = dataset.images](std::ostream& out) {
+                                  for (const LabeledImage& image : images)
+                                    out << "./" << image.file << '\n';
+                                });
   }
   core::write_file_atomically(folder / "data.yaml", [&](std::ostream& out) {
     for (const auto& [name, dataset] : splits) out << name << ": " << name << ".txt\n";

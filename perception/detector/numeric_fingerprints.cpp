@@ -16,7 +16,7 @@ namespace segsim::perception {
 namespace {
 
 /// Uniform in [-1, 1), from our own random numbers.
-torch::Tensor values(std::vector<std::int64_t> shape, const std::string& name) {
+torch::Tensor values(const std::vector<std::int64_t>& shape, const std::string& name) {
   torch::Tensor tensor = torch::empty(shape);
   fill_uniform(tensor, 1.0, 1, name);
   return tensor;

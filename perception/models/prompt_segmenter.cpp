@@ -69,7 +69,7 @@ class Sam final : public PromptSegmenter {
     const double scale =
         static_cast<double>(side_px_) / std::max(image.width_px(), image.height_px());
     const auto scaled = [&](int side) {
-      return std::clamp(static_cast<int>(side * scale + 0.5), 1, side_px_);
+      return std::clamp(static_cast<int>(std::lround(side * scale)), 1, side_px_);
     };
     const int width = scaled(image.width_px()), height = scaled(image.height_px());
     const std::vector<ModelOutput> features = encode(image, width, height);

@@ -93,6 +93,7 @@ double area_m2(const Quad& quad) { return glm::length(glm::cross(quad.u_m, quad.
 /// Running sums of the quads' areas.
 std::vector<double> running_areas(const std::vector<Quad>& quads) {
   std::vector<double> sums;
+  sums.reserve(quads.size());
   double sum = 0.0;
   for (const Quad& quad : quads) sums.push_back(sum += area_m2(quad));
   return sums;

@@ -110,21 +110,21 @@ void write_track_geojson(const std::filesystem::path& file, const LocalFrame& fr
                          const GeoTrack& track) {
   const std::vector<glm::dvec2> line = line_positions(track);
   core::write_file_atomically(file, [&](std::ostream& out) {
-    out << "{\"type\":\"FeatureCollection\",\"features\":[\n"
-        << "{\"type\":\"Feature\",\"properties\":{\"name\":\"" << escape_json(track.name)
-        << '"';
+    out << R"({"type":"FeatureCollection","features":[)" << '\n'
+        << R"({"type":"Feature","properties":{"name":")" << escape_json(track.name) << '"';
     for (const auto& [key, value] : track.properties) {
       out << ",\"" << escape_json(key) << "\":\"" << escape_json(value) << '"';
     }
-    out << "},\"geometry\":{\"type\":\"LineString\",\"coordinates\":[";
+    out << R"(},"geometry":{"type":"LineString","coordinates":[)";
     for (std::size_t k = 0; k < line.size(); ++k) {
       out << (k > 0 ? "," : "") << '[' << lon_lat_height(frame, line[k]) << ']';
     }
     out << "]}}";
     for (const auto& [name, p_m] : places(track)) {
-      out << ",\n{\"type\":\"Feature\",\"properties\":{\"name\":\"" << name
-          << "\"},\"geometry\":{\"type\":\"Point\",\"coordinates\":["
-          << lon_lat_height(frame, p_m) << "]}}";
+      out << ",\n"
+          << R"({"type":"Feature","properties":{"name":")" << name
+          << R"("},"geometry":{"type":"Point","coordinates":[)" << lon_lat_height(frame, p_m)
+          << "]}}";
     }
     out << "\n]}\n";
   });

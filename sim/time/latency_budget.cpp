@@ -117,7 +117,7 @@ std::string LatencyBudget::problem() const {
   std::set<std::string> names;
   for (const StageBudget& stage : stages) {
     if (!names.insert(stage.name).second) return "stage " + stage.name + " twice";
-    const std::string found = problem_of(stage, *this);
+    std::string found = problem_of(stage, *this);
     if (!found.empty()) return found;
   }
   // Stages become ready as their predecessors do; what never becomes ready is on a cycle.
@@ -150,7 +150,8 @@ std::string LatencyBudget::problem() const {
   return "";
 }
 
-LatencyBudget with_trace(LatencyBudget budget, std::shared_ptr<const LatencyTrace> trace) {
+LatencyBudget with_trace(LatencyBudget budget,
+                         const std::shared_ptr<const LatencyTrace>& trace) {
   for (StageBudget& stage : budget.stages) {
     if (!trace->has(stage.name)) continue;
     stage.duration = {};

@@ -125,6 +125,6 @@ struct LatencyBudget {
 /// The budget with the durations of a recorded trial in place of its own, for the stages that
 /// the trace has.
 [[nodiscard]] LatencyBudget with_trace(LatencyBudget budget,
-                                       std::shared_ptr<const LatencyTrace> trace);
+                                       const std::shared_ptr<const LatencyTrace>& trace);
 
 }  // namespace segsim::sim

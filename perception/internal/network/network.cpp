@@ -89,9 +89,9 @@ TinyDetectorImpl::TinyDetectorImpl(double width, int class_count, int input_px)
   const int inputs[] = {c3, c4, c4};
   for (int level = 0; level < 3; ++level) {
     const std::string number = std::to_string(level);
-    box_.push_back(
+    box_.emplace_back(
         register_module("box" + number, HeadBranch(inputs[level], ch(48), 4 * kRegBins)));
-    class_.push_back(
+    class_.emplace_back(
         register_module("class" + number, HeadBranch(inputs[level], ch(48), class_count)));
   }
 }
@@ -158,7 +158,7 @@ std::pair<torch::Tensor, torch::Tensor> fold_norm(const torch::Tensor& weight,
           (norm->bias - norm->running_mean * gain).contiguous()};
 }
 
-void fill_uniform(torch::Tensor value, double bound, std::uint64_t seed,
+void fill_uniform(const torch::Tensor& value, double bound, std::uint64_t seed,
                   const std::string& name) {
   const torch::NoGradGuard no_grad;
   core::RandomStream random(seed, "init/" + name);

@@ -110,7 +110,7 @@ TORCH_MODULE(TinyDetector);
     const torch::Tensor& weight, const torch::nn::BatchNorm2d& norm);
 
 /// Uniform in [-bound, bound), keyed by seed and name.
-void fill_uniform(torch::Tensor value, double bound, std::uint64_t seed,
+void fill_uniform(const torch::Tensor& value, double bound, std::uint64_t seed,
                   const std::string& name);
 
 /// Anchor centres [anchors, 2] in pixels and strides [anchors, 1], in RawOutput's order.

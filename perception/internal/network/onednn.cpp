@@ -121,7 +121,7 @@ torch::Tensor FoldedConvolution::run_directly(const torch::Tensor& x,
   if (prepared_ == nullptr) prepared_ = std::make_unique<Prepared>();
   const auto input = x.contiguous(kChannelsLast);
   const Prepared::Primitive& p = prepared_->for_input(*this, input, base.defined());
-  const auto y =
+  auto y =
       base.defined()
           ? base
           : torch::empty(p.target.dims(),
@@ -142,7 +142,7 @@ FoldedConvolution::~FoldedConvolution() = default;
 FoldedConvolution::FoldedConvolution(FoldedConvolution&&) noexcept = default;
 FoldedConvolution& FoldedConvolution::operator=(FoldedConvolution&&) noexcept = default;
 
-FoldedConvolution::FoldedConvolution(torch::Tensor weight, torch::Tensor bias,
+FoldedConvolution::FoldedConvolution(const torch::Tensor& weight, const torch::Tensor& bias,
                                      std::int64_t stride, std::int64_t groups, bool activate)
     : weight_(weight.detach().contiguous()),
       bias_(bias.defined() ? bias.detach().contiguous() : bias),

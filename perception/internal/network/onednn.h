@@ -29,8 +29,8 @@ class FoldedConvolution {
  public:
   FoldedConvolution();  ///< None; empty() until one is assigned.
   /// @param bias  May be undefined.
-  FoldedConvolution(torch::Tensor weight, torch::Tensor bias, std::int64_t stride,
-                    std::int64_t groups, bool activate);
+  FoldedConvolution(const torch::Tensor& weight, const torch::Tensor& bias,
+                    std::int64_t stride, std::int64_t groups, bool activate);
   ~FoldedConvolution();
   FoldedConvolution(FoldedConvolution&&) noexcept;
   FoldedConvolution& operator=(FoldedConvolution&&) noexcept;

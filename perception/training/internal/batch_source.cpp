@@ -22,8 +22,8 @@ int mixed_images(double share, int batch) {
   return count;
 }
 
-SampleStore::SampleStore(const CocoDataset& dataset, int input_px, std::int64_t& cache_bytes)
-    : dataset_(dataset), input_px_(input_px) {
+SampleStore::SampleStore(CocoDataset dataset, int input_px, std::int64_t& cache_bytes)
+    : dataset_(std::move(dataset)), input_px_(input_px) {
   for (std::size_t i = 0; i < size(); ++i) {
     Sample sample = load(i);
     const auto bytes = static_cast<std::int64_t>(sample.square.size() * sizeof(core::Rgb8));

@@ -31,7 +31,7 @@ class SampleStore {
   SampleStore() = default;
   /// Reads every image once. @param cache_bytes  What is left; reduced by what is kept.
   /// @throws core::InputError if an image is missing or has another size than its entry.
-  SampleStore(const CocoDataset& dataset, int input_px, std::int64_t& cache_bytes);
+  SampleStore(CocoDataset dataset, int input_px, std::int64_t& cache_bytes);
   [[nodiscard]] std::size_t size() const { return dataset_.images.size(); }
   /// @param scratch  Where an image goes that is not in memory.
   [[nodiscard]] const Sample& get(std::size_t index, Sample& scratch) const;

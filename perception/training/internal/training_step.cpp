@@ -82,9 +82,9 @@ TrainingStep::TrainingStep(const TrainOptions& options, TrainableNetwork trained
 
 /// [batch, 3, input_px, input_px], a view of `batch_` on the CPU.
 torch::Tensor TrainingStep::batch_on_device() {
-  const auto pixels = torch::from_blob(
-      batch_.pixels.data(), {options_.batch, 3, options_.input_px, options_.input_px},
-      torch::kFloat32);
+  auto pixels = torch::from_blob(batch_.pixels.data(),
+                                 {options_.batch, 3, options_.input_px, options_.input_px},
+                                 torch::kFloat32);
   if (device_.is_cpu()) return pixels;
   if (!staging_.defined()) {
     staging_ = torch::empty(pixels.sizes(), torch::TensorOptions().pinned_memory(true));

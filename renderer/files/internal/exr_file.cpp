@@ -109,6 +109,7 @@ void ExrOutput::write(const std::filesystem::path& file) {
         return;
       }
       std::vector<Imf::Header> headers;
+      headers.reserve(filled.size());
       for (Part* part : filled) headers.push_back(part->header_);
       Imf::MultiPartOutputFile out(temporary.c_str(), headers.data(),
                                    static_cast<int>(headers.size()), false, kThreads);

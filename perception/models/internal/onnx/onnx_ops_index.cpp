@@ -2,6 +2,8 @@
 #include <algorithm>
 #include <numeric>
 
+#include <ATen/NumericUtils.h>
+
 #include "perception/models/internal/onnx/onnx_node_call.h"
 
 namespace segsim::perception::graph {
@@ -158,7 +160,7 @@ void pick_best(const Number* row, std::int64_t stride, std::int64_t n, std::int6
   std::iota(order.begin(), order.end(), 0);
   const auto above = [&](std::int64_t a, std::int64_t b) {
     const Number x = row[a * stride], y = row[b * stride];
-    const bool x_nan = x != x, y_nan = y != y;
+    const bool x_nan = at::_isnan(x), y_nan = at::_isnan(y);
     if (x_nan != y_nan) return x_nan == largest;
     if (!x_nan && x != y) return largest ? x > y : x < y;
     return a < b;

@@ -79,7 +79,7 @@ Values quantize_dynamically(const NodeCall& call) {
 
 /// Sums of products of 8-bit integers are exact in double.
 Tensor without_zero(const NodeCall& call, std::size_t i, std::size_t zero, bool rows) {
-  const Tensor wide = call.input(i).to(at::kDouble);
+  Tensor wide = call.input(i).to(at::kDouble);
   if (!call.has(zero)) return wide;
   const Tensor offset = call.input(zero).to(at::kDouble);
   if (offset.numel() == 1) return wide - offset.reshape({});

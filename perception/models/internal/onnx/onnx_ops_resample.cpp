@@ -135,8 +135,8 @@ std::vector<AxisPlan> plan_axes(const NodeCall& call, const Tensor& x,
           sizes[i] / static_cast<double>(plans[static_cast<std::size_t>(axes[i])].input);
       common = policy == "not_larger" ? std::min(common, ratio) : std::max(common, ratio);
     }
-    for (std::size_t i = 0; i < axes.size(); ++i) {
-      AxisPlan& plan = plans[static_cast<std::size_t>(axes[i])];
+    for (const std::int64_t axis : axes) {
+      AxisPlan& plan = plans[static_cast<std::size_t>(axis)];
       plan.scale = common;
       plan.output = std::llround(common * static_cast<double>(plan.input));
     }

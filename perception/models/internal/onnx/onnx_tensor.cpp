@@ -67,7 +67,7 @@ fs::path inside_folder(const fs::path& folder, const std::string& location,
                        const std::string& place) {
   const fs::path relative = fs::path(location).lexically_normal();
   const fs::path base = fs::weakly_canonical(folder.empty() ? fs::path(".") : folder);
-  const fs::path file = fs::weakly_canonical(base / relative);
+  fs::path file = fs::weakly_canonical(base / relative);
   const auto [end, rest] = std::mismatch(base.begin(), base.end(), file.begin(), file.end());
   if (location.empty() || relative.is_absolute() || end != base.end() || rest == file.end()) {
     throw InputError::expected(place, "external data in the folder of the model",
