@@ -225,6 +225,7 @@ void add_masks_command(CLI::App& app) {
   add_simulate_command(*command);
   add_measure_command(*command);
   add_masks_detect(*command);
+  add_masks_make(*command);
 }
 
 }  // namespace segsim::experiments::commands
