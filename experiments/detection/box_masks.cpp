@@ -150,6 +150,11 @@ BoxMaskClasses box_mask_classes(const std::vector<std::string>& detected,
     classes.ceiling = class_named("ceiling", false, classes.table);
   }
   if (other) classes.other = class_named("other", false, classes.table);
+  std::vector<std::uint16_t> used = classes.of_class;
+  used.insert(used.end(), {classes.floor, classes.wall, classes.ceiling, classes.other});
+  std::erase_if(classes.table, [&](const core::SceneClass& c) {
+    return std::find(used.begin(), used.end(), c.id) == used.end();
+  });
   std::sort(classes.table.begin(), classes.table.end(),
             [](const auto& a, const auto& b) { return a.id < b.id; });
   return classes;
@@ -270,33 +275,24 @@ reconstruction::RoomParts find_room_parts(const reconstruction::RgbdSequence& re
   constexpr std::size_t kMostFrames = 240;
   constexpr int kColumns = 120;
   const std::size_t count = std::min(kMostFrames, recording.frame_count());
-  std::vector<reconstruction::SeenPoint> seen;
+  reconstruction::FacingPoints points;
   core::Progress progress("find floor and walls", static_cast<std::int64_t>(count));
   for (std::size_t k = 0; k < count; ++k) {
     const reconstruction::RgbdFrame frame =
         recording.load(k * recording.frame_count() / count);
-    const core::Image<float>& depth_m = frame.depth_m;
-    const core::CameraIntrinsics camera =
-        depth_m.empty() ? recording.intrinsics()
-                        : recording.intrinsics().resized(depth_m.width_px(), depth_m.height_px());
-    const glm::vec3 from_m(frame.T_world_camera.translation_m());
-    const int step = std::max(1, depth_m.width_px() / kColumns);
-    for (int y = step / 2; y < depth_m.height_px(); y += step) {
-      for (int x = step / 2; x < depth_m.width_px(); x += step) {
-        const double d_m = depth_m(x, y);
-        if (!(d_m > 0.0) || !std::isfinite(d_m)) continue;
-        const auto p = frame.T_world_camera * core::Point<core::frame::Camera>{
-                                                  camera.back_project({x + 0.5, y + 0.5}, d_m)};
-        seen.push_back({glm::vec3(p.xyz_m), from_m});
-      }
+    if (!frame.depth_m.empty()) {
+      points.add_view(frame.depth_m,
+                      recording.intrinsics().resized(frame.depth_m.width_px(),
+                                                     frame.depth_m.height_px()),
+                      frame.T_world_camera, std::max(1, frame.depth_m.width_px() / kColumns));
     }
     progress.update(static_cast<std::int64_t>(k) + 1);
   }
   progress.finish();
-  if (seen.empty()) {
+  if (points.empty()) {
     throw InputError::expected(recording.name(), "frames with depth (or --no-room)", "none");
   }
-  return reconstruction::RoomParts(reconstruction::surface_elements(seen), options);
+  return reconstruction::RoomParts(points.elements(), options);
 }
 
 BoxMaskReport make_box_masks(const reconstruction::RgbdSequence& recording,
@@ -312,9 +308,6 @@ BoxMaskReport make_box_masks(const reconstruction::RgbdSequence& recording,
   std::optional<reconstruction::RoomParts> room;
   if (options.room) {
     room.emplace(find_room_parts(recording, options.parts));
-    report.floor_m2 = room->area_m2(RoomPart::kFloor);
-    report.wall_m2 = room->area_m2(RoomPart::kWall);
-    report.ceiling_m2 = room->area_m2(RoomPart::kCeiling);
   }
   const ViewTools tools{*detector, room ? &*room : nullptr, classes, options};
   const auto step = static_cast<std::size_t>(options.frame_step);

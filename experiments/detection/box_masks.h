@@ -25,7 +25,7 @@ namespace segsim::experiments::detection {
 
 /// Ids of the classes that a view without a segmenter can have.
 struct BoxMaskClasses {
-  std::vector<core::SceneClass> table;   ///< Ascending by id; all of them.
+  std::vector<core::SceneClass> table;   ///< Ascending by id; those that occur.
   std::vector<std::uint16_t> of_class;   ///< By Detection::class_index.
   std::uint16_t floor = 0, wall = 0, ceiling = 0, other = 0;  ///< 0: not wanted.
 };
@@ -84,7 +84,6 @@ struct BoxMaskOptions {
 
 struct BoxMaskReport {
   std::size_t views = 0, kept = 0;  ///< `kept` of them were there already.
-  double floor_m2 = 0.0, wall_m2 = 0.0, ceiling_m2 = 0.0;  ///< Seen area, if looked for.
   std::vector<core::SceneClass> classes;
   std::vector<std::size_t> masks;  ///< By class, in the order of `classes`.
 };

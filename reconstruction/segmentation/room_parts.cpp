@@ -134,6 +134,43 @@ std::uint64_t packed(int x, int y, int z) {
 
 }  // namespace
 
+void FacingPoints::add_view(const core::Image<float>& depth_m,
+                            const core::CameraIntrinsics& intrinsics,
+                            const core::CameraPose& T_world_camera, int step) {
+  SEGSIM_CHECK(step >= 1, std::to_string(step));
+  const core::Image<glm::vec3> normals =
+      renderer::depth_normals(depth_m, intrinsics, T_world_camera);
+  const glm::vec3 from_m(T_world_camera.translation_m());
+  constexpr float kSteep = 0.7F;
+  for (int y = step / 2; y < depth_m.height_px(); y += step) {
+    for (int x = step / 2; x < depth_m.width_px(); x += step) {
+      const glm::vec3& n = normals(x, y);
+      if (glm::dot(n, n) == 0.0F) continue;
+      const core::Point<core::frame::World> p =
+          T_world_camera * core::Point<core::frame::Camera>{
+                               intrinsics.back_project({x + 0.5, y + 0.5}, depth_m(x, y))};
+      std::size_t way = n.z > 0.0F ? 0 : 1;
+      if (std::abs(n.z) < kSteep) {
+        way = std::abs(n.x) > std::abs(n.y) ? (n.x > 0.0F ? 2 : 3) : (n.y > 0.0F ? 4 : 5);
+      }
+      seen_[way].push_back({glm::vec3(p.xyz_m), from_m});
+    }
+  }
+}
+
+bool FacingPoints::empty() const {
+  return std::all_of(seen_.begin(), seen_.end(), [](const auto& s) { return s.empty(); });
+}
+
+std::vector<SurfaceElement> FacingPoints::elements(double element_m) const {
+  std::vector<SurfaceElement> all;
+  for (const auto& seen : seen_) {
+    const std::vector<SurfaceElement> some = surface_elements(seen, element_m);
+    all.insert(all.end(), some.begin(), some.end());
+  }
+  return all;
+}
+
 RoomParts::RoomParts(std::span<const SurfaceElement> elements, const RoomPartOptions& options,
                      double element_m)
     : options_(options),
@@ -201,11 +238,6 @@ void RoomParts::find_walls() {
                         std::back_inserter(rest));
     pool = std::move(rest);
   }
-}
-
-double RoomParts::area_m2(RoomPart part) const {
-  return static_cast<double>(std::count(part_.begin(), part_.end(), part)) * element_m_ *
-         element_m_;
 }
 
 RoomPart RoomParts::at(const glm::dvec3& p_m, const glm::vec3& normal,

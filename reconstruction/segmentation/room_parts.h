@@ -12,6 +12,7 @@
 /// The decision is made once for all views, on patches of surface (upright/surface_elements.h);
 /// a pixel belongs to a part if it lies on the plane of one of its patches.
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -41,6 +42,23 @@ struct RoomPartOptions {
   double least_cosine = 0.8;         ///< Between the normals of pixel and patch.
 };
 
+/// Measured points, sorted by the way that the surface faces: a wall between two rooms is
+/// thinner than what a patch is fitted to, and without this its two sides would be one lump.
+class FacingPoints {
+ public:
+  /// Adds every `step`-th pixel of every `step`-th row that has a depth and a normal.
+  /// @param depth_m  Along +z; NaN = unknown.
+  /// @param intrinsics  Of the depth image.
+  void add_view(const core::Image<float>& depth_m, const core::CameraIntrinsics& intrinsics,
+                const core::CameraPose& T_world_camera, int step);
+  [[nodiscard]] bool empty() const;
+  /// Patches of all ways, one way after another.
+  [[nodiscard]] std::vector<SurfaceElement> elements(double element_m = kElement_m) const;
+
+ private:
+  std::array<std::vector<SeenPoint>, 6> seen_;  ///< Up, down, and four quarters around z.
+};
+
 class RoomParts {
  public:
   /// @param elements  World frame, z up, floor near z = 0; patches of edge `element_m`.
@@ -49,8 +67,6 @@ class RoomParts {
 
   /// Of each element, in their order.
   [[nodiscard]] const std::vector<RoomPart>& parts() const { return part_; }
-  /// Seen area of one part [m^2].
-  [[nodiscard]] double area_m2(RoomPart part) const;
 
   /// The part on which a point lies.
   /// @param normal  Unit, world frame, towards the camera; zero if it is not known.

@@ -63,10 +63,6 @@ void run(const Flags& flags) {
   const detection::BoxMaskReport report = detection::make_box_masks(*recording, options);
   std::printf("%s: masks of %zu views", out.string().c_str(), report.views);
   if (report.kept > 0) std::printf(" (%zu were there)", report.kept);
-  if (options.room) {
-    std::printf("; floor %.1f m2, walls %.1f m2, ceiling %.1f m2 seen", report.floor_m2,
-                report.wall_m2, report.ceiling_m2);
-  }
   std::printf("\n\n%s", report_text(report).c_str());
   if (!flags.picture.empty()) {
     perception::write_image(flags.picture,
