@@ -8,6 +8,7 @@
 #include <numbers>
 #include <utility>
 
+#include <glm/common.hpp>
 #include <glm/geometric.hpp>
 
 #include "core/check.h"
@@ -124,12 +125,14 @@ std::vector<std::vector<std::uint32_t>> connected_pieces(
   return pieces;
 }
 
-std::uint64_t packed(int x, int y, int z) {
-  constexpr int kHalf = 1 << 20;
-  const auto part = [](int v) {
-    return static_cast<std::uint64_t>(std::clamp(v + kHalf, 0, 2 * kHalf - 1));
-  };
-  return part(x) << 42U | part(y) << 21U | part(z);
+glm::ivec3 cell_of(const glm::dvec3& p_m, double element_m) {
+  constexpr double kFarthest = (1 << 20) - 2;
+  return glm::ivec3(glm::clamp(glm::floor(p_m / element_m), -kFarthest, kFarthest));
+}
+
+std::uint64_t packed(const glm::ivec3& cell) {
+  const auto part = [](int v) { return static_cast<std::uint64_t>(v + (1 << 20)); };
+  return part(cell.x) << 42U | part(cell.y) << 21U | part(cell.z);
 }
 
 }  // namespace
@@ -182,17 +185,12 @@ RoomParts::RoomParts(std::span<const SurfaceElement> elements, const RoomPartOpt
   find_walls();
   for (std::size_t i = 0; i < elements_.size(); ++i) {
     if (part_[i] == RoomPart::kNone) continue;
+    const glm::ivec3 cell = cell_of(elements_[i].position_m, element_m_);
     for (int k = 0; k < 27; ++k) {
-      const glm::dvec3 step(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
-      near_[cell_of(elements_[i].position_m + element_m_ * step)].push_back(
+      near_[packed(cell + glm::ivec3(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1))].push_back(
           static_cast<std::uint32_t>(i));
     }
   }
-}
-
-std::uint64_t RoomParts::cell_of(const glm::dvec3& p_m) const {
-  const auto cell = [&](double v) { return static_cast<int>(std::floor(v / element_m_)); };
-  return packed(cell(p_m.x), cell(p_m.y), cell(p_m.z));
 }
 
 void RoomParts::find_level_parts() {
@@ -242,7 +240,7 @@ void RoomParts::find_walls() {
 
 RoomPart RoomParts::at(const glm::dvec3& p_m, const glm::vec3& normal,
                        double distance_m) const {
-  const auto cell = near_.find(cell_of(p_m));
+  const auto cell = near_.find(packed(cell_of(p_m, element_m_)));
   if (cell == near_.end()) return RoomPart::kNone;
   const bool normal_known = glm::dot(normal, normal) > 0.0F;
   RoomPart nearest = RoomPart::kNone;

@@ -82,7 +82,6 @@ class RoomParts {
                                               const core::CameraPose& T_world_camera) const;
 
  private:
-  [[nodiscard]] std::uint64_t cell_of(const glm::dvec3& p_m) const;
   void find_level_parts();
   void find_walls();
 

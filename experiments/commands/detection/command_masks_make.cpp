@@ -56,7 +56,12 @@ void run(const Flags& flags) {
   reading.label_map = flags.label_map;
   if (flags.floor_given) reading.floor_height_m = flags.floor_height_m;
   const auto recording = scenes::open_recording(flags.recording, {}, reading);
-  if (flags.overwrite) detection::remove_box_masks(out);
+  if (flags.overwrite) {
+    // Before anything is removed.
+    (void)detection::open_detector(flags.options.detector, flags.options.prompt,
+                                   flags.options.score_threshold);
+    detection::remove_box_masks(out);
+  }
   detection::BoxMaskOptions options = flags.options;
   options.room = !flags.no_room;
   options.other = !flags.no_other;
