@@ -58,9 +58,9 @@ std::vector<std::size_t> by_descending_score(const std::vector<core::Detection>&
 }
 
 /// Those that show mostly something that no surer mask shows, by descending score.
-std::vector<std::size_t> visible_masks(
-    const std::vector<core::Detection>& detections,
-    const std::vector<core::Image<std::uint8_t>>& masks, std::size_t pixels) {
+std::vector<std::size_t> visible_masks(const std::vector<core::Detection>& detections,
+                                       const std::vector<core::Image<std::uint8_t>>& masks,
+                                       std::size_t pixels) {
   std::vector<std::uint8_t> taken(pixels);
   std::vector<std::size_t> kept;
   for (const std::size_t k : by_descending_score(detections)) {
@@ -91,8 +91,7 @@ void prepare_folder(const fs::path& folder, const std::string& recipe) {
     }
     return;
   }
-  core::write_file_atomically(file,
-                              [&](std::ostream& stream) { stream << recipe << '\n'; });
+  core::write_file_atomically(file, [&](std::ostream& stream) { stream << recipe << '\n'; });
 }
 
 std::vector<std::string> stated_things(const std::string& prompt) {
@@ -124,7 +123,8 @@ core::FrameMasks masks_of_view(const reconstruction::RgbdFrame& frame,
                                                tools.options.segmenter);
   std::vector<core::Image<std::uint8_t>> masks;
   masks.reserve(found.size());
-  for (const core::Detection& detection : found) masks.push_back(segmenter.segment(detection.box));
+  for (const core::Detection& detection : found)
+    masks.push_back(segmenter.segment(detection.box));
   return paint_box_masks(found, masks, parts, depth_m, tools.classes, tools.options.scores);
 }
 
@@ -139,8 +139,9 @@ BoxMaskClasses box_mask_classes(const std::vector<std::string>& detected,
     const bool taken = (room && (name == "floor" || name == "wall" || name == "ceiling")) ||
                        (other && name == "other");
     if (taken) {
-      throw InputError::expected("--prompt", "classes of things (" + name +
-                                     " is found without a detector)", "'" + name + "'");
+      throw InputError::expected(
+          "--prompt", "classes of things (" + name + " is found without a detector)",
+          "'" + name + "'");
     }
     classes.of_class.push_back(class_named(name, true, classes.table));
   }
@@ -253,7 +254,8 @@ std::string describe(const BoxMaskOptions& options,
                      "'; threshold " +
                      (options.score_threshold ? number(*options.score_threshold) : "its own");
   text += options.room ? "; room " + number(options.scores.room) : std::string("; no room");
-  text += options.other ? "; other " + number(options.scores.other) : std::string("; no other");
+  text +=
+      options.other ? "; other " + number(options.scores.other) : std::string("; no other");
   text += "; segmenter";
   for (const double v :
        {s.depth_step, static_cast<double>(s.bridge_px), s.grow, s.inside_share,
@@ -281,10 +283,10 @@ reconstruction::RoomParts find_room_parts(const reconstruction::RgbdSequence& re
     const reconstruction::RgbdFrame frame =
         recording.load(k * recording.frame_count() / count);
     if (!frame.depth_m.empty()) {
-      points.add_view(frame.depth_m,
-                      recording.intrinsics().resized(frame.depth_m.width_px(),
-                                                     frame.depth_m.height_px()),
-                      frame.T_world_camera, std::max(1, frame.depth_m.width_px() / kColumns));
+      points.add_view(
+          frame.depth_m,
+          recording.intrinsics().resized(frame.depth_m.width_px(), frame.depth_m.height_px()),
+          frame.T_world_camera, std::max(1, frame.depth_m.width_px() / kColumns));
     }
     progress.update(static_cast<std::int64_t>(k) + 1);
   }
@@ -298,7 +300,8 @@ reconstruction::RoomParts find_room_parts(const reconstruction::RgbdSequence& re
 BoxMaskReport make_box_masks(const reconstruction::RgbdSequence& recording,
                              const BoxMaskOptions& options) {
   SEGSIM_CHECK(options.frame_step >= 1, std::to_string(options.frame_step));
-  const auto detector = open_detector(options.detector, options.prompt, options.score_threshold);
+  const auto detector =
+      open_detector(options.detector, options.prompt, options.score_threshold);
   const BoxMaskClasses classes = box_mask_classes(detector->class_names(), recording.classes(),
                                                   options.room, options.other);
   const std::string recipe = describe(options, recording);
@@ -320,8 +323,8 @@ BoxMaskReport make_box_masks(const reconstruction::RgbdSequence& recording,
       ++report.kept;
     } else {
       reconstruction::write_masks(
-          options.output, name, masks_of_view(recording.load(i), recording.intrinsics(), tools),
-          classes.table);
+          options.output, name,
+          masks_of_view(recording.load(i), recording.intrinsics(), tools), classes.table);
     }
     progress.update(static_cast<std::int64_t>(++report.views));
   }
@@ -352,10 +355,10 @@ BoxMaskReport make_box_masks(const reconstruction::RgbdSequence& recording,
 void remove_box_masks(const fs::path& folder) {
   if (!fs::exists(folder / kRecipeFile)) {
     if (!reconstruction::is_mask_set(folder)) return;
-    throw InputError::expected(folder.string(),
-                               "masks that `segsim masks make` made, with " +
-                                   std::string(kRecipeFile),
-                               "masks of another origin");
+    throw InputError::expected(
+        folder.string(),
+        "masks that `segsim masks make` made, with " + std::string(kRecipeFile),
+        "masks of another origin");
   }
   fs::remove(folder / "masks.yaml");
   constexpr const char* kEndings[] = {"_sem.png", "_ins.png", "_conf.png", ".json"};

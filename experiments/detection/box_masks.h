@@ -25,8 +25,8 @@ namespace segsim::experiments::detection {
 
 /// Ids of the classes that a view without a segmenter can have.
 struct BoxMaskClasses {
-  std::vector<core::SceneClass> table;   ///< Ascending by id; those that occur.
-  std::vector<std::uint16_t> of_class;   ///< By Detection::class_index.
+  std::vector<core::SceneClass> table;  ///< Ascending by id; those that occur.
+  std::vector<std::uint16_t> of_class;  ///< By Detection::class_index.
   std::uint16_t floor = 0, wall = 0, ceiling = 0, other = 0;  ///< 0: not wanted.
 };
 

@@ -161,8 +161,8 @@ ClassTranslation translate_classes(std::span<const core::SceneClass> from,
                                    std::span<const core::SceneClass> to) {
   ClassTranslation translation;
   for (const core::SceneClass& c : from) {
-    const auto same = std::find_if(to.begin(), to.end(),
-                                   [&](const core::SceneClass& t) { return t.name == c.name; });
+    const auto same = std::find_if(
+        to.begin(), to.end(), [&](const core::SceneClass& t) { return t.name == c.name; });
     if (translation.id_of.size() <= c.id) translation.id_of.resize(c.id + std::size_t{1});
     if (same == to.end()) {
       translation.unknown.push_back(c.name);
@@ -188,7 +188,8 @@ std::vector<ClassRow> class_rows(const reconstruction::PanopticQuality& quality,
     const reconstruction::ClassPanoptic& c = quality.classes[k];
     const std::string& name = classes[k].name;
     if (!c.counted || std::find(names.begin(), names.end(), name) == names.end()) continue;
-    rows.push_back({name, c.pq(), c.sq(), c.rq(), c.true_positives, c.false_positives, c.missed});
+    rows.push_back(
+        {name, c.pq(), c.sq(), c.rq(), c.true_positives, c.false_positives, c.missed});
     for (const std::size_t m : {c.thing ? std::size_t{0} : std::size_t{1}, std::size_t{2}}) {
       means[m].pq += c.pq(), means[m].sq += c.sq(), means[m].rq += c.rq();
       means[m].true_positives += c.true_positives;

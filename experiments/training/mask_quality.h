@@ -60,13 +60,13 @@ struct MaskQuality {
 
 /// From the class ids of one table to those of another, by name.
 struct ClassTranslation {
-  std::vector<std::uint16_t> id_of;  ///< By id of the first table; 0: the second has no such class.
+  std::vector<std::uint16_t>
+      id_of;  ///< By id of the first table; 0: the second has no such class.
   std::vector<std::string> common;   ///< Names in both, in the order of the second.
   std::vector<std::string> unknown;  ///< Names that only the first has.
 
   /// Translates classes. What has none in the second table is void, without an instance.
-  void apply(core::Image<std::uint16_t>& semantic,
-             core::Image<std::uint16_t>& instance) const;
+  void apply(core::Image<std::uint16_t>& semantic, core::Image<std::uint16_t>& instance) const;
 };
 [[nodiscard]] ClassTranslation translate_classes(std::span<const core::SceneClass> from,
                                                  std::span<const core::SceneClass> to);

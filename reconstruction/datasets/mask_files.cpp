@@ -260,9 +260,9 @@ void expect_same_classes(const fs::path& file, const std::vector<SceneClass>& sc
   for (const SceneClass& c : masks) {
     for (const SceneClass& s : scene) {
       if ((s.id == c.id) == (s.name == c.name)) continue;
-      throw InputError::expected(
-          file.string(), "class " + std::to_string(s.id) + " to be '" + s.name + "'",
-          "class " + std::to_string(c.id) + ", '" + c.name + "'");
+      throw InputError::expected(file.string(),
+                                 "class " + std::to_string(s.id) + " to be '" + s.name + "'",
+                                 "class " + std::to_string(c.id) + ", '" + c.name + "'");
     }
   }
 }

@@ -89,7 +89,8 @@ void keep_large_pieces(cv::Mat& mask) {
   cv::Mat labels, stats, centres;
   const int count = cv::connectedComponentsWithStats(mask, labels, stats, centres, 8, CV_32S);
   int largest = 0;
-  for (int k = 1; k < count; ++k) largest = std::max(largest, stats.at<int>(k, cv::CC_STAT_AREA));
+  for (int k = 1; k < count; ++k)
+    largest = std::max(largest, stats.at<int>(k, cv::CC_STAT_AREA));
   for (int y = 0; y < mask.rows; ++y) {
     for (int x = 0; x < mask.cols; ++x) {
       const int k = labels.at<int>(y, x);
@@ -116,10 +117,10 @@ BoxSegmenter::BoxSegmenter(const core::Image<core::Rgb8>& rgb,
       options_(options),
       region_(rgb.width_px(), rgb.height_px()),
       region_px_(1, 0) {
-  SEGSIM_CHECK(depth_m_.width_px() == rgb.width_px() && depth_m_.height_px() == rgb.height_px() &&
-                   parts_.width_px() == rgb.width_px() &&
-                   parts_.height_px() == rgb.height_px(),
-               "images of equal size");
+  SEGSIM_CHECK(
+      depth_m_.width_px() == rgb.width_px() && depth_m_.height_px() == rgb.height_px() &&
+          parts_.width_px() == rgb.width_px() && parts_.height_px() == rgb.height_px(),
+      "images of equal size");
   SEGSIM_CHECK(focal_px > 0.0, std::to_string(focal_px));
   const auto free = [&](int x, int y) {
     return known(depth_m_(x, y)) && parts_(x, y) == RoomPart::kNone;
@@ -162,7 +163,9 @@ core::Image<std::uint8_t> BoxSegmenter::segment(const core::BoxPx& box) const {
   // How far out a pixel lies: 0 in the middle of the box, 1 at its sides.
   const double mid_x = 0.5 * (box.x0 + box.x1), mid_y = 0.5 * (box.y0 + box.y1);
   const auto out_x = [&](int x) { return std::abs(x + 0.5 - mid_x) / (0.5 * box.width_px()); };
-  const auto out_y = [&](int y) { return std::abs(y + 0.5 - mid_y) / (0.5 * box.height_px()); };
+  const auto out_y = [&](int y) {
+    return std::abs(y + 0.5 - mid_y) / (0.5 * box.height_px());
+  };
 
   // A picture on a wall is a part of the wall by its shape: where there is nothing else, the
   // room's parts are no obstacle.
@@ -181,8 +184,7 @@ core::Image<std::uint8_t> BoxSegmenter::segment(const core::BoxPx& box) const {
       region.depths_m.push_back(depth_m_(x, y));
     }
   }
-  const bool flat =
-      static_cast<double>(on_room) > kOnWall * static_cast<double>(with_depth);
+  const bool flat = static_cast<double>(on_room) > kOnWall * static_cast<double>(with_depth);
 
   std::int32_t anchor = 0;
   double best = 0.0;
@@ -195,8 +197,8 @@ core::Image<std::uint8_t> BoxSegmenter::segment(const core::BoxPx& box) const {
   if (anchor != 0) {
     RegionInBox& object = regions[anchor];
     const double near_m = object.quantile_m(0.05), far_m = object.quantile_m(0.95);
-    const double diagonal_m = std::hypot(box.width_px(), box.height_px()) / focal_px_ *
-                              0.5 * (near_m + far_m);
+    const double diagonal_m =
+        std::hypot(box.width_px(), box.height_px()) / focal_px_ * 0.5 * (near_m + far_m);
     const double margin_m = options_.depth_margin * diagonal_m;
     for (auto& [id, region] : regions) {
       const double middle_m = region.quantile_m(0.5);
@@ -211,7 +213,8 @@ core::Image<std::uint8_t> BoxSegmenter::segment(const core::BoxPx& box) const {
     }
   }
 
-  cv::Mat colours(crop.height(), crop.width(), CV_8UC3), seeds(crop.height(), crop.width(), CV_8UC1);
+  cv::Mat colours(crop.height(), crop.width(), CV_8UC3),
+      seeds(crop.height(), crop.width(), CV_8UC1);
   for (int y = crop.y0; y < crop.y1; ++y) {
     for (int x = crop.x0; x < crop.x1; ++x) {
       const core::Rgb8& c = rgb_(x, y);
@@ -258,13 +261,13 @@ core::Image<std::uint8_t> BoxSegmenter::segment(const core::BoxPx& box) const {
   constexpr int kFewestColours = 8;
   const int all_px = small_seeds.rows * small_seeds.cols;
   if (object_px < kFewestColours) return mask;
-  const bool undecided = cv::countNonZero((small_seeds == cv::GC_PR_FGD) |
-                                          (small_seeds == cv::GC_PR_BGD)) > 0;
+  const bool undecided =
+      cv::countNonZero((small_seeds == cv::GC_PR_FGD) | (small_seeds == cv::GC_PR_BGD)) > 0;
   if (undecided && all_px - object_px >= kFewestColours) {
     cv::theRNG().state = kGrabCutSeed;
     cv::Mat model_of_rest, model_of_object;
-    cv::grabCut(small_colours, small_seeds, {}, model_of_rest, model_of_object, options_.rounds,
-                cv::GC_INIT_WITH_MASK);
+    cv::grabCut(small_colours, small_seeds, {}, model_of_rest, model_of_object,
+                options_.rounds, cv::GC_INIT_WITH_MASK);
   }
   cv::Mat decided = (small_seeds == cv::GC_FGD) | (small_seeds == cv::GC_PR_FGD);
   if (scale < 1.0) cv::resize(decided, decided, colours.size(), 0, 0, cv::INTER_NEAREST);

@@ -28,10 +28,10 @@ struct BoxSegmenterOptions {
   double grow = 0.06;          ///< The object may leave the box by this share of its sides.
   double inside_share = 0.6;   ///< Of a region in the box: it is the object's.
   double foreign_share = 0.3;  ///< Less of a region in the box: it is something else's.
-  double depth_margin = 0.3;   ///< Of other regions from the object's depths, in box diagonals.
-  int rounds = 3;              ///< Of GrabCut.
-  int longest_px = 160;        ///< Boxes are segmented at most this large, then scaled up.
-  double least_fill = 0.08;    ///< Of the box; smaller masks are none.
+  double depth_margin = 0.3;  ///< Of other regions from the object's depths, in box diagonals.
+  int rounds = 3;             ///< Of GrabCut.
+  int longest_px = 160;       ///< Boxes are segmented at most this large, then scaled up.
+  double least_fill = 0.08;   ///< Of the box; smaller masks are none.
 };
 
 /// Segments boxes of one view. Equal inputs give equal masks, on any number of threads.

@@ -18,9 +18,9 @@ namespace segsim::reconstruction {
 namespace {
 
 constexpr double kLevelCosine = 0.9, kUprightSine = 0.2;
-constexpr int kDirections = 120;   ///< Of upright planes: one every 3 degrees.
-constexpr double kSlot_m = 0.1;    ///< Of distances of planes from the origin.
-constexpr double kSameWay = 0.9;   ///< Cosine between a plane's normal and its elements'.
+constexpr int kDirections = 120;  ///< Of upright planes: one every 3 degrees.
+constexpr double kSlot_m = 0.1;   ///< Of distances of planes from the origin.
+constexpr double kSameWay = 0.9;  ///< Cosine between a plane's normal and its elements'.
 constexpr int kMostPlanes = 400;
 
 /// An upright plane: normal . p = offset_m.
@@ -217,8 +217,8 @@ void RoomParts::find_walls() {
     auto [plane, votes] = best_plane(elements_, pool);
     if (static_cast<double>(votes) < fewest) break;
     for (int fit = 0; fit < 2; ++fit) {
-      plane = fitted(elements_,
-                     elements_on(plane, options_.plane_distance_m, elements_, pool), plane);
+      plane = fitted(elements_, elements_on(plane, options_.plane_distance_m, elements_, pool),
+                     plane);
     }
     std::vector<std::uint32_t> on =
         elements_on(plane, options_.plane_distance_m, elements_, pool);
@@ -259,9 +259,9 @@ RoomPart RoomParts::at(const glm::dvec3& p_m, const glm::vec3& normal,
 core::Image<RoomPart> RoomParts::of_view(const core::Image<float>& depth_m,
                                          const core::CameraIntrinsics& intrinsics,
                                          const core::CameraPose& T_world_camera) const {
-  SEGSIM_CHECK(depth_m.width_px() == intrinsics.width_px &&
-                   depth_m.height_px() == intrinsics.height_px,
-               "intrinsics of the depth image");
+  SEGSIM_CHECK(
+      depth_m.width_px() == intrinsics.width_px && depth_m.height_px() == intrinsics.height_px,
+      "intrinsics of the depth image");
   core::Image<RoomPart> parts(depth_m.width_px(), depth_m.height_px(), RoomPart::kNone);
   const core::Image<glm::vec3> normals =
       renderer::depth_normals(depth_m, intrinsics, T_world_camera);
@@ -270,10 +270,10 @@ core::Image<RoomPart> RoomParts::of_view(const core::Image<float>& depth_m,
       const double d_m = depth_m(x, y);
       if (!(d_m > 0.0) || !std::isfinite(d_m)) continue;
       const core::Point<core::frame::World> p =
-          T_world_camera * core::Point<core::frame::Camera>{
-                               intrinsics.back_project({x + 0.5, y + 0.5}, d_m)};
-      parts(x, y) = at(p.xyz_m, normals(x, y),
-                       options_.distance_m + options_.distance_per_depth * d_m);
+          T_world_camera *
+          core::Point<core::frame::Camera>{intrinsics.back_project({x + 0.5, y + 0.5}, d_m)};
+      parts(x, y) =
+          at(p.xyz_m, normals(x, y), options_.distance_m + options_.distance_per_depth * d_m);
     }
   }
   return parts;

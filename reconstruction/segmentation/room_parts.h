@@ -9,8 +9,9 @@
 ///     wall      upright planes; a connected piece of one is a wall if it is large and reaches
 ///               higher than furniture does
 ///
-/// The decision is made once for all views, on patches of surface (upright/surface_elements.h);
-/// a pixel belongs to a part if it lies on the plane of one of its patches.
+/// The decision is made once for all views, on patches of surface
+/// (upright/surface_elements.h); a pixel belongs to a part if it lies on the plane of one of
+/// its patches.
 
 #include <array>
 #include <cstddef>

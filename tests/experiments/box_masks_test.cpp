@@ -11,9 +11,9 @@
 namespace segsim::experiments {
 namespace {
 
+using reconstruction::RoomPart;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-using reconstruction::RoomPart;
 
 TEST(BoxMaskClasses, NamesKeepTheRecordingsIdsAndOthersFollow) {
   const std::vector<core::SceneClass> recorded{
@@ -30,9 +30,9 @@ TEST(BoxMaskClasses, NamesKeepTheRecordingsIdsAndOthersFollow) {
   const auto bare = detection::box_mask_classes({"tv"}, {}, false, false);
   EXPECT_EQ(bare.table.size(), 1U);
   EXPECT_EQ(bare.floor, 0);
-  EXPECT_THAT(
-      tests::input_error_of([] { (void)detection::box_mask_classes({"wall"}, {}, true, false); }),
-      HasSubstr("--prompt"));
+  EXPECT_THAT(tests::input_error_of(
+                  [] { (void)detection::box_mask_classes({"wall"}, {}, true, false); }),
+              HasSubstr("--prompt"));
 }
 
 /// A mask of columns [from, to) of an 8 x 1 image.
@@ -70,13 +70,14 @@ TEST(PaintBoxMasks, WithoutOtherTheRestIsVoid) {
 }
 
 TEST(OpenDetector, NamesTheFlagThatIsWrong) {
-  EXPECT_THAT(
-      tests::input_error_of([] { (void)detection::open_detector("no.onnx", "", std::nullopt); }),
-      AllOf(HasSubstr("--detector no.onnx"), HasSubstr("no such file")));
+  EXPECT_THAT(tests::input_error_of(
+                  [] { (void)detection::open_detector("no.onnx", "", std::nullopt); }),
+              AllOf(HasSubstr("--detector no.onnx"), HasSubstr("no such file")));
 }
 
 TEST(ClassTranslation, GoesByName) {
-  const std::vector<core::SceneClass> from{{1, "other", false}, {2, "chair", true}, {3, "wall", false}},
+  const std::vector<core::SceneClass> from{
+      {1, "other", false}, {2, "chair", true}, {3, "wall", false}},
       to{{1, "wall", false}, {2, "door", true}, {7, "chair", true}};
   const auto translation = training::translate_classes(from, to);
   core::Image<std::uint16_t> semantic(5, 1), instance(5, 1);
@@ -94,8 +95,12 @@ TEST(ClassRows, MeansAreOfTheNamedClassesThatOccur) {
       {1, "wall", false}, {2, "chair", true}, {3, "bed", true}, {4, "door", true}};
   reconstruction::PanopticQuality quality;
   quality.classes = {{.class_id = 1, .counted = true, .iou_sum = 0.9, .true_positives = 1},
-                     {.class_id = 2, .thing = true, .counted = true, .iou_sum = 1.6,
-                      .true_positives = 2, .missed = 4},
+                     {.class_id = 2,
+                      .thing = true,
+                      .counted = true,
+                      .iou_sum = 1.6,
+                      .true_positives = 2,
+                      .missed = 4},
                      {.class_id = 3, .thing = true},
                      {.class_id = 4, .thing = true, .counted = true, .missed = 3}};
   const auto rows = training::class_rows(quality, classes, {"wall", "chair", "bed"});

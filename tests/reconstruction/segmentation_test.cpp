@@ -62,8 +62,8 @@ TEST(RoomParts, AThinWallHasTwoSides) {
   const RoomParts room(points.elements());
   const auto share = [&](const core::CameraPose& pose) {
     const auto parts = room.of_view(depth_m, camera, pose);
-    return static_cast<double>(std::count(parts.pixels().begin(), parts.pixels().end(),
-                                          RoomPart::kWall)) /
+    return static_cast<double>(
+               std::count(parts.pixels().begin(), parts.pixels().end(), RoomPart::kWall)) /
            static_cast<double>(parts.size());
   };
   EXPECT_GT(share(here), 0.9);

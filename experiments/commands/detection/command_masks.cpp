@@ -3,13 +3,14 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include <CLI/CLI.hpp>
 
-#include "core/error.h"
 #include "core/bundle_parts.h"
+#include "core/error.h"
 #include "core/process/measurement_record.h"
 #include "core/progress.h"
 #include "core/scene_bundle.h"
@@ -33,6 +34,7 @@ using core::InputError;
 struct TruthFlags {
   fs::path recording, boxes, label_map;
   std::string layout = "auto";
+  std::optional<double> floor_height_m;
   int frame_step = 1;
 };
 
@@ -54,6 +56,7 @@ std::unique_ptr<reconstruction::RgbdSequence> open_truth(const TruthFlags& flags
   reconstruction::SequenceOptions options;
   options.layout = reconstruction::parse_sequence_layout(flags.layout, "--layout");
   options.label_map = flags.label_map;
+  options.floor_height_m = flags.floor_height_m;
   auto recording = scenes::open_recording(flags.recording, flags.boxes, options);
   if (!recording->has_masks()) {
     throw InputError::expected(flags.recording.string(),
@@ -152,8 +155,8 @@ struct Found {
 Found found_in_masks(const fs::path& folder, const Truth& truth) {
   // With a table of its own, classes of equal name are the same; else ids are the truth's.
   const std::shared_ptr<reconstruction::MaskSet> masks = reconstruction::open_masks(
-      folder, reconstruction::is_mask_set(folder) ? std::vector<core::SceneClass>{}
-                                                  : truth.classes);
+      folder,
+      reconstruction::is_mask_set(folder) ? std::vector<core::SceneClass>{} : truth.classes);
   Found found;
   found.source = masks->info().source;
   found.translation = training::translate_classes(masks->info().classes, truth.classes);
@@ -190,7 +193,8 @@ Found found_in_bundle(const fs::path& folder, const TruthFlags& flags, const Tru
     core::Frame frame = renderer->render(T_world_source * recording->pose(i),
                                          recording->intrinsics().resized(width_px, height_px),
                                          core::Channels::kLabels);
-    return training::TrueLabels{std::move(frame.semantic), std::move(frame.instance), {}, {}, 0};
+    return training::TrueLabels{
+        std::move(frame.semantic), std::move(frame.instance), {}, {}, 0};
   };
   return found;
 }
@@ -202,7 +206,8 @@ std::string list_of(const std::vector<std::string>& words) {
 }
 
 /// Every figure that was printed.
-core::MeasurementRecord measured(const std::string& title, const training::MaskQuality& quality,
+core::MeasurementRecord measured(const std::string& title,
+                                 const training::MaskQuality& quality,
                                  const std::vector<training::ClassRow>& rows, bool scene,
                                  std::size_t views) {
   core::MeasurementRecord record;
@@ -210,7 +215,8 @@ core::MeasurementRecord measured(const std::string& title, const training::MaskQ
   record.values.push_back({"", "views", "", static_cast<double>(views)});
   if (!scene) {
     record.values.push_back({"", "PQ of views, IoU > 0.3", "", 100.0 * quality.views.pq});
-    record.values.push_back({"", "PQ of views, IoU > 0.5 (COCO)", "", 100.0 * quality.coco.pq});
+    record.values.push_back(
+        {"", "PQ of views, IoU > 0.5 (COCO)", "", 100.0 * quality.coco.pq});
   }
   for (const training::ClassRow& row : rows) {
     record.values.push_back({row.name, "PQ", "", 100.0 * row.pq});
@@ -227,8 +233,7 @@ void measure(const MeasureFlags& flags) {
   const bool annotated = reconstruction::is_mask_set(flags.truth.recording);
   const bool bundle = fs::exists(flags.masks / "scene.yaml");
   if (annotated && bundle) {
-    throw InputError::expected("--truth",
-                               "a recording, whose cameras the bundle is seen from",
+    throw InputError::expected("--truth", "a recording, whose cameras the bundle is seen from",
                                "annotated views");
   }
   const Truth truth =
@@ -270,19 +275,17 @@ void measure(const MeasureFlags& flags) {
     progress.update(static_cast<std::int64_t>(table.frame_count()));
   }
   progress.finish();
-  const training::MaskQuality quality =
-      training::mask_quality(table, truth.classes, width_px);
+  const training::MaskQuality quality = training::mask_quality(table, truth.classes, width_px);
   const auto rows = training::class_rows(found.scene ? quality.strict : quality.coco,
                                          truth.classes, found.translation.common);
   std::printf("%s: %s; %zu of %zu views\n\n", flags.masks.string().c_str(),
               found.source.c_str(), table.frame_count(), truth.views.size());
   if (!found.scene) {
-    std::printf("%s\n", training::mask_quality_text(flags.masks.filename().string(), quality)
-                            .c_str());
+    std::printf("%s\n",
+                training::mask_quality_text(flags.masks.filename().string(), quality).c_str());
   }
-  std::printf("%s", training::class_rows_text(found.scene
-                                                  ? "Scene, strict, IoU > 0.5"
-                                                  : "Single views, COCO, IoU > 0.5",
+  std::printf("%s", training::class_rows_text(found.scene ? "Scene, strict, IoU > 0.5"
+                                                          : "Single views, COCO, IoU > 0.5",
                                               rows)
                         .c_str());
   if (!found.translation.unknown.empty()) {
@@ -300,6 +303,8 @@ void add_truth_flags(CLI::App& command, TruthFlags& flags) {
                      "Classes of a data set's label images (YAML, docs/datasets.md)");
   command.add_option("--layout", flags.layout, "Layout of the recording (docs/datasets.md)")
       ->capture_default_str();
+  command.add_option("--floor-height", flags.floor_height_m,
+                     "Floor along up, in the recording's frame [m]; default: found");
   command.add_option("--frame-step", flags.frame_step, "Use every n-th frame")
       ->check(CLI::Range(1, 100000))
       ->capture_default_str();
@@ -336,9 +341,10 @@ void add_measure_command(CLI::App& masks) {
                            "Compare a folder of masks, or the labels of a bundle, with exact "
                            "labels: classes of equal name");
   command
-      ->add_option("masks", flags->masks,
-                   "Folder of masks (docs/masks.md), or a bundle, which is then drawn from the "
-                   "recording's cameras")
+      ->add_option(
+          "masks", flags->masks,
+          "Folder of masks (docs/masks.md), or a bundle, which is then drawn from the "
+          "recording's cameras")
       ->required();
   command
       ->add_option("--truth", flags->truth.recording,
@@ -346,8 +352,9 @@ void add_measure_command(CLI::App& masks) {
       ->required();
   add_truth_flags(*command, flags->truth);
   command
-      ->add_option("--held-out-every", flags->held_out_every,
-                   "Only every n-th frame, which `segsim reconstruct` does not train on; 0: all")
+      ->add_option(
+          "--held-out-every", flags->held_out_every,
+          "Only every n-th frame, which `segsim reconstruct` does not train on; 0: all")
       ->check(CLI::Range(0, 1'000'000))
       ->capture_default_str();
   command->add_option("--record", flags->record, support::kRecordHelp);

@@ -1,6 +1,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include <CLI/CLI.hpp>
@@ -21,19 +22,19 @@ struct Flags {
   detection::BoxMaskOptions options;
   fs::path recording, label_map, picture;
   std::string layout = "auto", on_bad_frame = "refuse";
-  double floor_height_m = 0.0;
-  bool floor_given = false, no_room = false, no_other = false, overwrite = false;
+  std::optional<double> floor_height_m;
+  bool no_room = false, no_other = false, overwrite = false;
 };
 
 std::string report_text(const detection::BoxMaskReport& report) {
   support::internal::TextGrid grid;
-  grid.header = {"Class", "Masks", "Views of them"};
+  grid.header = {"Class", "Masks", "Of each view"};
   for (std::size_t k = 0; k < report.classes.size(); ++k) {
     if (report.masks[k] == 0) continue;
     const double a_view =
         static_cast<double>(report.masks[k]) / static_cast<double>(report.views);
     grid.rows.push_back({report.classes[k].name, std::to_string(report.masks[k]),
-                         support::internal::print("%.2f a view", a_view)});
+                         support::internal::print("%.2f", a_view)});
   }
   return support::internal::text_of(grid);
 }
@@ -54,7 +55,7 @@ void run(const Flags& flags) {
   reading.on_bad_frame =
       reconstruction::parse_on_bad_frame(flags.on_bad_frame, "--on-bad-frame");
   reading.label_map = flags.label_map;
-  if (flags.floor_given) reading.floor_height_m = flags.floor_height_m;
+  reading.floor_height_m = flags.floor_height_m;
   const auto recording = scenes::open_recording(flags.recording, {}, reading);
   if (flags.overwrite) {
     // Before anything is removed.
@@ -92,8 +93,9 @@ void add_masks_make(CLI::App& masks) {
                    "Weights of this program, an .onnx or .torchscript YOLO, or a description "
                    "(docs/models.md)")
       ->required();
-  command->add_option("--prompt", options.prompt,
-                      "Classes to look for, \"chair. couch.\"; default: all of the detector's");
+  command->add_option(
+      "--prompt", options.prompt,
+      "Classes to look for, \"chair. couch.\"; default: all of the detector's");
   command
       ->add_option("--threshold", options.score_threshold,
                    "Least score of a box; default: the detector's")
@@ -109,8 +111,7 @@ void add_masks_make(CLI::App& masks) {
                    "How sure floor, walls and ceiling are")
       ->check(CLI::Range(0.01, 1.0))
       ->capture_default_str();
-  command
-      ->add_option("--other-score", options.scores.other, "How sure class 'other' is")
+  command->add_option("--other-score", options.scores.other, "How sure class 'other' is")
       ->check(CLI::Range(0.01, 1.0))
       ->capture_default_str();
   command->add_option("--layout", flags->layout, "Layout of the recording")
@@ -119,10 +120,8 @@ void add_masks_make(CLI::App& masks) {
       ->add_option("--on-bad-frame", flags->on_bad_frame,
                    "refuse | skip: what a broken image or pose does")
       ->capture_default_str();
-  command
-      ->add_option("--floor-height", flags->floor_height_m,
-                   "Floor along up, in the recording's frame [m]; default: found")
-      ->each([flags](const std::string&) { flags->floor_given = true; });
+  command->add_option("--floor-height", flags->floor_height_m,
+                      "Floor along up, in the recording's frame [m]; default: found");
   command->add_option("--label-map", flags->label_map,
                       "Classes of a data set's label images (YAML, docs/datasets.md)");
   command->add_option("--frame-step", options.frame_step, "Use every n-th frame")
