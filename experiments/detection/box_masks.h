@@ -70,7 +70,7 @@ struct BoxMaskOptions {
   std::string prompt;                    ///< Empty: all classes of the detector.
   std::optional<float> score_threshold;  ///< Default: the detector's own.
   bool room = true;                      ///< Floor, wall and ceiling as stuff.
-  bool other = true;                     ///< Everything else that was measured, as stuff.
+  bool other = false;                    ///< Everything else that was measured, as stuff.
   RoomScores scores;
   reconstruction::BoxSegmenterOptions segmenter;
   reconstruction::RoomPartOptions parts;

@@ -197,7 +197,7 @@ TEST_F(PerceptionCli, BoxesBecomeMasksAndTheSceneIsMeasured) {
   fs::remove(at("made/masks.yaml"));
   fs::remove(at("made/frame-000003.json"));
   fs::remove(at("made/frame-000003_sem.png"));
-  expect_input_error(run_segsim(make + " --no-other"), "masks of the same recipe");
+  expect_input_error(run_segsim(make + " --other"), "masks of the same recipe");
   const ProcessOutput again = run_segsim(make);
   expect_success(again);
   EXPECT_THAT(again.text, HasSubstr("(23 were there)"));
@@ -206,7 +206,7 @@ TEST_F(PerceptionCli, BoxesBecomeMasksAndTheSceneIsMeasured) {
   const ProcessOutput views =
       run_segsim("masks measure " + at("made") + " --truth " + at("cap"));
   expect_success(views);
-  EXPECT_THAT(views.text, HasSubstr("not in the truth, so not measured: unicorn, other"));
+  EXPECT_THAT(views.text, HasSubstr("not in the truth, so not measured: unicorn"));
   expect_success(run_segsim("reconstruct " + at("cap") + " --masks " + at("made") +
                             " --voxel 0.1 --iterations 0 --label-iterations 4 --out " +
                             at("scene")));
@@ -218,7 +218,7 @@ TEST_F(PerceptionCli, BoxesBecomeMasksAndTheSceneIsMeasured) {
   EXPECT_THAT(core::read_file(at("scene.json")), HasSubstr("\"PQ\""));
 
   expect_input_error(run_segsim(make), "--overwrite");  // Not twice.
-  expect_success(run_segsim(make + " --overwrite --no-other --frame-step 12"));
+  expect_success(run_segsim(make + " --overwrite --other --frame-step 12"));
   EXPECT_FALSE(fs::exists(at("made/frame-000003.json")));
   expect_input_error(run_segsim(make + " --overwrite --prompt \"sofa.\""), "'sofa'");
   expect_input_error(run_segsim("masks make " + at("cap") + " --detector " + at("none.onnx") +

@@ -23,7 +23,7 @@ struct Flags {
   fs::path recording, label_map, picture;
   std::string layout = "auto", on_bad_frame = "refuse";
   std::optional<double> floor_height_m;
-  bool no_room = false, no_other = false, overwrite = false;
+  bool no_room = false, overwrite = false;
 };
 
 std::string report_text(const detection::BoxMaskReport& report) {
@@ -65,7 +65,6 @@ void run(const Flags& flags) {
   }
   detection::BoxMaskOptions options = flags.options;
   options.room = !flags.no_room;
-  options.other = !flags.no_other;
   const detection::BoxMaskReport report = detection::make_box_masks(*recording, options);
   std::printf("%s: masks of %zu views", out.string().c_str(), report.views);
   if (report.kept > 0) std::printf(" (%zu were there)", report.kept);
@@ -104,8 +103,9 @@ void add_masks_make(CLI::App& masks) {
   command->add_option("--picture", flags->picture,
                       "Contact sheet (.png, .jpg) of some views with their masks");
   command->add_flag("--no-room", flags->no_room, "Leave floor, walls and ceiling void");
-  command->add_flag("--no-other", flags->no_other,
-                    "Leave surfaces void that are nothing else, instead of class 'other'");
+  command->add_flag("--other", options.other,
+                    "Surfaces that are nothing else become class 'other' instead of void: for "
+                    "detectors that miss little");
   command
       ->add_option("--room-score", options.scores.room,
                    "How sure floor, walls and ceiling are")
