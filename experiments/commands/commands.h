@@ -29,8 +29,9 @@ void add_detector_forward(CLI::App& detector);
 /// `segsim detector compare` and `segsim detector score`.
 void add_detector_compare(CLI::App& detector);
 void add_masks_command(CLI::App& app);
-/// `segsim masks detect`, below `segsim masks`.
+/// `segsim masks detect` and `segsim masks make`, below `segsim masks`.
 void add_masks_detect(CLI::App& masks);
+void add_masks_make(CLI::App& masks);
 /// `segsim gazebo serve` and `segsim gazebo export-world`.
 void add_gazebo_command(CLI::App& app);
 void add_bench_command(CLI::App& app);

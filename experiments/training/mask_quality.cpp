@@ -147,6 +147,76 @@ std::string mask_quality_text(const std::string& name, const MaskQuality& qualit
          " with the ids as they are\n";
 }
 
+void ClassTranslation::apply(core::Image<std::uint16_t>& semantic,
+                             core::Image<std::uint16_t>& instance) const {
+  for (std::size_t i = 0; i < semantic.size(); ++i) {
+    std::uint16_t& id = semantic.pixels()[i];
+    id = id < id_of.size() ? id_of[id] : std::uint16_t{0};
+    if (id == 0 && !instance.empty()) instance.pixels()[i] = 0;
+  }
+}
+
+ClassTranslation translate_classes(std::span<const core::SceneClass> from,
+                                   std::span<const core::SceneClass> to) {
+  ClassTranslation translation;
+  for (const core::SceneClass& c : from) {
+    const auto same = std::find_if(
+        to.begin(), to.end(), [&](const core::SceneClass& t) { return t.name == c.name; });
+    if (translation.id_of.size() <= c.id) translation.id_of.resize(c.id + std::size_t{1});
+    if (same == to.end()) {
+      translation.unknown.push_back(c.name);
+    } else {
+      translation.id_of[c.id] = same->id;
+    }
+  }
+  for (const core::SceneClass& c : to) {
+    if (std::any_of(from.begin(), from.end(),
+                    [&](const core::SceneClass& f) { return f.name == c.name; })) {
+      translation.common.push_back(c.name);
+    }
+  }
+  return translation;
+}
+
+std::vector<ClassRow> class_rows(const reconstruction::PanopticQuality& quality,
+                                 std::span<const core::SceneClass> classes,
+                                 const std::vector<std::string>& names) {
+  std::vector<ClassRow> rows, means{{.name = "things"}, {.name = "stuff"}, {.name = "all"}};
+  std::vector<int> counted(means.size(), 0);
+  for (std::size_t k = 0; k < quality.classes.size(); ++k) {
+    const reconstruction::ClassPanoptic& c = quality.classes[k];
+    const std::string& name = classes[k].name;
+    if (!c.counted || std::find(names.begin(), names.end(), name) == names.end()) continue;
+    rows.push_back(
+        {name, c.pq(), c.sq(), c.rq(), c.true_positives, c.false_positives, c.missed});
+    for (const std::size_t m : {c.thing ? std::size_t{0} : std::size_t{1}, std::size_t{2}}) {
+      means[m].pq += c.pq(), means[m].sq += c.sq(), means[m].rq += c.rq();
+      means[m].true_positives += c.true_positives;
+      means[m].false_positives += c.false_positives;
+      means[m].missed += c.missed;
+      ++counted[m];
+    }
+  }
+  for (std::size_t m = 0; m < means.size(); ++m) {
+    if (counted[m] == 0) continue;
+    for (double* sum : {&means[m].pq, &means[m].sq, &means[m].rq}) *sum /= counted[m];
+    rows.push_back(means[m]);
+  }
+  return rows;
+}
+
+std::string class_rows_text(const std::string& heading, const std::vector<ClassRow>& rows) {
+  support::internal::TextGrid grid;
+  grid.header = {heading, "PQ", "SQ", "RQ", "Found", "False", "Missed"};
+  const auto percent = [](double share) { return core::print("%.1f", 100.0 * share); };
+  for (const ClassRow& row : rows) {
+    grid.rows.push_back({row.name, percent(row.pq), percent(row.sq), percent(row.rq),
+                         std::to_string(row.true_positives),
+                         std::to_string(row.false_positives), std::to_string(row.missed)});
+  }
+  return support::internal::text_of(grid);
+}
+
 worlds::MaskNoise fit_mask_noise(
     const worlds::MaskNoise& noise, const std::vector<core::SceneClass>& classes,
     std::uint64_t seed, const std::string& scene, std::span<const TrueLabels> views,

@@ -58,6 +58,35 @@ struct MaskQuality {
 [[nodiscard]] std::string mask_quality_text(const std::string& name,
                                             const MaskQuality& quality);
 
+/// From the class ids of one table to those of another, by name.
+struct ClassTranslation {
+  std::vector<std::uint16_t>
+      id_of;  ///< By id of the first table; 0: the second has no such class.
+  std::vector<std::string> common;   ///< Names in both, in the order of the second.
+  std::vector<std::string> unknown;  ///< Names that only the first has.
+
+  /// Translates classes. What has none in the second table is void, without an instance.
+  void apply(core::Image<std::uint16_t>& semantic, core::Image<std::uint16_t>& instance) const;
+};
+[[nodiscard]] ClassTranslation translate_classes(std::span<const core::SceneClass> from,
+                                                 std::span<const core::SceneClass> to);
+
+/// One row for each class in `names`, and their means; [0, 1].
+struct ClassRow {
+  std::string name;
+  double pq = 0.0, sq = 0.0, rq = 0.0;
+  std::uint64_t true_positives = 0, false_positives = 0, missed = 0;
+};
+/// @param classes  The table that `quality` was computed for, in its order.
+/// @return  A row for each counted class of these names, then "things", "stuff" and "all":
+///     means over those classes. Those without a counted class are left out.
+[[nodiscard]] std::vector<ClassRow> class_rows(const reconstruction::PanopticQuality& quality,
+                                               std::span<const core::SceneClass> classes,
+                                               const std::vector<std::string>& names);
+/// @param heading  Of the first column.
+[[nodiscard]] std::string class_rows_text(const std::string& heading,
+                                          const std::vector<ClassRow>& rows);
+
 /// Scales misses, false positives and shapes of `noise` until RQ and SQ of the given views are
 /// within `tolerance` of the target, with its balance of recall and precision; at most twelve
 /// rounds.

@@ -254,17 +254,15 @@ class PanopticReconMasks final : public FolderMasks {
   }
 };
 
+/// Masks may know classes that the scene does not have, under ids of their own.
 void expect_same_classes(const fs::path& file, const std::vector<SceneClass>& scene,
                          const std::vector<SceneClass>& masks) {
   for (const SceneClass& c : masks) {
-    const auto same = std::find_if(scene.begin(), scene.end(),
-                                   [&](const SceneClass& s) { return s.id == c.id; });
-    if (same == scene.end() || same->name != c.name) {
-      throw InputError::expected(
-          file.string(),
-          "class " + std::to_string(c.id) + " to be '" +
-              (same == scene.end() ? std::string("none of the scene's") : same->name) + "'",
-          "'" + c.name + "'");
+    for (const SceneClass& s : scene) {
+      if ((s.id == c.id) == (s.name == c.name)) continue;
+      throw InputError::expected(file.string(),
+                                 "class " + std::to_string(s.id) + " to be '" + s.name + "'",
+                                 "class " + std::to_string(c.id) + ", '" + c.name + "'");
     }
   }
 }

@@ -64,7 +64,8 @@ class MaskSet {
 
 /// Opens a folder in whichever layout it has.
 /// @param classes  Of the scene; for the layouts that bring no table of their own. With
-/// masks.yaml they must agree with it (id and name), unless empty.
+/// masks.yaml they must agree with it, unless empty: an id has one name in both, and a name
+/// one id; either may have classes that the other has not.
 /// @throws InputError if no layout fits, or masks.yaml is broken.
 [[nodiscard]] std::unique_ptr<MaskSet> open_masks(
     const std::filesystem::path& folder, const std::vector<core::SceneClass>& classes = {});

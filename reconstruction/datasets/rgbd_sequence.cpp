@@ -93,4 +93,20 @@ OnBadFrame parse_on_bad_frame(const std::string& word, const std::string& place)
   return parse_word(kWords, word, place);
 }
 
+core::Image<float> depth_of_size(const core::Image<float>& depth_m, int width_px,
+                                 int height_px) {
+  if (depth_m.empty() ||
+      (depth_m.width_px() == width_px && depth_m.height_px() == height_px)) {
+    return depth_m;
+  }
+  core::Image<float> resized(width_px, height_px);
+  for (int y = 0; y < height_px; ++y) {
+    const int from_y = y * depth_m.height_px() / height_px;
+    for (int x = 0; x < width_px; ++x) {
+      resized(x, y) = depth_m(x * depth_m.width_px() / width_px, from_y);
+    }
+  }
+  return resized;
+}
+
 }  // namespace segsim::reconstruction

@@ -146,6 +146,11 @@ class RgbdSequence {
 [[nodiscard]] std::unique_ptr<RgbdSequence> open_sequence(const std::filesystem::path& folder,
                                                           const SequenceOptions& options = {});
 
+/// A frame's depth at the size of its colour image, by the nearest measurement: a mean over an
+/// edge is on neither side of it. Empty stays empty.
+[[nodiscard]] core::Image<float> depth_of_size(const core::Image<float>& depth_m, int width_px,
+                                               int height_px);
+
 /// "auto", "hololens", "7scenes", "scannet", "scannetpp", "replica", "tum", "nerfstudio",
 /// "colmap"; "y", "z", "auto"; "refuse", "skip".
 /// @param place  For the message, for example "scene.yaml:3: layout".

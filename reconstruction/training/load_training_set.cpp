@@ -15,22 +15,6 @@ namespace {
 
 constexpr std::size_t kBatch = 8;  ///< Frames between two reports.
 
-/// Depth at the size of the colour image, nearest measurement.
-core::Image<float> depth_of_size(core::Image<float> depth_m, int width_px, int height_px) {
-  if (depth_m.empty() ||
-      (depth_m.width_px() == width_px && depth_m.height_px() == height_px)) {
-    return depth_m;
-  }
-  core::Image<float> resized(width_px, height_px);
-  for (int y = 0; y < height_px; ++y) {
-    const int from_y = y * depth_m.height_px() / height_px;
-    for (int x = 0; x < width_px; ++x) {
-      resized(x, y) = depth_m(x * depth_m.width_px() / width_px, from_y);
-    }
-  }
-  return resized;
-}
-
 TrainingView load_view(const RgbdSequence& recording, const MaskSet* masks, std::size_t frame,
                        const TrainingSetOptions& options, bool with_labels) {
   RgbdFrame source = recording.load(frame);
@@ -45,7 +29,7 @@ TrainingView load_view(const RgbdSequence& recording, const MaskSet* masks, std:
     view.masks = exact_masks(source);
   }
   view.rgb = std::move(source.rgb);
-  view.depth_m = depth_of_size(std::move(source.depth_m), width, height);
+  view.depth_m = depth_of_size(source.depth_m, width, height);
   view.valid = std::move(source.valid);
   return options.shrink > 1 ? shrunk(view, options.shrink) : view;
 }

@@ -200,6 +200,12 @@ TEST(MaskFiles, RefusesFoldersThatDoNotFit) {
   EXPECT_THAT(
       input_error_of([&] { (void)open_masks(folder.path(), other); }),
       AllOf(HasSubstr("masks.yaml"), HasSubstr("'table'"), HasSubstr("'office chair'")));
+  const std::vector<core::SceneClass> moved{{1, "floor", false}, {4, "office chair", true}};
+  EXPECT_THAT(input_error_of([&] { (void)open_masks(folder.path(), moved); }),
+              HasSubstr("class 4 to be 'office chair'"));
+  // What only one of them knows is no contradiction.
+  const std::vector<core::SceneClass> few{{1, "floor", false}, {9, "table", true}};
+  EXPECT_EQ(open_masks(folder.path(), few)->info().classes.size(), 2U);
   const TemporaryFolder recon("recon");
   write_ids(recon.path() / "semantic_image/12.png", {0, 1, 3, 3});
   EXPECT_THAT(input_error_of([&] { (void)open_masks(recon.path()); }),

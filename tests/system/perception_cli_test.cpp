@@ -180,5 +180,53 @@ TEST_F(PerceptionCli, MasksOfModelsAreWhatAReconstructionReads) {
   expect_input_error(run_segsim(detect + " --overwrite --prompt \"unicorn.\""), "--prompt");
 }
 
+TEST_F(PerceptionCli, BoxesBecomeMasksAndTheSceneIsMeasured) {
+  expect_success(run_segsim("capture --flat 3 --out " + at("cap") +
+                            " --frames 24 --width 128 --height 96"));
+  (void)perception::write_yolo(folder_.path(), "{0: 'couch', 1: 'unicorn'}");
+  const std::string make = "masks make " + at("cap") + " --detector " + at("yolo.onnx") +
+                           " --out " + at("made") + " --threshold 0.3";
+  const ProcessOutput run = run_segsim(make + " --picture " + at("sheet.png"));
+  expect_success(run);
+  EXPECT_THAT(run.text, HasSubstr("masks of 24 views\n"));
+  EXPECT_THAT(run.text, HasSubstr("floor  "));
+  EXPECT_TRUE(fs::exists(at("sheet.png")));
+  const std::string view = core::read_file(at("made/frame-000003_sem.png"));
+
+  // Stopped before a view was whole, it goes on there and gives the same.
+  fs::remove(at("made/masks.yaml"));
+  fs::remove(at("made/frame-000003.json"));
+  fs::remove(at("made/frame-000003_sem.png"));
+  expect_input_error(run_segsim(make + " --other"), "masks of the same recipe");
+  const ProcessOutput again = run_segsim(make);
+  expect_success(again);
+  EXPECT_THAT(again.text, HasSubstr("(23 were there)"));
+  EXPECT_EQ(core::read_file(at("made/frame-000003_sem.png")), view);
+
+  const ProcessOutput views =
+      run_segsim("masks measure " + at("made") + " --truth " + at("cap"));
+  expect_success(views);
+  EXPECT_THAT(views.text, HasSubstr("not in the truth, so not measured: unicorn"));
+  expect_success(run_segsim("reconstruct " + at("cap") + " --masks " + at("made") +
+                            " --voxel 0.1 --iterations 0 --label-iterations 4 --out " +
+                            at("scene")));
+  const ProcessOutput scene =
+      run_segsim("masks measure " + at("scene") + " --truth " + at("cap") +
+                 " --held-out-every 8 --record " + at("scene.json"));
+  expect_success(scene);
+  EXPECT_THAT(scene.text, HasSubstr("3 of 24 views"));
+  EXPECT_THAT(core::read_file(at("scene.json")), HasSubstr("\"PQ\""));
+
+  expect_input_error(run_segsim(make), "--overwrite");  // Not twice.
+  expect_success(run_segsim(make + " --overwrite --other --frame-step 12"));
+  EXPECT_FALSE(fs::exists(at("made/frame-000003.json")));
+  expect_input_error(run_segsim(make + " --overwrite --prompt \"sofa.\""), "'sofa'");
+  expect_input_error(run_segsim("masks make " + at("cap") + " --detector " + at("none.onnx") +
+                                " --out " + at("other")),
+                     "none.onnx");
+  expect_input_error(run_segsim(make + " --overwrite --picture " + at("sheet.bmp")),
+                     "--picture");
+}
+
 }  // namespace
 }  // namespace segsim
