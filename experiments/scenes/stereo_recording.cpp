@@ -3,7 +3,6 @@
 #include <cstdio>
 
 #include "core/error.h"
-#include "core/name_table.h"
 #include "core/progress.h"
 #include "experiments/scenes/scene_source.h"
 

@@ -7,8 +7,6 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <utility>
-#include <vector>
 
 #include "reconstruction/datasets/rgbd_sequence.h"
 #include "reconstruction/stereo/depth_comparison.h"
@@ -25,7 +23,8 @@ enum class DepthSource : unsigned char {
 };
 
 /// "auto", "recorded", "stereo", "none". @throws InputError for another word.
-[[nodiscard]] DepthSource parse_depth_source(const std::string& word, const std::string& place);
+[[nodiscard]] DepthSource parse_depth_source(const std::string& word,
+                                             const std::string& place);
 
 /// A recording with depth of ours, and how good it is.
 struct StereoRecording {
@@ -42,9 +41,11 @@ struct StereoRecording {
 /// @param boxes  As open_recording() takes them.
 /// @param work  Folder of the depth images; what it holds already is not made again.
 /// @throws core::InputError as of reconstruction::estimate_depth().
-[[nodiscard]] StereoRecording open_with_stereo(
-    const std::filesystem::path& folder, const std::filesystem::path& boxes,
-    reconstruction::SequenceOptions options, const reconstruction::RgbdSequence& recorded,
-    const reconstruction::StereoOptions& stereo, const std::filesystem::path& work);
+[[nodiscard]] StereoRecording open_with_stereo(const std::filesystem::path& folder,
+                                               const std::filesystem::path& boxes,
+                                               reconstruction::SequenceOptions options,
+                                               const reconstruction::RgbdSequence& recorded,
+                                               const reconstruction::StereoOptions& stereo,
+                                               const std::filesystem::path& work);
 
 }  // namespace segsim::experiments::scenes
