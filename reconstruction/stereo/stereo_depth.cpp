@@ -48,10 +48,10 @@ DepthRange range_of(const std::vector<float>& depths_m, const DepthRange& whole)
   const auto at = [&](double share) {
     return static_cast<double>(core::quantile(depths_m, share, core::Between::kNearest));
   };
-  constexpr double kRoom = 1.4;
+  constexpr double kRoom = 1.3;
   DepthRange range;
-  range.near_m = std::clamp(at(0.01) / kRoom, whole.near_m, 0.5 * whole.far_m);
-  range.far_m = std::clamp(at(0.99) * kRoom, 2.0 * range.near_m, whole.far_m);
+  range.near_m = std::clamp(at(0.005) / kRoom, whole.near_m, 0.5 * whole.far_m);
+  range.far_m = std::clamp(at(0.995) * kRoom, 2.0 * range.near_m, whole.far_m);
   range.middle_m = std::clamp(at(0.5), range.near_m, range.far_m);
   return range;
 }
@@ -71,10 +71,9 @@ class Matcher {
   void choose_sources();
   void match();
   void agree(StereoReport& report);
-  [[nodiscard]] DepthRange coarse_range(std::size_t view,
-                                        const std::vector<core::Image<std::uint16_t>>& small,
-                                        const core::CameraIntrinsics& camera,
-                                        const SourceViews& sources) const;
+  [[nodiscard]] MatchedView match_coarsely(
+      std::size_t view, const std::vector<core::Image<std::uint16_t>>& small,
+      const core::CameraIntrinsics& camera, const SourceViews& sources) const;
   [[nodiscard]] std::string recipe() const;
   [[nodiscard]] std::vector<internal::ViewWarp> warps_of(
       std::size_t view, std::span<const std::uint32_t> sources,
@@ -181,22 +180,22 @@ std::vector<internal::ViewWarp> Matcher::warps_of(std::size_t view,
   return warps;
 }
 
-DepthRange Matcher::coarse_range(std::size_t view,
-                                 const std::vector<core::Image<std::uint16_t>>& small,
-                                 const core::CameraIntrinsics& camera,
-                                 const SourceViews& sources) const {
-  if (sources.matched.empty()) return whole_;
+MatchedView Matcher::match_coarsely(std::size_t view,
+                                    const std::vector<core::Image<std::uint16_t>>& small,
+                                    const core::CameraIntrinsics& camera,
+                                    const SourceViews& sources) const {
+  MatchedView matched;
+  matched.T_world_camera = poses_[view];
+  matched.inverse_m = core::Image<float>(camera.width_px, camera.height_px, std::nanf(""));
+  if (sources.matched.empty()) return matched;
   std::vector<const core::Image<std::uint16_t>*> pictures;
   for (const std::uint32_t source : sources.matched) pictures.push_back(&small[source]);
   const auto warps = warps_of(view, sources.matched, camera);
   const auto planes = internal::sweep_planes(whole_, warps, camera);
-  const auto inverse_m = internal::semi_global(
+  matched.step_inverse_m = planes.step_inverse_m;
+  matched.inverse_m = internal::semi_global(
       internal::sweep(small[view], pictures, warps, planes), small[view]);
-  std::vector<float> depths_m;
-  for (const float value : inverse_m.pixels()) {
-    if (value > 0.0F) depths_m.push_back(1.0F / value);
-  }
-  return 10 * depths_m.size() < inverse_m.size() ? whole_ : range_of(depths_m, whole_);
+  return matched;
 }
 
 void Matcher::find_ranges() {
@@ -207,19 +206,30 @@ void Matcher::find_ranges() {
   // Cut as the pictures are, so that a small pixel is factor x factor pixels.
   core::CameraIntrinsics camera = camera_;
   camera.width_px = small.front().width_px(), camera.height_px = small.front().height_px();
-  camera.fx_px /= factor, camera.fy_px /= factor, camera.cx_px /= factor,
-      camera.cy_px /= factor;
-  ranges_.resize(views_.size());
+  camera.fx_px /= factor, camera.fy_px /= factor;
+  camera.cx_px /= factor, camera.cy_px /= factor;
+  std::vector<SourceViews> sources(views_.size());
+  std::vector<MatchedView> coarse(views_.size());
   for_each_view("looking for the range of depth", [&](std::size_t k) {
+    sources[k] =
+        internal::choose_sources(k, poses_, everywhere, camera_, options_.sources, kCompared);
+    coarse[k] = match_coarsely(k, small, camera, sources[k]);
+  });
+  ranges_.resize(views_.size());
+  internal::load_each(views_.size(), [&](std::size_t k) {
+    std::vector<float> depths_m;
     if (views_[k].points_m.size() >= kFewestPoints) {
-      std::vector<float> depths_m;
       for (const glm::vec3& p_m : views_[k].points_m) depths_m.push_back(p_m.z);
-      ranges_[k] = range_of(depths_m, whole_);
-      return;
+    } else {
+      // What no other view confirms would only widen the range.
+      const core::Image<float> depth_m =
+          internal::agreed_depth(k, sources[k].compared, coarse, camera, 1);
+      for (const float z : depth_m.pixels()) {
+        if (z > 0.0F) depths_m.push_back(z);
+      }
+      if (10 * depths_m.size() < depth_m.size()) depths_m.clear();
     }
-    ranges_[k] = coarse_range(
-        k, small, camera,
-        internal::choose_sources(k, poses_, everywhere, camera_, options_.sources, kCompared));
+    ranges_[k] = depths_m.empty() ? whole_ : range_of(depths_m, whole_);
   });
 }
 

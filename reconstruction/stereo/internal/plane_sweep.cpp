@@ -154,9 +154,10 @@ class PlaneCosts {
 SweepPlanes sweep_planes(const DepthRange& range, std::span<const ViewWarp> warps,
                          const core::CameraIntrinsics& camera) {
   SEGSIM_CHECK(range.near_m > 0.0 && range.near_m < range.far_m, "depth range");
+  SEGSIM_CHECK(!warps.empty(), "sources");
   const auto near_inverse = static_cast<float>(1.0 / range.near_m);
   const auto far_inverse = static_cast<float>(1.0 / range.far_m);
-  float longest_px = 0.0F;
+  float sum_px = 0.0F;
   for (const ViewWarp& map : warps) {
     const glm::vec3 middle =
         map.A * glm::vec3(0.5F * static_cast<float>(camera.width_px),
@@ -164,10 +165,11 @@ SweepPlanes sweep_planes(const DepthRange& range, std::span<const ViewWarp> warp
     // Disparity by inverse depth, where the middle of the image lands far away.
     const float gain = glm::length(glm::vec2(map.b) - glm::vec2(middle) / middle.z * map.b.z) /
                        std::max(middle.z, 0.3F);
-    longest_px = std::max(longest_px, gain * (near_inverse - far_inverse));
+    sum_px += gain * (near_inverse - far_inverse);
   }
+  const float parallax_px = sum_px / static_cast<float>(warps.size());
   const int wanted =
-      std::clamp(static_cast<int>(longest_px / kStep_px) + 2, kFewestPlanes, kMostPlanes);
+      std::clamp(static_cast<int>(parallax_px / kStep_px) + 2, kFewestPlanes, kMostPlanes);
   SweepPlanes planes;
   planes.count = (wanted + kPlanesMultiple - 1) / kPlanesMultiple * kPlanesMultiple;
   planes.first_inverse_m = far_inverse;

@@ -42,7 +42,7 @@ struct CostVolume {
   }
 };
 
-/// So many that a step moves the image in the sources by about a pixel; 16 ... 192.
+/// So many that a step moves the image in the sources by a pixel in the mean; 16 ... 192.
 [[nodiscard]] SweepPlanes sweep_planes(const DepthRange& range,
                                        std::span<const ViewWarp> warps,
                                        const core::CameraIntrinsics& camera);

@@ -20,6 +20,8 @@ constexpr float kSmallestVariance = 2.0F * kNoise;
 /// Of this grey difference, a pixel of the window counts half.
 constexpr float kSameSurface = 12.0F / 255.0F * 65280.0F;
 constexpr float kLeastGain = 0.005F;
+/// Planes this near to one another, in steps of the sweep, are one.
+constexpr float kSamePlane = 0.1F;
 
 /// Inverse depth around a pixel: a plane's is linear in the image.
 struct LocalPlane {
@@ -188,9 +190,12 @@ void refine_slanted(const core::Image<std::uint16_t>& reference,
         if (!inverse_m.contains(x + to.x, y + to.y)) continue;
         const LocalPlane& other = fitted(x + to.x, y + to.y);
         if (!(other.inverse_m > 0.0F)) continue;
-        attempt({other.inverse_m - other.gradient.x * static_cast<float>(to.x) -
-                     other.gradient.y * static_cast<float>(to.y),
-                 other.gradient});
+        const LocalPlane handed{other.inverse_m - other.gradient.x * static_cast<float>(to.x) -
+                                    other.gradient.y * static_cast<float>(to.y),
+                                other.gradient};
+        if (std::abs(handed.inverse_m - best.inverse_m) < kSamePlane * step_inverse_m)
+          continue;
+        attempt(handed);
       }
       for (const float share : {0.5F, 0.25F, 0.12F}) {
         const LocalPlane middle = best;
