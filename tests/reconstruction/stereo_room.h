@@ -96,6 +96,7 @@ class StereoRoom final : public RgbdSequence {
     }
     told_ = poses;
   }
+  [[nodiscard]] const std::vector<Rectangle>& rectangles() const { return room_.rectangles; }
   /// So many points of every frame's surfaces are known beforehand.
   void know_points(int per_frame) { points_per_frame_ = per_frame; }
 
