@@ -9,13 +9,17 @@
 namespace segsim::experiments::scenes {
 namespace {
 
-void print(const reconstruction::StereoReport& report,
+void print(const reconstruction::StereoReport& report, const std::filesystem::path& work,
            const std::optional<reconstruction::DepthComparison>& comparison) {
   std::printf("stereo: depth of %.0f %% of the pixels of %zu frames, between %.2g and %.2g m",
               100.0 * report.known_share, report.frames, report.near_m, report.far_m);
   if (report.frames_matched < report.frames) {
     std::printf("; %zu frames share too little with others",
                 report.frames - report.frames_matched);
+  }
+  if (report.frames_resumed > 0) {
+    std::printf("; %zu of %zu found in %s", report.frames_resumed, report.frames,
+                work.filename().string().c_str());
   }
   std::printf("; %s\n", core::format_duration(report.seconds).c_str());
   if (!comparison) return;
@@ -58,7 +62,7 @@ StereoRecording open_with_stereo(const std::filesystem::path& folder,
       });
   progress.reset();
   result.comparison = reconstruction::compare_with_recorded(work, recorded);
-  print(result.report, result.comparison);
+  print(result.report, work, result.comparison);
   options.own_depth = work;
   result.sequence = open_recording(folder, boxes, options);
   return result;
