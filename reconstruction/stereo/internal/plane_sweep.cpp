@@ -11,6 +11,10 @@
 namespace segsim::reconstruction::internal {
 namespace {
 
+// The loops over pixels are compiled twice, for any x86-64 and for AVX2. No operation is fused
+// (-ffp-contract=off), so that both give the same bits.
+#define SEGSIM_STEREO_INLINE [[gnu::always_inline]] inline
+
 constexpr int kRadius_px = 2;
 constexpr float kWindow = (2 * kRadius_px + 1) * (2 * kRadius_px + 1);
 constexpr float kGreyUnit = 1.0F / 65280.0F;
@@ -35,7 +39,8 @@ class WindowSums {
       : width_(width_px), height_(height_px), columns_(width_px + 2 * kRadius_px) {}
 
   /// Writes the sums of row y of a(x) b(x) to `sums`.
-  void products(const core::Image<float>& a, const core::Image<float>& b, int y, float* sums) {
+  SEGSIM_STEREO_INLINE void products(const core::Image<float>& a, const core::Image<float>& b,
+                                     int y, float* sums) {
     float* inner = columns_.data() + kRadius_px;
     std::fill(columns_.begin(), columns_.end(), 0.0F);
     for (int dy = -kRadius_px; dy <= kRadius_px; ++dy) {
@@ -45,7 +50,7 @@ class WindowSums {
     }
     across(sums);
   }
-  void values(const core::Image<float>& a, int y, float* sums) {
+  SEGSIM_STEREO_INLINE void values(const core::Image<float>& a, int y, float* sums) {
     float* inner = columns_.data() + kRadius_px;
     std::fill(columns_.begin(), columns_.end(), 0.0F);
     for (int dy = -kRadius_px; dy <= kRadius_px; ++dy) {
@@ -56,7 +61,7 @@ class WindowSums {
   }
 
  private:
-  void across(float* sums) {
+  SEGSIM_STEREO_INLINE void across(float* sums) {
     const std::size_t last = columns_.size() - kRadius_px - 1;
     for (int i = 0; i < kRadius_px; ++i) {
       columns_[i] = columns_[kRadius_px];
@@ -73,28 +78,48 @@ class WindowSums {
   std::vector<float> columns_;
 };
 
+/// Where a row of pixels lands in a source: the pixel above and left, and the shares of the
+/// next ones.
+struct Landing {
+  explicit Landing(int width_px) : pixel(width_px), right(width_px), down(width_px) {}
+  std::vector<int> pixel;  ///< Index in the source.
+  std::vector<float> right, down;
+};
+
 /// Takes the source's picture at the plane's inverse depth; `seen` is 0 out of its view.
-void warp(const core::Image<float>& source, const ViewWarp& map, float inverse_m,
-          core::Image<float>& warped, core::Image<float>& seen) {
+SEGSIM_STEREO_INLINE void warp(const core::Image<float>& source, const ViewWarp& map,
+                               float inverse_m, Landing& landing, core::Image<float>& warped,
+                               core::Image<float>& seen) {
   const int width = source.width_px(), height = source.height_px();
   const glm::vec3 at_origin = map.A * glm::vec3(0.5F, 0.5F, 1.0F) + inverse_m * map.b;
+  const glm::vec3 by_x = map.A[0];
   const float largest_x = static_cast<float>(width) - 1.001F;
   const float largest_y = static_cast<float>(height) - 1.001F;
+  int* pixel = landing.pixel.data();
+  float *right = landing.right.data(), *down = landing.down.data();
   for (int y = 0; y < warped.height_px(); ++y) {
-    const glm::vec3 row_start = at_origin + static_cast<float>(y) * map.A[1];
+    const glm::vec3 start = at_origin + static_cast<float>(y) * map.A[1];
     float *out = warped.row(y), *valid = seen.row(y);
-    for (int x = 0; x < warped.width_px(); ++x) {
-      const glm::vec3 h = row_start + static_cast<float>(x) * map.A[0];
-      const float scale = 1.0F / std::max(h.z, 1e-6F);
-      const float u = h.x * scale - 0.5F, v = h.y * scale - 0.5F;
+    for (int x = 0; x < width; ++x) {
+      const auto along = static_cast<float>(x);
+      const float hz = start.z + along * by_x.z;
+      const float scale = 1.0F / std::max(hz, 1e-6F);
+      const float u = (start.x + along * by_x.x) * scale - 0.5F;
+      const float v = (start.y + along * by_x.y) * scale - 0.5F;
       const float cu = std::min(std::max(u, 0.0F), largest_x);
       const float cv = std::min(std::max(v, 0.0F), largest_y);
-      valid[x] = h.z > 1e-6F && cu == u && cv == v ? 1.0F : 0.0F;
+      valid[x] = (hz > 1e-6F) & (cu == u) & (cv == v) ? 1.0F : 0.0F;
       const int iu = static_cast<int>(cu), iv = static_cast<int>(cv);
-      const float s = cu - static_cast<float>(iu), t = cv - static_cast<float>(iv);
-      const float *p = source.row(iv) + iu, *q = p + width;
-      const float top = p[0] + s * (p[1] - p[0]), bottom = q[0] + s * (q[1] - q[0]);
-      out[x] = top + t * (bottom - top);
+      pixel[x] = iv * width + iu;
+      right[x] = cu - static_cast<float>(iu);
+      down[x] = cv - static_cast<float>(iv);
+    }
+    const float* grey = source.data();
+    for (int x = 0; x < width; ++x) {
+      const float *p = grey + pixel[x], *q = p + width;
+      const float top = p[0] + right[x] * (p[1] - p[0]);
+      const float bottom = q[0] + right[x] * (q[1] - q[0]);
+      out[x] = top + down[x] * (bottom - top);
     }
   }
 }
@@ -126,10 +151,10 @@ class PlaneCosts {
  public:
   PlaneCosts(int width_px, std::size_t sources)
       : wanted_((sources + 1) / 2), rows_(wanted_, std::vector<float>(width_px)) {}
-  void clear() {
+  SEGSIM_STEREO_INLINE void clear() {
     for (std::vector<float>& row : rows_) std::fill(row.begin(), row.end(), 1.0F);
   }
-  void add(std::vector<float>& cost) {
+  SEGSIM_STEREO_INLINE void add(std::vector<float>& cost) {
     for (std::vector<float>& row : rows_) {
       for (std::size_t x = 0; x < row.size(); ++x) {
         const float low = std::min(row[x], cost[x]);
@@ -148,6 +173,86 @@ class PlaneCosts {
   std::size_t wanted_;
   std::vector<std::vector<float>> rows_;
 };
+
+/// What sweeping needs of one reference and its sources.
+struct Sweep {
+  Sweep(const core::Image<std::uint16_t>& grey,
+        std::span<const core::Image<std::uint16_t>* const> sources)
+      : reference(centred(grey)),
+        own(reference_sums(reference)),
+        sums(grey.width_px(), grey.height_px()),
+        costs(grey.width_px(), sources.size()),
+        landing(grey.width_px()) {
+    for (const core::Image<std::uint16_t>* source : sources) {
+      pictures.push_back(centred(*source));
+      warped.emplace_back(grey.width_px(), grey.height_px());
+      seen.emplace_back(grey.width_px(), grey.height_px());
+    }
+    for (std::vector<float>* row : {&sum, &square, &product, &cost}) {
+      row->resize(static_cast<std::size_t>(grey.width_px()));
+    }
+  }
+  core::Image<float> reference;
+  ReferenceSums own;
+  std::vector<core::Image<float>> pictures, warped, seen;
+  WindowSums sums;
+  PlaneCosts costs;
+  Landing landing;
+  std::vector<float> sum, square, product, cost;
+};
+
+SEGSIM_STEREO_INLINE void sweep_plane(Sweep& work, std::span<const ViewWarp> warps, int plane,
+                                      CostVolume& volume) {
+  const float inverse_m = volume.planes.inverse_m(static_cast<float>(plane));
+  for (std::size_t s = 0; s < warps.size(); ++s) {
+    warp(work.pictures[s], warps[s], inverse_m, work.landing, work.warped[s], work.seen[s]);
+  }
+  const float *sum = work.sum.data(), *square = work.square.data();
+  const float* product = work.product.data();
+  float* cost = work.cost.data();
+  for (int y = 0; y < volume.height_px; ++y) {
+    const float *mean = work.own.mean.row(y), *variance = work.own.variance.row(y);
+    work.costs.clear();
+    for (std::size_t s = 0; s < warps.size(); ++s) {
+      const core::Image<float>& warped = work.warped[s];
+      work.sums.values(warped, y, work.sum.data());
+      work.sums.products(warped, warped, y, work.square.data());
+      work.sums.products(work.reference, warped, y, work.product.data());
+      const float* valid = work.seen[s].row(y);
+      for (int x = 0; x < volume.width_px; ++x) {
+        const float m = sum[x] / kWindow;
+        const float v = std::max(0.0F, square[x] / kWindow - m * m) + kNoise;
+        const float covariance = product[x] / kWindow - m * mean[x];
+        const float alike = valid[x] * covariance / std::sqrt(v * variance[x]);
+        cost[x] = std::min(1.0F, std::max(0.0F, 1.0F - alike));
+      }
+      work.costs.add(work.cost);
+    }
+    std::uint8_t* out = volume.at(0, y) + plane;
+    for (int x = 0; x < volume.width_px; ++x) {
+      out[static_cast<std::ptrdiff_t>(x) * volume.planes.count] = work.costs.mean(x);
+    }
+  }
+}
+
+using SweepPlane = void (*)(Sweep&, std::span<const ViewWarp>, int, CostVolume&);
+
+void sweep_plane_anywhere(Sweep& work, std::span<const ViewWarp> warps, int plane,
+                          CostVolume& volume) {
+  sweep_plane(work, warps, plane, volume);
+}
+
+#ifdef __x86_64__
+[[gnu::target("avx2")]] void sweep_plane_avx2(Sweep& work, std::span<const ViewWarp> warps,
+                                              int plane, CostVolume& volume) {
+  sweep_plane(work, warps, plane, volume);
+}
+SweepPlane chosen() {
+  return __builtin_cpu_supports("avx2") ? sweep_plane_avx2 : sweep_plane_anywhere;
+}
+#else
+SweepPlane chosen() { return sweep_plane_anywhere; }
+#endif
 
 }  // namespace
 
@@ -177,52 +282,16 @@ SweepPlanes sweep_planes(const DepthRange& range, std::span<const ViewWarp> warp
   return planes;
 }
 
-CostVolume sweep(const core::Image<std::uint16_t>& reference_grey,
+CostVolume sweep(const core::Image<std::uint16_t>& reference,
                  std::span<const core::Image<std::uint16_t>* const> sources,
                  std::span<const ViewWarp> warps, const SweepPlanes& planes) {
   SEGSIM_CHECK(!sources.empty() && sources.size() == warps.size(), "sources");
-  const int width = reference_grey.width_px(), height = reference_grey.height_px();
+  const int width = reference.width_px(), height = reference.height_px();
   CostVolume volume{width, height, planes, {}};
   volume.cost.resize(static_cast<std::size_t>(width) * height * planes.count);
-  const core::Image<float> reference = centred(reference_grey);
-  const ReferenceSums own = reference_sums(reference);
-  std::vector<core::Image<float>> pictures, warped, seen;
-  for (const core::Image<std::uint16_t>* source : sources) {
-    pictures.push_back(centred(*source));
-    warped.emplace_back(width, height);
-    seen.emplace_back(width, height);
-  }
-  WindowSums sums(width, height);
-  PlaneCosts costs(width, sources.size());
-  std::vector<float> sum(width), square(width), product(width), cost(width);
-  for (int plane = 0; plane < planes.count; ++plane) {
-    const float inverse_m = planes.inverse_m(static_cast<float>(plane));
-    for (std::size_t s = 0; s < sources.size(); ++s) {
-      warp(pictures[s], warps[s], inverse_m, warped[s], seen[s]);
-    }
-    for (int y = 0; y < height; ++y) {
-      const float *mean = own.mean.row(y), *variance = own.variance.row(y);
-      costs.clear();
-      for (std::size_t s = 0; s < sources.size(); ++s) {
-        sums.values(warped[s], y, sum.data());
-        sums.products(warped[s], warped[s], y, square.data());
-        sums.products(reference, warped[s], y, product.data());
-        const float* valid = seen[s].row(y);
-        for (int x = 0; x < width; ++x) {
-          const float m = sum[x] / kWindow;
-          const float v = std::max(0.0F, square[x] / kWindow - m * m) + kNoise;
-          const float covariance = product[x] / kWindow - m * mean[x];
-          const float alike = valid[x] * covariance / std::sqrt(v * variance[x]);
-          cost[x] = std::min(1.0F, std::max(0.0F, 1.0F - alike));
-        }
-        costs.add(cost);
-      }
-      std::uint8_t* out = volume.at(0, y) + plane;
-      for (int x = 0; x < width; ++x) {
-        out[static_cast<std::ptrdiff_t>(x) * planes.count] = costs.mean(x);
-      }
-    }
-  }
+  Sweep work(reference, sources);
+  const SweepPlane sweep_one = chosen();
+  for (int plane = 0; plane < planes.count; ++plane) sweep_one(work, warps, plane, volume);
   return volume;
 }
 
