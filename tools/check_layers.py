@@ -26,8 +26,8 @@ MAY_INCLUDE = {  # module: the folders of other modules that its files may inclu
 ROOMS = {
     "core": (".", "process"),
     "renderer": ("scene", "raster", "cuda", ".", "files"),
-    "reconstruction": ("upright", "datasets", "evaluation", "lifting", "segmentation", "inspection", "rasterizer", "rasterizer/cuda", "internal/tensors", "labels",
-                       "training"),
+    "reconstruction": ("upright", "datasets", "evaluation", "lifting", "segmentation", "stereo", "inspection", "rasterizer", "rasterizer/cuda",
+                       "internal/tensors", "labels", "training"),
     "perception": ("data", "evaluation", "checkpoint", "internal/network", "internal/loss", "internal/yolov13", "yolov13",
                    "detector", "training", "models/text", "models", "models/internal/onnx"),
     "nav": ("grid", "mapping", "objects", "planning", "motion", "value", "behaviours", "frontier", "vlfm", "policies"),

@@ -1,7 +1,9 @@
 #include <algorithm>
+#include <chrono>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -13,6 +15,8 @@
 #include "experiments/scenes/reconstruct.h"
 #include "experiments/scenes/recording_check.h"
 #include "experiments/scenes/scene_source.h"
+#include "experiments/scenes/stereo_recording.h"
+#include "experiments/support/record_file.h"
 #include "perception/data/image_file.h"
 #include "reconstruction/labels/panoptic_head.h"
 
@@ -23,8 +27,11 @@ namespace fs = std::filesystem;
 
 struct Flags {
   fs::path sequence, boxes, label_map, out, config, start, export_pack, check_picture;
+  fs::path stereo_work, record;
   std::string layout = "auto", up = "auto", on_bad_frame = "refuse", robot = "jackal-gentle";
-  std::string backend = "cpu", mesh = "auto";
+  std::string backend = "cpu", mesh = "auto", depth = "auto";
+  std::vector<double> depth_range_m;  ///< Two numbers, or none.
+  reconstruction::StereoOptions stereo;
   std::vector<double> gravity;  ///< Three numbers, or none.
   double floor_height_m = 0.0;
   bool floor_given = false, init_only = false, check = false;
@@ -129,8 +136,94 @@ void check(const Flags& flags) {
                                          : flags.check_picture);
 }
 
+/// A recording that is ready to be lifted.
+struct Opened {
+  std::unique_ptr<reconstruction::RgbdSequence> sequence;
+  std::optional<scenes::StereoRecording> stereo;  ///< Its sequence has been moved away.
+};
+
+/// Opens the recording with the depth that was asked for.
+Opened open_with_depth(const Flags& flags, reconstruction::SequenceOptions options) {
+  using scenes::DepthSource;
+  const DepthSource depth = scenes::parse_depth_source(flags.depth, "--depth");
+  if (depth == DepthSource::kNone) options.ignore_depth = true;
+  Opened opened{scenes::open_recording(flags.sequence, flags.boxes, options), {}};
+  const bool start_given = flags.reconstruct.start.has_value();
+  const bool stereo =
+      depth == DepthSource::kStereo ||
+      (depth == DepthSource::kAuto && !opened.sequence->has_depth() && !start_given);
+  if (!stereo) return opened;
+  if (flags.stereo.width_px > opened.sequence->intrinsics().width_px) {
+    std::fprintf(stderr, "warning: --stereo-width: pictures are %d px wide\n",
+                 opened.sequence->intrinsics().width_px);
+  }
+  reconstruction::StereoOptions options_of_stereo = flags.stereo;
+  if (!flags.depth_range_m.empty()) {
+    options_of_stereo.depth_range_m = {flags.depth_range_m[0], flags.depth_range_m[1]};
+  }
+  options_of_stereo.frame_step = flags.reconstruct.lift.frame_step;
+  options_of_stereo.threads = flags.training.device.threads;
+  if (!flags.init_only) {  // What tests the result is not looked at.
+    options_of_stereo.held_out_every = flags.training.set.held_out_every;
+  }
+  const fs::path beside = flags.out.empty() ? flags.export_pack : flags.out;
+  opened.stereo = scenes::open_with_stereo(
+      flags.sequence, flags.boxes, options, *opened.sequence, options_of_stereo,
+      flags.stereo_work.empty() ? fs::path(beside.string() + ".stereo") : flags.stereo_work);
+  opened.sequence = std::move(opened.stereo->sequence);
+  return opened;
+}
+
+/// Quality and time, for results/. Rows are named by the bundle.
+void save_record(const Flags& flags, const Opened& opened, const core::SceneBundle& bundle,
+                 double wall_s) {
+  if (flags.record.empty()) return;
+  const std::string row = flags.out.filename().string();
+  core::MeasurementRecord record;
+  record.title = "A reconstruction";
+  const auto add = [&](const char* name, const char* unit, double value) {
+    record.values.push_back({row, name, unit, value});
+  };
+  if (opened.stereo && opened.stereo->comparison) {
+    const reconstruction::DepthComparison& depth = *opened.stereo->comparison;
+    add("depth error, median", "%", 100.0 * depth.median_share);
+    add("depth error, 90 %", "%", 100.0 * depth.high_share);
+    add("median error", "cm", 100.0 * depth.median_m);
+    add("90 % error", "cm", 100.0 * depth.high_m);
+    add("within 5 %", "%", 100.0 * depth.within_5_percent);
+    add("completeness", "%", 100.0 * depth.completeness());
+  }
+  if (opened.stereo) {
+    add("frames matched", "", static_cast<double>(opened.stereo->report.frames_matched));
+    add("time of stereo", "s", opened.stereo->report.seconds);
+  }
+  for (const auto& [name, value] : bundle.manifest.statistics) {
+    if (name == "held_out_psnr_db") add("held-out PSNR", "dB", value);
+    if (name == "held_out_ssim") add("held-out SSIM", "", value);
+    if (name == "surfels") add("surfels", "", value);
+  }
+  add("time of all", "s", wall_s);
+  support::save_record(flags.record, record);
+}
+
+void check_stereo_flags(const Flags& flags) {
+  (void)scenes::parse_depth_source(flags.depth, "--depth");
+  if (!flags.record.empty() && flags.out.empty()) {
+    throw core::InputError::expected("--record", "--out, too", "it alone");
+  }
+  if (flags.depth_range_m.empty()) return;
+  const double near_m = flags.depth_range_m[0], far_m = flags.depth_range_m[1];
+  if (near_m > 0.0 && far_m >= 1.5 * near_m) return;
+  char found[64];
+  std::snprintf(found, sizeof found, "%g %g", near_m, far_m);
+  throw core::InputError::expected(
+      "--depth-range", "NEAR > 0 and FAR at least 1.5 times as far, in metres", found);
+}
+
 void reconstruct(Flags flags) {
+  const auto begin = std::chrono::steady_clock::now();
   check_outputs(flags);
+  check_stereo_flags(flags);
   if (flags.check) {
     check(flags);
     return;
@@ -148,7 +241,8 @@ void reconstruct(Flags flags) {
     flags.reconstruct.start = reconstruction::read_point_cloud(flags.start);
     options.floor_points_m = thinned(flags.reconstruct.start->position_m);
   }
-  const auto sequence = scenes::open_recording(flags.sequence, flags.boxes, options);
+  const Opened opened = open_with_depth(flags, options);
+  const auto& sequence = opened.sequence;
   for (const std::string& note : sequence->notes()) std::printf("%s\n", note.c_str());
   scenes::refuse_wrong_poses(*sequence, flags.poses_stated);
 
@@ -171,6 +265,41 @@ void reconstruct(Flags flags) {
               flags.out.string().c_str(), bundle.manifest.classes.size(),
               bundle.manifest.instances.size(),
               bundle.manifest.navmesh.name.empty() ? ", for rendering and labels only" : "");
+  save_record(flags, opened, bundle,
+              std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
+}
+
+/// Depth of recordings that have none.
+void add_stereo_options(CLI::App& command, const std::shared_ptr<Flags>& flags) {
+  command
+      .add_option(
+          "--depth", flags->depth,
+          "auto | recorded | stereo | none: where depth comes from. stereo: found in the "
+          "pictures, by their poses; auto: stereo for recordings without depth")
+      ->capture_default_str();
+  command
+      .add_option(
+          "--depth-range", flags->depth_range_m,
+          "Of stereo: nearest and farthest surface along a view's axis [m]; default: by "
+          "COLMAP's sparse points, else by where the cameras were")
+      ->expected(2)
+      ->type_name("NEAR FAR");
+  command
+      .add_option(
+          "--stereo-width", flags->stereo.width_px,
+          "Of stereo: width of the pictures that are matched [px]; twice the width takes "
+          "about eight times as long")
+      ->check(CLI::Range(64, 4096))
+      ->capture_default_str();
+  command
+      .add_option("--stereo-sources", flags->stereo.sources,
+                  "Of stereo: views that each view is matched with")
+      ->check(CLI::Range(2, 16))
+      ->capture_default_str();
+  command.add_option("--stereo-work", flags->stereo_work,
+                     "Of stereo: folder of the depth images, where a stopped run goes on; "
+                     "default: OUT.stereo");
+  command.add_option("--record", flags->record, support::kRecordHelp);
 }
 
 void add_training_options(CLI::App& command, const std::shared_ptr<Flags>& flags) {
@@ -330,6 +459,7 @@ void add_reconstruct_command(CLI::App& app) {
       ->capture_default_str();
   command->add_option("--origin-yaw", origin.yaw_rad, "From east to world +x [rad]")
       ->capture_default_str();
+  add_stereo_options(*command, flags);
   add_check_options(*command, flags);
   add_training_options(*command, flags);
   command->callback([flags] { reconstruct(*flags); });

@@ -167,6 +167,9 @@ class BoxLabelledSequence final : public RgbdSequence {
   }
   const std::vector<std::string>& warnings() const override { return inner_->warnings(); }
   const std::vector<std::string>& notes() const override { return notes_; }
+  std::vector<glm::dvec3> seen_points_m(std::size_t i) const override {
+    return inner_->seen_points_m(i);
+  }
   const WorldPlacement* placement() const override { return inner_->placement(); }
 
   RgbdFrame load(std::size_t i) const override {

@@ -1,7 +1,8 @@
 /// @file
 /// A COLMAP workspace: sparse/0/, sparse/ or colmap/ with {cameras, images}.{bin, txt}, and
 /// the pictures in images/. Optional: depth/<name>.png (uint16 millimetres, in the model's
-/// scale), masks/<name>.png (0 = ignore). All images must have one camera; its distortion is
+/// scale), masks/<name>.png (0 = ignore), points3D.{bin, txt} in the model (sparse points, a
+/// help to stereo). All images must have one camera; its distortion is
 /// removed.
 
 #include "core/error.h"
@@ -39,12 +40,14 @@ std::unique_ptr<RgbdSequence> open_colmap(const fs::path& folder,
   const ColmapModel model = read_colmap_model(*place);
   SequenceParts parts;
   parts.name = sequence_name(folder);
+  parts.sparse_points_m = model.points_m;
   parts.lens = common_lens(model, *place);
   for (const ColmapImage& image : model.images) {
     FrameFiles frame;
     frame.name = fs::path(image.name).stem().string();
     frame.rgb = folder / "images" / image.name;
     frame.T_world_camera = image.T_world_camera;
+    frame.seen_points = image.seen_points;
     frame.depth_png = existing(folder / "depth" / image.name, {".png"}).value_or("");
     frame.valid = existing(folder / "masks" / image.name, {".png"}).value_or("");
     parts.frames.push_back(std::move(frame));

@@ -1,6 +1,7 @@
 #include "reconstruction/datasets/rgbd_sequence.h"
 
 #include <array>
+#include <cstdio>
 
 #include "core/error.h"
 #include "reconstruction/datasets/internal/file_sequence.h"
@@ -54,6 +55,12 @@ Value parse_word(const std::array<Word<Value>, n>& words, const std::string& wor
 }
 
 }  // namespace
+
+std::string own_depth_name(std::size_t frame) {
+  char name[32];
+  std::snprintf(name, sizeof name, "%06zu.exr", frame);
+  return name;
+}
 
 std::unique_ptr<RgbdSequence> open_sequence(const std::filesystem::path& folder,
                                             const SequenceOptions& options) {

@@ -92,7 +92,16 @@ struct SequenceOptions {
   /// Classes of the label images of a data set (label_map.h). Empty: the data set's own table,
   /// if it has one; else its label images are left alone, with a warning.
   std::filesystem::path label_map;
+  /// The recording's own depth images are left alone.
+  bool ignore_depth = false;
+  /// Depth images that take the place of the recording's: the i-th frame's is named
+  /// own_depth_name(i), channel Z [m] along +z of the straightened view, of any size. A frame
+  /// without has no depth. Empty: the recording's.
+  std::filesystem::path own_depth;
 };
+
+/// "000042.exr"
+[[nodiscard]] std::string own_depth_name(std::size_t frame);
 
 /// Read-only sequence. All functions are const and may be called by many threads at once.
 class RgbdSequence {
@@ -133,6 +142,11 @@ class RgbdSequence {
   [[nodiscard]] virtual const std::vector<std::string>& warnings() const = 0;
   /// Conventions that were applied, in words, for the log and the manifest.
   [[nodiscard]] virtual const std::vector<std::string>& notes() const = 0;
+  /// Points of the source's own sparse reconstruction that frame i saw, world frame. Empty
+  /// where the source has none (only COLMAP models do).
+  [[nodiscard]] virtual std::vector<glm::dvec3> seen_points_m(std::size_t /*i*/) const {
+    return {};
+  }
   /// How up and floor were decided; nullptr if the source does not say.
   [[nodiscard]] virtual const WorldPlacement* placement() const { return nullptr; }
 };

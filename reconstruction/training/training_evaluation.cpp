@@ -120,14 +120,16 @@ std::vector<core::MeasuredValue> HeldOutQuality::measured(const std::string& cas
 std::string HeldOutQuality::text() const {
   if (color.views() == 0) return "no held-out views";
   char line[256];
-  int used = std::snprintf(line, sizeof line,
-                           "%d held-out views: PSNR %.2f dB, SSIM %.3f, depth L1 %.1f cm "
-                           "(%.1f %% covered), normals "
-                           "%.1f deg",
-                           color.views(), color.psnr_db(), color.ssim(),
-                           100.0 * depth.mean_abs_m(), 100.0 * depth.completeness(),
-                           normal.mean_rad() * 180.0 / std::numbers::pi);
+  int used = std::snprintf(line, sizeof line, "%d held-out views: PSNR %.2f dB, SSIM %.3f",
+                           color.views(), color.psnr_db(), color.ssim());
   std::string text(line, static_cast<std::size_t>(used));
+  if (depth.pixels() > 0) {  // Recordings without depth have nothing to compare with.
+    used = std::snprintf(line, sizeof line,
+                         ", depth L1 %.1f cm (%.1f %% covered), normals %.1f deg",
+                         100.0 * depth.mean_abs_m(), 100.0 * depth.completeness(),
+                         normal.mean_rad() * 180.0 / std::numbers::pi);
+    text.append(line, static_cast<std::size_t>(used));
+  }
   if (exposed_color.views() > 0) {
     used = std::snprintf(line, sizeof line,
                          ", PSNR at the exposure of the frames before and after %.2f dB",

@@ -17,7 +17,10 @@ using internal::Lens;
 using internal::LensModel;
 using ::testing::AllOf;
 using ::testing::Contains;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::SizeIs;
 
 void expect_position(const core::CameraPose& pose, double x) {
   EXPECT_NEAR(pose.translation_m().x, x, 1e-9);
@@ -58,6 +61,32 @@ TEST(Colmap, ReadsTextModels) {
   EXPECT_FALSE(sequence->has_depth());
 }
 
+TEST(Colmap, SparsePointsBelongToTheImagesThatSawThem) {
+  const TemporaryFolder folder("colmap");
+  write_colmap(folder.path());
+  EXPECT_THAT(open_sequence(folder.path(), as_is())->seen_points_m(0), IsEmpty());
+  const fs::path model = folder.path() / "sparse/0";
+  const auto expect_points = [&] {
+    SequenceOptions options = as_is();
+    options.pose_scale = 2.0;
+    const auto sequence = open_sequence(folder.path(), options);
+    ASSERT_THAT(sequence->seen_points_m(0), SizeIs(2));
+    ASSERT_THAT(sequence->seen_points_m(1), SizeIs(1));
+    EXPECT_EQ(sequence->seen_points_m(0)[0], glm::dvec3(2.0, 4.0, 10.0));
+    EXPECT_EQ(sequence->seen_points_m(0)[1], glm::dvec3(2.0, 4.0, 12.0));
+    EXPECT_EQ(sequence->seen_points_m(1)[0], glm::dvec3(2.0, 4.0, 12.0));
+  };
+  write_text(model / "points3D.txt",
+             "# a comment\n1 1 2 5 255 0 0 0.5 9 0 9 3\n2 1 2 6 0 0 0 1.5 7 0 9 1\n"
+             "3 1 2 7 0 0 0 2.5 9 2 7 2\n");  // The last one fits badly.
+  expect_points();
+  write_text(model / "points3D.txt", "7 1 2 nan 255 0 0 0.5 1 0\n");
+  EXPECT_THAT(open_error(folder.path(), as_is()),
+              AllOf(HasSubstr("points3D.txt:1"), HasSubstr("finite")));
+  write_text(model / "points3D.txt", "7 1 2\n");
+  EXPECT_THAT(open_error(folder.path(), as_is()), HasSubstr("points3D.txt:1"));
+}
+
 TEST(Colmap, InvertsWorldToCamera) {
   const TemporaryFolder folder("colmap");
   write_colmap(folder.path());
@@ -95,6 +124,20 @@ TEST(Colmap, ReadsBinaryModels) {
   ASSERT_EQ(sequence->frame_count(), 2U);
   EXPECT_DOUBLE_EQ(sequence->intrinsics().fy_px, 21.0);
   expect_position(sequence->pose(1), 2.0);
+
+  BinaryWriter points;
+  points.add(std::uint64_t{1}).add(std::uint64_t{77});
+  for (const double value : {1.0, 2.0, 5.0}) points.add(value);
+  points.add(std::uint8_t{9}).add(std::uint8_t{9}).add(std::uint8_t{9}).add(0.5);
+  points.add(std::uint64_t{1}).add(std::uint32_t{41}).add(std::uint32_t{0});
+  points.save(model / "points3D.bin");
+  EXPECT_THAT(open_sequence(folder.path(), as_is())->seen_points_m(0), IsEmpty());
+  EXPECT_THAT(open_sequence(folder.path(), as_is())->seen_points_m(1),
+              ElementsAre(glm::dvec3(1.0, 2.0, 5.0)));
+  points.save(model / "points3D.bin", 1);
+  EXPECT_THAT(open_error(folder.path(), as_is()),
+              AllOf(HasSubstr("points3D.bin"), HasSubstr("end of the file")));
+  fs::remove(model / "points3D.bin");
 
   images.save(model / "images.bin", 1);
   EXPECT_THAT(open_error(folder.path(), as_is()),

@@ -120,6 +120,39 @@ class TextLines {
   std::vector<std::string> words_;
 };
 
+constexpr double kLargestError_px = 2.0;  ///< Of a sparse point; a worse one is a mismatch.
+
+/// Files the point under the images that saw it.
+void add_point(const glm::dvec3& p_m, double error_px,
+               const std::vector<std::uint32_t>& image_ids, const std::string& place,
+               ColmapModel& result) {
+  if (!std::isfinite(p_m.x) || !std::isfinite(p_m.y) || !std::isfinite(p_m.z)) {
+    throw InputError::expected(place, "a finite place of the point", "another");
+  }
+  if (!(error_px <= kLargestError_px)) return;
+  const auto index = static_cast<std::uint32_t>(result.points_m.size());
+  result.points_m.push_back(p_m);
+  for (const std::uint32_t id : image_ids) {
+    const auto image = result.image_of_id.find(id);
+    if (image == result.image_of_id.end()) continue;
+    std::vector<std::uint32_t>& seen = result.images[image->second].seen_points;
+    if (seen.empty() || seen.back() != index) seen.push_back(index);
+  }
+}
+
+void read_text_points(const fs::path& file, ColmapModel& result) {
+  TextLines lines(file);
+  while (lines.next(true)) {
+    lines.expect_words(8, "id, x, y, z, red, green, blue and error");
+    std::vector<std::uint32_t> image_ids;
+    for (std::size_t i = 8; i + 1 < lines.words().size(); i += 2) {
+      image_ids.push_back(static_cast<std::uint32_t>(lines.number(i)));
+    }
+    add_point({lines.number(1), lines.number(2), lines.number(3)}, lines.number(7), image_ids,
+              lines.place(), result);
+  }
+}
+
 void read_text_cameras(const fs::path& file, ColmapModel& result) {
   TextLines lines(file);
   while (lines.next(true)) {
@@ -151,6 +184,7 @@ void read_text_images(const fs::path& file, ColmapModel& result) {
     ColmapImage image;
     image.place = lines.place();
     image.camera_id = static_cast<std::uint32_t>(lines.number(8));
+    result.image_of_id[static_cast<std::uint32_t>(lines.number(0))] = result.images.size();
     image.T_world_camera = pose_of(pose, image.place);
     image.name = lines.words()[9];
     for (std::size_t i = 10; i < lines.words().size(); ++i) {
@@ -229,7 +263,7 @@ void read_binary_images(const fs::path& file, ColmapModel& result) {
   for (std::uint64_t i = 0; i < count; ++i) {
     ColmapImage image;
     image.place = bytes.place() + ": image " + std::to_string(i);
-    (void)bytes.read<std::uint32_t>();  // Its id.
+    result.image_of_id[bytes.read<std::uint32_t>()] = result.images.size();
     std::array<double, 7> pose{};
     for (double& value : pose) value = bytes.read<double>();
     image.T_world_camera = pose_of(pose, image.place);
@@ -237,6 +271,26 @@ void read_binary_images(const fs::path& file, ColmapModel& result) {
     image.name = bytes.text();
     bytes.skip(bytes.read<std::uint64_t>(), 24);  // 2-D points: x, y, 3-D point.
     result.images.push_back(std::move(image));
+  }
+}
+
+void read_binary_points(const fs::path& file, ColmapModel& result) {
+  Bytes bytes(file);
+  const auto count = bytes.read<std::uint64_t>();
+  for (std::uint64_t i = 0; i < count; ++i) {
+    (void)bytes.read<std::uint64_t>();  // Its id.
+    glm::dvec3 p_m;
+    for (int axis = 0; axis < 3; ++axis) p_m[axis] = bytes.read<double>();
+    bytes.skip(3, 1);  // Its colour.
+    const auto error_px = bytes.read<double>();
+    const auto length = bytes.read<std::uint64_t>();
+    std::vector<std::uint32_t> image_ids;
+    for (std::uint64_t k = 0; k < length; ++k) {
+      image_ids.push_back(bytes.read<std::uint32_t>());
+      (void)bytes.read<std::uint32_t>();  // Which of the image's 2-D points.
+    }
+    add_point(p_m, error_px, image_ids, bytes.place() + ": point " + std::to_string(i),
+              result);
   }
 }
 
@@ -256,9 +310,13 @@ ColmapModel read_colmap_model(const fs::path& folder) {
   if (has_both(folder, ".bin")) {
     read_binary_cameras(folder / "cameras.bin", model);
     read_binary_images(folder / "images.bin", model);
+    if (fs::exists(folder / "points3D.bin")) {
+      read_binary_points(folder / "points3D.bin", model);
+    }
   } else if (has_both(folder, ".txt")) {
     read_text_cameras(folder / "cameras.txt", model);
     read_text_images(folder / "images.txt", model);
+    if (fs::exists(folder / "points3D.txt")) read_text_points(folder / "points3D.txt", model);
   } else {
     throw InputError::expected(folder.string(), "cameras and images, .bin or .txt", "none");
   }
@@ -268,6 +326,7 @@ ColmapModel read_colmap_model(const fs::path& folder) {
                                  "camera " + std::to_string(image.camera_id));
     }
   }
+  model.image_of_id.clear();  // Sorting moves them.
   std::sort(model.images.begin(), model.images.end(),
             [](const ColmapImage& a, const ColmapImage& b) { return a.name < b.name; });
   return model;

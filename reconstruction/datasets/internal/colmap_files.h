@@ -20,12 +20,16 @@ struct ColmapImage {
   std::string name;  ///< Path below the folder of images.
   std::uint32_t camera_id = 0;
   core::CameraPose T_world_camera;
-  std::string place;  ///< For messages: "images.txt:12".
+  std::string place;                       ///< For messages: "images.txt:12".
+  std::vector<std::uint32_t> seen_points;  ///< Indices of ColmapModel::points_m, ascending.
 };
 
 struct ColmapModel {
   std::map<std::uint32_t, Lens> cameras;
   std::vector<ColmapImage> images;  ///< Ascending by name.
+  /// points3D of two pixels of reprojection error at most; empty if there is no such file.
+  std::vector<glm::dvec3> points_m;
+  std::map<std::uint32_t, std::size_t> image_of_id;  ///< Only while files are read.
 };
 
 /// True if cameras and images lie in `folder`, both .bin or both .txt.
@@ -34,7 +38,7 @@ struct ColmapModel {
 /// Prefers .bin. Camera models: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV,
 /// OPENCV_FISHEYE.
 /// @throws InputError naming file and line (or entry): a file ends early, another camera
-/// model, an image of an unknown camera, a quaternion that is none.
+/// model, an image of an unknown camera, a quaternion that is none, a point without a place.
 [[nodiscard]] ColmapModel read_colmap_model(const std::filesystem::path& folder);
 
 /// The camera of all `images`.

@@ -116,6 +116,7 @@ void apply_corrections(SequenceParts& parts, const WorldConvention& convention) 
       T = {T.rotation(), convention.pose_scale * T.translation_m()};
     }
   }
+  for (glm::dvec3& p_m : parts.sparse_points_m) p_m *= convention.pose_scale;
   const auto tell = [&](const std::string& what, double factor) {
     if (factor == 1.0) return;
     std::ostringstream note;
@@ -125,6 +126,19 @@ void apply_corrections(SequenceParts& parts, const WorldConvention& convention) 
   tell("depth", convention.depth_scale);
   tell("positions of the poses", convention.pose_scale);
   if (convention.invert_poses) parts.notes.emplace_back("poses inverted");
+}
+
+/// After all frames that are to be left out are: the images are named by the others' indices.
+void replace_depth(SequenceParts& parts, const WorldConvention& convention) {
+  if (!convention.ignore_depth && convention.own_depth.empty()) return;
+  parts.own_depth = !convention.own_depth.empty();
+  if (parts.own_depth) parts.depth_scale = 1.0;
+  for (std::size_t i = 0; i < parts.frames.size(); ++i) {
+    FrameFiles& frame = parts.frames[i];
+    frame.depth_png.clear(), frame.depth_exr.clear();
+    const std::filesystem::path file = convention.own_depth / own_depth_name(i);
+    if (parts.own_depth && std::filesystem::exists(file)) frame.depth_exr = file;
+  }
 }
 
 /// Ids that the label table lists, as a lookup table.
@@ -143,7 +157,8 @@ class FileSequence final : public RgbdSequence {
         has_depth_(std::all_of(parts_.frames.begin(), parts_.frames.end(),
                                [](const FrameFiles& frame) {
                                  return !frame.depth_png.empty() || !frame.depth_exr.empty();
-                               })),
+                               }) ||
+                   parts_.own_depth),
         known_classes_(known_ids(parts_.classes)) {
     if (parts_.lens) {
       undistortion_.emplace(*parts_.lens, parts_.intrinsics, parts_.intrinsics.width_px,
@@ -171,6 +186,15 @@ class FileSequence final : public RgbdSequence {
   const std::vector<std::string>& warnings() const override { return parts_.warnings; }
   const std::vector<std::string>& notes() const override { return parts_.notes; }
   const WorldPlacement* placement() const override { return &parts_.placement; }
+  std::vector<glm::dvec3> seen_points_m(std::size_t i) const override {
+    std::vector<glm::dvec3> points_m;
+    for (const std::uint32_t point : at(i).seen_points) {
+      points_m.push_back((parts_.T_world_source *
+                          core::Point<core::frame::World>{parts_.sparse_points_m[point]})
+                             .xyz_m);
+    }
+    return points_m;
+  }
 
   RgbdFrame load(std::size_t i) const override {
     const FrameFiles& files = at(i);
@@ -291,7 +315,7 @@ class FileSequence final : public RgbdSequence {
 
 core::Image<float> read_depth(const FrameFiles& frame, const SequenceParts& parts) {
   core::Image<float> depth_m = read_stored_depth(frame, parts.depth_unit_m, parts.depth_scale);
-  if (depth_m.empty()) return depth_m;
+  if (depth_m.empty() || parts.own_depth) return depth_m;
   if (parts.lens) {
     return Undistortion(*parts.lens, parts.intrinsics, depth_m.width_px(), depth_m.height_px())
         .nearest(depth_m);
@@ -372,6 +396,8 @@ WorldConvention convention_of(const SequenceOptions& options, UpAxis habit) {
   convention.depth_scale = options.depth_scale;
   convention.pose_scale = options.pose_scale;
   convention.invert_poses = options.invert_poses;
+  convention.ignore_depth = options.ignore_depth;
+  convention.own_depth = options.own_depth;
   convention.floor_height_m = options.floor_height_m;
   convention.floor_points_m = options.floor_points_m;
   return convention;
@@ -420,6 +446,7 @@ std::unique_ptr<RgbdSequence> finish_sequence(SequenceParts parts,
             (parts.warnings.empty() ? "" : ": " + parts.warnings.front()));
   }
   check_pose_jumps(parts, on_bad_frame);
+  replace_depth(parts, convention);
   if (parts.label_map) parts.classes = parts.label_map->classes;
   place_world(parts, convention);
   return std::make_unique<FileSequence>(std::move(parts));

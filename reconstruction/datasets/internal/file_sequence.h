@@ -25,6 +25,7 @@ struct FrameFiles {
   std::filesystem::path valid;      ///< 8 bit, 0 = ignore the pixel.
   core::CameraPose T_world_camera;  ///< In the source's world until finish_sequence.
   std::optional<double> time_s;
+  std::vector<std::uint32_t> seen_points;  ///< Indices of SequenceParts::sparse_points_m.
 };
 
 struct SequenceParts {
@@ -37,6 +38,10 @@ struct SequenceParts {
   std::optional<core::CameraIntrinsics> depth_camera;
   double depth_unit_m = 1e-3;  ///< Metres per count of a depth PNG.
   double depth_scale = 1.0;    ///< Of all depth; finish_sequence fills it in.
+  /// Depth images are SequenceOptions::own_depth: metres, of the straight view.
+  bool own_depth = false;
+  /// Of the source's own reconstruction, in the source's world until finish_sequence.
+  std::vector<glm::dvec3> sparse_points_m;
   std::vector<FrameFiles> frames;
   bool has_masks = false;
   /// Classes of the label images; empty: labels.yaml's, whose ids are taken as they are. With
@@ -54,6 +59,8 @@ struct SequenceParts {
 /// How to bring the source's world to ours.
 struct WorldConvention {
   double depth_scale = 1.0, pose_scale = 1.0;  ///< As SequenceOptions has them.
+  bool ignore_depth = false;
+  std::filesystem::path own_depth;
   bool invert_poses = false;
   UpAxis up = UpAxis::kZ;             ///< kY or kZ.
   bool up_given = false;              ///< By hand: evidence is not asked.
