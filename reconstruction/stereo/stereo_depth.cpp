@@ -303,6 +303,7 @@ void Matcher::match() {
       return;
     }
     std::vector<const core::Image<std::uint16_t>*> pictures;
+    pictures.reserve(sources.size());
     for (const std::uint32_t source : sources) pictures.push_back(&views_[source].grey);
     const core::Image<std::uint16_t>& own = views_[k].grey;
     internal::CostVolume volume = internal::sweep(own, pictures, warps, planes);

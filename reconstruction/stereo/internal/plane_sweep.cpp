@@ -108,7 +108,7 @@ SEGSIM_STEREO_INLINE void warp(const core::Image<float>& source, const ViewWarp&
       const float v = (start.y + along * by_x.y) * scale - 0.5F;
       const float cu = std::min(std::max(u, 0.0F), largest_x);
       const float cv = std::min(std::max(v, 0.0F), largest_y);
-      valid[x] = (hz > 1e-6F) & (cu == u) & (cv == v) ? 1.0F : 0.0F;
+      valid[x] = ((hz > 1e-6F) & (cu == u) & (cv == v)) ? 1.0F : 0.0F;
       const int iu = static_cast<int>(cu), iv = static_cast<int>(cv);
       pixel[x] = iv * width + iu;
       right[x] = cu - static_cast<float>(iu);
@@ -166,6 +166,8 @@ class PlaneCosts {
   [[nodiscard]] std::uint8_t mean(int x) const {
     float sum = 0.0F;
     for (const std::vector<float>& row : rows_) sum += row[x];
+    // Rounds in the vector loop, which a call of lround() would break.
+    // NOLINTNEXTLINE(bugprone-incorrect-roundings)
     return static_cast<std::uint8_t>(kWorstCost * sum / static_cast<float>(wanted_) + 0.5F);
   }
 
@@ -304,7 +306,7 @@ void seed_costs(std::span<const glm::vec3> points_m, const core::CameraIntrinsic
     const float plane = (1.0F / p_m.z - planes.first_inverse_m) / planes.step_inverse_m;
     if (!(plane >= 0.0F && plane <= static_cast<float>(planes.count - 1))) continue;
     if (!(std::abs(px.x) < 1e6 && std::abs(px.y) < 1e6)) continue;
-    const int nearest = static_cast<int>(plane + 0.5F);
+    const int nearest = static_cast<int>(std::lround(plane));
     const int x = static_cast<int>(std::floor(px.x)), y = static_cast<int>(std::floor(px.y));
     for (int v = std::max(0, y - 1); v <= std::min(volume.height_px - 1, y + 1); ++v) {
       for (int u = std::max(0, x - 1); u <= std::min(volume.width_px - 1, x + 1); ++u) {

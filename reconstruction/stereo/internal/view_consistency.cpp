@@ -27,7 +27,8 @@ float inverse_at(const core::Image<float>& inverse_m, float px, float py, float 
                  float near) {
   const float u = px - 0.5F, v = py - 0.5F;
   if (!(u > -0.5F && v > -0.5F)) return std::nanf("");
-  const int nearest_x = static_cast<int>(u + 0.5F), nearest_y = static_cast<int>(v + 0.5F);
+  // u = px - 0.5: the pixel that px lies in.
+  const int nearest_x = static_cast<int>(px), nearest_y = static_cast<int>(py);
   if (!inverse_m.contains(nearest_x, nearest_y)) return std::nanf("");
   const float nearest = inverse_m(nearest_x, nearest_y);
   if (!(u >= 0.0F && v >= 0.0F)) return nearest;

@@ -70,9 +70,10 @@ ViewWarp warp_between(const core::CameraPose& T_world_from, const core::CameraPo
   // Columns of K and of its inverse; pixel (x, y) here is the image position, centre at + 0.5.
   const glm::dmat3 K(camera.fx_px, 0.0, 0.0, 0.0, camera.fy_px, 0.0, camera.cx_px,
                      camera.cy_px, 1.0);
-  const glm::dmat3 K_inverse(1.0 / camera.fx_px, 0.0, 0.0, 0.0, 1.0 / camera.fy_px, 0.0,
-                             -camera.cx_px / camera.fx_px, -camera.cy_px / camera.fy_px, 1.0);
-  return {glm::mat3(K * glm::mat3_cast(T_to_from.rotation()) * K_inverse),
+  const glm::dmat3 inverse_intrinsics(1.0 / camera.fx_px, 0.0, 0.0, 0.0, 1.0 / camera.fy_px,
+                                      0.0, -camera.cx_px / camera.fx_px,
+                                      -camera.cy_px / camera.fy_px, 1.0);
+  return {glm::mat3(K * glm::mat3_cast(T_to_from.rotation()) * inverse_intrinsics),
           glm::vec3(K * T_to_from.translation_m())};
 }
 
