@@ -1,6 +1,5 @@
 // Text, JSON and CSV forms of benchmark results.
 #include "experiments/benchmarks/render_report.h"
-#include "core/formatted.h"
 
 #include <algorithm>
 #include <cmath>
@@ -9,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/check.h"
+#include "core/formatted.h"
 #include "core/process/measurement_record.h"
 #include "core/version.h"
 #include "experiments/records/store.h"

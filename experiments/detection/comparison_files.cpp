@@ -1,5 +1,4 @@
 #include "experiments/detection/comparison_files.h"
-#include "core/formatted.h"
 
 #include <algorithm>
 #include <cstdio>
@@ -8,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/file_io.h"
+#include "core/formatted.h"
 #include "experiments/support/text_grid.h"
 #include "perception/data/image_file.h"
 

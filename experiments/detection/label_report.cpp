@@ -1,5 +1,4 @@
 #include "experiments/detection/label_report.h"
-#include "core/formatted.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,6 +7,7 @@
 #include <ostream>
 
 #include "core/file_io.h"
+#include "core/formatted.h"
 #include "experiments/drawing/box_picture.h"
 #include "experiments/support/text_grid.h"
 #include "perception/data/image_file.h"

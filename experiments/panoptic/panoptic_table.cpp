@@ -1,5 +1,4 @@
 #include "experiments/panoptic/panoptic_table.h"
-#include "core/formatted.h"
 
 #include <algorithm>
 #include <cmath>
@@ -10,6 +9,7 @@
 
 #include "core/config.h"
 #include "core/error.h"
+#include "core/formatted.h"
 #include "experiments/support/grid_document.h"
 #include "experiments/support/text_grid.h"
 #include "reconstruction/labels/panoptic_head.h"

@@ -1,8 +1,8 @@
 #include "experiments/results/insight_grids.h"
-#include "core/formatted.h"
 
 #include <algorithm>
 
+#include "core/formatted.h"
 #include "experiments/support/text_grid.h"
 
 namespace segsim::experiments::results::internal {

@@ -1,5 +1,4 @@
 #include "experiments/results/navigation_table.h"
-#include "core/formatted.h"
 
 #include <algorithm>
 #include <array>
@@ -7,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/check.h"
+#include "core/formatted.h"
 #include "experiments/results/leakage.h"
 #include "experiments/results/table_grids.h"
 #include "experiments/support/text_grid.h"

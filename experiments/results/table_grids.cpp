@@ -1,7 +1,7 @@
 // What a ResultTable says, as cells.
 #include "experiments/results/table_grids.h"
-#include "core/formatted.h"
 
+#include "core/formatted.h"
 #include "experiments/results/insight_grids.h"
 #include "experiments/results/training_grids.h"
 #include "experiments/support/text_grid.h"

@@ -1,9 +1,9 @@
 #include "experiments/results/training_grids.h"
-#include "core/formatted.h"
 
 #include <cmath>
 #include <set>
 
+#include "core/formatted.h"
 #include "experiments/results/table_grids.h"
 #include "experiments/results/table_notes.h"
 #include "experiments/support/text_grid.h"

@@ -1,5 +1,4 @@
 #include "experiments/scenes/robot_pictures.h"
-#include "core/formatted.h"
 
 #include <algorithm>
 #include <cmath>
@@ -12,6 +11,7 @@
 #include <glm/geometric.hpp>
 #include <glm/vec2.hpp>
 
+#include "core/formatted.h"
 #include "core/random.h"
 #include "experiments/drawing/frame_picture.h"
 #include "experiments/drawing/map_canvas.h"

@@ -2,12 +2,16 @@
 
 #include <cstdio>
 
-#include "core/error.h"
+#include "core/name_table.h"
 #include "core/progress.h"
 #include "experiments/scenes/scene_source.h"
 
 namespace segsim::experiments::scenes {
 namespace {
+
+constexpr core::NameTable<DepthSource, DepthSource::kNone> kDepthSources("a source of depth",
+                                                                         {"auto", "recorded",
+                                                                          "stereo", "none"});
 
 void print(const reconstruction::StereoReport& report, const std::filesystem::path& work,
            const std::optional<reconstruction::DepthComparison>& comparison) {
@@ -34,12 +38,7 @@ void print(const reconstruction::StereoReport& report, const std::filesystem::pa
 }  // namespace
 
 DepthSource parse_depth_source(const std::string& word, const std::string& place) {
-  if (word == "auto") return DepthSource::kAuto;
-  if (word == "recorded") return DepthSource::kRecorded;
-  if (word == "stereo") return DepthSource::kStereo;
-  if (word == "none") return DepthSource::kNone;
-  throw core::InputError::expected(place, "auto | recorded | stereo | none",
-                                   "\"" + word + "\"");
+  return kDepthSources.read(word, place);
 }
 
 StereoRecording open_with_stereo(const std::filesystem::path& folder,

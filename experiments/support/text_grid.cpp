@@ -1,8 +1,9 @@
 #include "experiments/support/text_grid.h"
-#include "core/formatted.h"
 
 #include <algorithm>
 #include <cstdio>
+
+#include "core/formatted.h"
 
 namespace segsim::experiments::support {
 

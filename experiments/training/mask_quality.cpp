@@ -1,11 +1,11 @@
 #include "experiments/training/mask_quality.h"
-#include "core/formatted.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 
 #include "core/error.h"
+#include "core/formatted.h"
 #include "core/progress.h"
 #include "experiments/support/text_grid.h"
 #include "reconstruction/datasets/mask_files.h"

@@ -56,6 +56,16 @@ DepthRange range_of(const std::vector<float>& depths_m, const DepthRange& whole)
   return range;
 }
 
+/// Diagonal of the box, along the axes, that holds all cameras.
+double extent_m(const std::vector<core::CameraPose>& poses) {
+  glm::dvec3 low = poses.front().translation_m(), high = low;
+  for (const core::CameraPose& pose : poses) {
+    low = glm::min(low, pose.translation_m());
+    high = glm::max(high, pose.translation_m());
+  }
+  return glm::distance(low, high);
+}
+
 /// Runs the stages and reports them.
 class Matcher {
  public:
@@ -158,13 +168,8 @@ void Matcher::find_whole_range() {
       whole_.near_m = 0.5 * core::quantile(depths_m, 0.005, core::Between::kNearest);
       whole_.far_m = 1.5 * core::quantile(depths_m, 0.995, core::Between::kNearest);
     } else {
-      glm::dvec3 low = poses_.front().translation_m(), high = low;
-      for (const core::CameraPose& pose : poses_) {
-        low = glm::min(low, pose.translation_m());
-        high = glm::max(high, pose.translation_m());
-      }
       whole_.near_m = kNearest_m;
-      whole_.far_m = std::max(kFarthestAtLeast_m, glm::distance(low, high) + kBeyondCameras_m);
+      whole_.far_m = std::max(kFarthestAtLeast_m, extent_m(poses_) + kBeyondCameras_m);
     }
   }
   whole_.middle_m = std::sqrt(whole_.near_m * whole_.far_m);
@@ -248,10 +253,6 @@ void Matcher::choose_sources() {
   std::vector<double> middles_m;
   for (const DepthRange& range : ranges_) middles_m.push_back(range.middle_m);
   const double middle_m = core::quantile(middles_m, 0.5, core::Between::kNearest);
-  glm::dvec3 low = poses_.front().translation_m(), high = low;
-  for (const core::CameraPose& pose : poses_) {
-    low = glm::min(low, pose.translation_m()), high = glm::max(high, pose.translation_m());
-  }
   char wanted[160], found[200];
   std::snprintf(wanted, sizeof wanted,
                 "frames that show the same surfaces from places about %.2g m apart, to find "
@@ -260,7 +261,7 @@ void Matcher::choose_sources() {
   std::snprintf(found, sizeof found,
                 "%zu of %zu frames with two such others; all cameras lie within %.2g m (one "
                 "that only turns shows no depth)",
-                matched, views_.size(), glm::distance(low, high));
+                matched, views_.size(), extent_m(poses_));
   throw InputError::expected(sequence_.name() + ", poses", wanted, found);
 }
 
