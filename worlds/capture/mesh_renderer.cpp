@@ -164,8 +164,9 @@ class MeshRenderer final : public core::Renderer {
     std::array<glm::vec3, kPacket> sums{};
     std::array<RecentLight, kPacket> recent;
     for (int sample = 0; sample < side * side; ++sample) {
-      const double dx = (sample % side + 0.5) / side;
-      const double dy = (sample / side + 0.5) / side;
+      const int column = sample % side, row = sample / side;
+      const double dx = (column + 0.5) / side;
+      const double dy = (row + 0.5) / side;
       std::array<glm::vec3, kPacket> directions;
       for (int i = 0; i < kPacket; ++i) {
         directions[static_cast<std::size_t>(i)] = camera.direction(x + i + dx, y + dy);

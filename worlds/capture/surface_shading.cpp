@@ -110,7 +110,7 @@ core::Rgb8 srgb_from_linear(const glm::vec3& colour) {
   const auto byte = [&](float c) {
     // min(max()) in this order makes NaN black.
     const float clamped = std::min(1.0F, std::max(0.0F, c));
-    return table[static_cast<std::size_t>(clamped * 4096.0F + 0.5F)];
+    return table[static_cast<std::size_t>(std::floor(clamped * 4096.0F + 0.5F))];
   };
   return {byte(colour.x), byte(colour.y), byte(colour.z)};
 }

@@ -234,7 +234,7 @@ class WorldReader {
     static constexpr std::string_view kModel = "model://";
     static constexpr std::string_view kFile = "file://";
     if (uri.starts_with(kModel)) return models_folder_ / uri.substr(kModel.size());
-    const fs::path path = uri.starts_with(kFile) ? uri.substr(kFile.size()) : uri;
+    fs::path path = uri.starts_with(kFile) ? uri.substr(kFile.size()) : uri;
     if (path.is_absolute()) return path;
     const fs::path beside = fs::path(mesh.FilePath()).parent_path() / path;
     return fs::exists(beside) ? beside : models_folder_ / ".." / path;

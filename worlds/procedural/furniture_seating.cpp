@@ -323,8 +323,9 @@ void make_couch(Workshop& w, bool corner) {
   w.use(loose);
   const int pillows = dice.count(0, 3);
   for (int i = 0; i < pillows; ++i) {
+    const int from_end = i / 2;  // They come in pairs, one from each end.
     const float x = (i % 2 == 0 ? -1.0F : 1.0F) *
-                    (0.5F * inner - 0.22F - 0.2F * static_cast<float>(i / 2));
+                    (0.5F * inner - 0.22F - 0.2F * static_cast<float>(from_end));
     w.mesh().set_frame(turned_matrix({x, -0.02F, seat + 0.2F}, {1, 0, 0}, -0.45F));
     add_cushion(w.mesh(), {0, 0, 0.02F}, {0.4F, 0.15F, 0.38F});
     w.mesh().reset_frame();

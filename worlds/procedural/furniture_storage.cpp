@@ -197,10 +197,11 @@ void make_bookshelf(Workshop& w) {
   const glm::vec3 size(dice.between(0.75F, 1.05F), dice.between(0.28F, 0.34F),
                        dice.between(1.5F, 2.05F));
   const Surface body = dice.chance(0.6F) ? w.wood() : w.painted();
-  std::vector<Surface> covers;
-  for (int i = 0; i < 6; ++i)
-    covers.push_back(w.surfaces.plain(
-        hsv(dice.between(0.0F, 1.0F), dice.between(0.2F, 0.8F), dice.between(0.25F, 0.85F))));
+  std::array<Surface, 6> covers;
+  for (Surface& cover : covers) {
+    cover = w.surfaces.plain(
+        hsv(dice.between(0.0F, 1.0F), dice.between(0.2F, 0.8F), dice.between(0.25F, 0.85F)));
+  }
   const int shelves = dice.count(4, 5);
   w.use(body);
   for (const float side : {-1.0F, 1.0F}) {

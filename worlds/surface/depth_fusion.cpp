@@ -259,10 +259,9 @@ void DepthFusion::Volume::integrate(const PreparedView& view, VoxelBlock& block)
   const auto height = static_cast<float>(view.camera.height_px);
   const auto nearest = static_cast<float>(0.5 * options.min_depth_m);
   for (int k = 0; k < kBlockVoxels; ++k) {
-    const glm::vec3 place(static_cast<float>(k % kBlockSide),
-                          static_cast<float>(k / kBlockSide % kBlockSide),
-                          static_cast<float>(k / (kBlockSide * kBlockSide)));
-    const glm::vec3 p = first + step * place;
+    const glm::ivec3 place(k % kBlockSide, k / kBlockSide % kBlockSide,
+                           k / (kBlockSide * kBlockSide));
+    const glm::vec3 p = first + step * glm::vec3(place);
     if (p.z < nearest) continue;
     const float u = fx * p.x / p.z + cx, v = fy * p.y / p.z + cy;
     if (!(u >= 0.0F && v >= 0.0F && u < width && v < height)) continue;

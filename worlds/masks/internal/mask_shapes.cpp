@@ -48,7 +48,8 @@ struct Taps {
       const int begin = static_cast<int>(std::floor(i / spacing_px));
       first.push_back(begin);
       for (int k = 0; k < kTaps; ++k) {
-        const double d = (i / spacing_px - (begin + k - kTaps / 2)) * 0.5;  // In lengths.
+        const int node = begin + k - kTaps / 2;
+        const double d = (i / spacing_px - node) * 0.5;  // In lengths.
         weights.push_back(static_cast<float>(std::exp(-0.5 * d * d)));
       }
     }
