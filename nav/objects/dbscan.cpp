@@ -1,11 +1,12 @@
 #include "nav/objects/dbscan.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdint>
 #include <numeric>
+#include <span>
 #include <unordered_map>
+#include <utility>
 
 #include <glm/common.hpp>
 
@@ -14,54 +15,67 @@
 namespace segsim::nav {
 namespace {
 
-/// Points sorted into cells; neighbours lie at most two cells away.
+/// Points sorted into cells, and cells by (x, y, z); neighbours lie at most two cells away.
 class Cells {
  public:
-  Cells(const std::vector<glm::vec3>& points, double side_m) {
+  Cells(const std::vector<glm::vec3>& points, double side_m) : members_(points.size()) {
+    std::vector<std::pair<std::uint64_t, std::size_t>> keyed(points.size());
     for (std::size_t k = 0; k < points.size(); ++k) {
-      const glm::ivec3 cell(glm::floor(glm::dvec3(points[k]) / side_m));
-      const auto [entry, added] = index_.try_emplace(key(cell), members_.size());
-      if (added) {
-        members_.emplace_back();
-        at_.push_back(cell);
-      }
-      members_[entry->second].push_back(k);
+      keyed[k] = {key(glm::ivec3(glm::floor(glm::dvec3(points[k]) / side_m))), k};
     }
-    neighbours_.resize(members_.size());
-    for (std::size_t c = 0; c < members_.size(); ++c) find_neighbours(c);
+    std::sort(keyed.begin(), keyed.end());
+    for (std::size_t k = 0; k < keyed.size(); ++k) {
+      if (keys_.empty() || keys_.back() != keyed[k].first) {
+        keys_.push_back(keyed[k].first);
+        first_.push_back(k);
+      }
+      members_[k] = keyed[k].second;
+    }
+    first_.push_back(points.size());
+    find_neighbours();
   }
-  [[nodiscard]] std::size_t count() const { return members_.size(); }
-  [[nodiscard]] const std::vector<std::size_t>& members(std::size_t c) const {
-    return members_[c];
+  [[nodiscard]] std::size_t count() const { return keys_.size(); }
+  /// Indices of points, ascending.
+  [[nodiscard]] std::span<const std::size_t> members(std::size_t c) const {
+    return {members_.data() + first_[c], first_[c + 1] - first_[c]};
   }
-  /// Other cells that may hold neighbours, ascending.
+  /// Other cells that may hold neighbours.
   [[nodiscard]] const std::vector<std::size_t>& neighbours(std::size_t c) const {
     return neighbours_[c];
   }
 
  private:
+  static constexpr std::int64_t kPerX = std::int64_t{1} << 42, kPerY = std::int64_t{1} << 21;
+
+  /// Ascends with x, then y, then z.
   static std::uint64_t key(const glm::ivec3& cell) {
     const auto part = [](int v) {
       return static_cast<std::uint64_t>(v + (1 << 20)) & 0x1FFFFF;
     };
     return part(cell.x) << 42 | part(cell.y) << 21 | part(cell.z);
   }
-  void find_neighbours(std::size_t c) {
-    for (int dx = -2; dx <= 2; ++dx) {
-      for (int dy = -2; dy <= 2; ++dy) {
-        for (int dz = -2; dz <= 2; ++dz) {
-          if (dx == 0 && dy == 0 && dz == 0) continue;
-          const auto found = index_.find(key(at_[c] + glm::ivec3(dx, dy, dz)));
-          if (found != index_.end()) neighbours_[c].push_back(found->second);
+  /// For each of 25 columns around a cell, one sweep over the sorted cells finds the
+  /// neighbours of all of them.
+  void find_neighbours() {
+    neighbours_.resize(count());
+    for (std::int64_t dx = -2; dx <= 2; ++dx) {
+      for (std::int64_t dy = -2; dy <= 2; ++dy) {
+        std::size_t low = 0;
+        for (std::size_t c = 0; c < count(); ++c) {
+          const std::uint64_t column =
+              keys_[c] + static_cast<std::uint64_t>(dx * kPerX + dy * kPerY);
+          while (low < count() && keys_[low] + 2 < column) ++low;
+          for (std::size_t n = low; n < count() && keys_[n] <= column + 2; ++n) {
+            if (n != c) neighbours_[c].push_back(n);
+          }
         }
       }
     }
-    std::sort(neighbours_[c].begin(), neighbours_[c].end());
   }
 
-  std::unordered_map<std::uint64_t, std::size_t> index_;
-  std::vector<std::vector<std::size_t>> members_, neighbours_;
-  std::vector<glm::ivec3> at_;
+  std::vector<std::uint64_t> keys_;  // Of each cell.
+  std::vector<std::size_t> members_, first_;
+  std::vector<std::vector<std::size_t>> neighbours_;
 };
 
 double distance2(const glm::vec3& a, const glm::vec3& b) {
