@@ -15,10 +15,21 @@
 namespace segsim::nav {
 namespace {
 
+/// Cells next to one another in their order: those of one column.
+struct CellRange {
+  std::uint32_t begin = 0, end = 0;
+};
+
 /// Points sorted into cells, and cells by (x, y, z); neighbours lie at most two cells away.
 class Cells {
  public:
-  Cells(const std::vector<glm::vec3>& points, double side_m) : members_(points.size()) {
+  static constexpr std::size_t kColumns = 25;
+
+  Cells(const std::vector<glm::vec3>& points, double side_m)
+      : members_(points.size()),
+        x_m_(points.size()),
+        y_m_(points.size()),
+        z_m_(points.size()) {
     std::vector<std::pair<std::uint64_t, std::size_t>> keyed(points.size());
     for (std::size_t k = 0; k < points.size(); ++k) {
       keyed[k] = {key(glm::ivec3(glm::floor(glm::dvec3(points[k]) / side_m))), k};
@@ -30,6 +41,10 @@ class Cells {
         first_.push_back(k);
       }
       members_[k] = keyed[k].second;
+      const glm::dvec3 point(points[members_[k]]);
+      x_m_[k] = point.x;
+      y_m_[k] = point.y;
+      z_m_[k] = point.z;
     }
     first_.push_back(points.size());
     find_neighbours();
@@ -39,9 +54,21 @@ class Cells {
   [[nodiscard]] std::span<const std::size_t> members(std::size_t c) const {
     return {members_.data() + first_[c], first_[c + 1] - first_[c]};
   }
-  /// Other cells that may hold neighbours.
-  [[nodiscard]] const std::vector<std::size_t>& neighbours(std::size_t c) const {
-    return neighbours_[c];
+  /// Cells that may hold neighbours, the cell itself among them, column by column.
+  [[nodiscard]] std::span<const CellRange, kColumns> neighbours(std::size_t c) const {
+    return std::span<const CellRange, kColumns>(neighbours_.data() + c * kColumns, kColumns);
+  }
+  /// How many points of these cells lie within a distance of a point; the cells' points lie
+  /// next to one another, and the loop has no branch, so that it vectorises.
+  [[nodiscard]] std::size_t count_near(const CellRange& cells, const glm::vec3& point,
+                                       double distance2_m2) const {
+    const double px = point.x, py = point.y, pz = point.z;
+    std::int64_t near = 0;
+    for (std::size_t k = first_[cells.begin]; k < first_[cells.end]; ++k) {
+      const double dx = px - x_m_[k], dy = py - y_m_[k], dz = pz - z_m_[k];
+      near += dx * dx + dy * dy + dz * dz <= distance2_m2 ? 1 : 0;
+    }
+    return static_cast<std::size_t>(near);
   }
 
  private:
@@ -55,27 +82,30 @@ class Cells {
     return part(cell.x) << 42 | part(cell.y) << 21 | part(cell.z);
   }
   /// For each of 25 columns around a cell, one sweep over the sorted cells finds the
-  /// neighbours of all of them.
+  /// neighbours of all of them. The nearest columns, which hold most of them, come first.
   void find_neighbours() {
-    neighbours_.resize(count());
-    for (std::int64_t dx = -2; dx <= 2; ++dx) {
-      for (std::int64_t dy = -2; dy <= 2; ++dy) {
-        std::size_t low = 0;
+    neighbours_.resize(count() * kColumns);
+    std::size_t column = 0;
+    for (const std::int64_t dx : {0, -1, 1, -2, 2}) {
+      for (const std::int64_t dy : {0, -1, 1, -2, 2}) {
+        std::uint32_t begin = 0, end = 0;
         for (std::size_t c = 0; c < count(); ++c) {
-          const std::uint64_t column =
+          const std::uint64_t middle =
               keys_[c] + static_cast<std::uint64_t>(dx * kPerX + dy * kPerY);
-          while (low < count() && keys_[low] + 2 < column) ++low;
-          for (std::size_t n = low; n < count() && keys_[n] <= column + 2; ++n) {
-            if (n != c) neighbours_[c].push_back(n);
-          }
+          while (begin < count() && keys_[begin] + 2 < middle) ++begin;
+          end = std::max(begin, end);
+          while (end < count() && keys_[end] <= middle + 2) ++end;
+          neighbours_[c * kColumns + column] = {begin, end};
         }
+        ++column;
       }
     }
   }
 
   std::vector<std::uint64_t> keys_;  // Of each cell.
   std::vector<std::size_t> members_, first_;
-  std::vector<std::vector<std::size_t>> neighbours_;
+  std::vector<double> x_m_, y_m_, z_m_;  // Of the members.
+  std::vector<CellRange> neighbours_;
 };
 
 double distance2(const glm::vec3& a, const glm::vec3& b) {
@@ -89,14 +119,13 @@ std::vector<std::uint8_t> find_cores(const std::vector<glm::vec3>& points, const
   std::vector<std::uint8_t> core(points.size(), 0);
   const auto enough = static_cast<std::size_t>(min_points);
   for (std::size_t c = 0; c < cells.count(); ++c) {
+    // All of a cell are within eps of one another.
+    const bool full = cells.members(c).size() >= enough;
     for (const std::size_t k : cells.members(c)) {
-      std::size_t count = cells.members(c).size();
-      for (const std::size_t other : cells.neighbours(c)) {
+      std::size_t count = full ? enough : 0;
+      for (const CellRange& column : cells.neighbours(c)) {
         if (count >= enough) break;
-        for (const std::size_t n : cells.members(other)) {
-          count += distance2(points[k], points[n]) <= eps2 ? 1 : 0;
-          if (count >= enough) break;
-        }
+        count += cells.count_near(column, points[k], eps2);
       }
       core[k] = count >= enough ? 1 : 0;
     }
@@ -147,8 +176,10 @@ std::vector<int> dbscan(const std::vector<glm::vec3>& points, double eps_m, int 
     return false;
   };
   for (std::size_t a = 0; a < cells.count(); ++a) {
-    for (const std::size_t b : cells.neighbours(a)) {
-      if (b > a && groups.root(a) != groups.root(b) && touch(a, b)) groups.join(a, b);
+    for (const CellRange& column : cells.neighbours(a)) {
+      for (std::size_t b = std::max<std::size_t>(column.begin, a + 1); b < column.end; ++b) {
+        if (groups.root(a) != groups.root(b) && touch(a, b)) groups.join(a, b);
+      }
     }
   }
   std::vector<std::size_t> cell_of(points.size());
@@ -176,8 +207,9 @@ std::vector<int> dbscan(const std::vector<glm::vec3>& points, double eps_m, int 
         }
       }
     };
-    look_into(cell_of[k]);
-    for (const std::size_t c : cells.neighbours(cell_of[k])) look_into(c);
+    for (const CellRange& column : cells.neighbours(cell_of[k])) {
+      for (std::size_t c = column.begin; c < column.end; ++c) look_into(c);
+    }
     if (best != points.size()) cluster[k] = cluster[best];
   }
   return cluster;
