@@ -18,6 +18,7 @@
 #include "experiments/scenes/mesh_source.h"
 #include "experiments/scenes/robot_room.h"
 #include "experiments/scenes/scene_surfels.h"
+#include "experiments/support/record_file.h"
 #include "reconstruction/lifting/lifting.h"
 #include "renderer/files/panoptic_field_file.h"
 #include "renderer/files/ply_io.h"
@@ -136,7 +137,7 @@ void remesh(const RemeshFlags& flags) {
 }
 
 struct ErrorFlags {
-  fs::path bundle, mesh;
+  fs::path bundle, mesh, record;
   std::string robot = "jackal-gentle";
   std::uint64_t flat = 0;
   bool flat_given = false;
@@ -159,9 +160,10 @@ void mesh_error(const ErrorFlags& flags) {
     p = glm::vec3(levelling.R_world_source * glm::dvec3(p) + levelling.p_world_source_m);
   }
   const sim::TriangleMesh found = sim::read_mesh_ply(bundle.collision_mesh_file());
-  std::printf("%s", scenes::mesh_accuracy(found, truth, sim::RobotModel::by_name(flags.robot))
-                        .text()
-                        .c_str());
+  const scenes::MeshAccuracy accuracy =
+      scenes::mesh_accuracy(found, truth, sim::RobotModel::by_name(flags.robot));
+  std::printf("%s", accuracy.text().c_str());
+  support::save_record(flags.record, accuracy.record(bundle.manifest.name));
 }
 
 void add_remesh(CLI::App& scene) {
@@ -223,6 +225,7 @@ void add_mesh_error(CLI::App& scene) {
   command->add_option("--mesh", flags->mesh, "Mesh file of the true world");
   command->add_option("--robot", flags->robot, "Whose free floor is compared")
       ->capture_default_str();
+  command->add_option("--record", flags->record, support::kRecordHelp);
   command->callback([flags] { mesh_error(*flags); });
 }
 

@@ -66,6 +66,17 @@ std::string MeshAccuracy::text() const {
   return line;
 }
 
+core::MeasurementRecord MeshAccuracy::record(const std::string& case_name) const {
+  return {"Collision mesh against the true world",
+          false,
+          {{case_name, "mean error", "mm", 1e3 * mean_m},
+           {case_name, "95 % of the error", "mm", 1e3 * percentile95_m},
+           {case_name, "free floor agrees", "%", 100.0 * free_agreement()},
+           {case_name, "missed", "%", 100.0 * free_missed()},
+           {case_name, "invented", "%", 100.0 * free_invented()},
+           {case_name, "triangles", "", static_cast<double>(triangles)}}};
+}
+
 MeshAccuracy mesh_accuracy(const sim::TriangleMesh& found, const sim::TriangleMesh& truth,
                            const sim::RobotModel& robot, const MeshAccuracyOptions& options) {
   MeshAccuracy result;

@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <string>
 
+#include "core/process/measurement_record.h"
 #include "sim/ground/robot.h"
 #include "sim/ground/triangle_mesh.h"
 
@@ -31,6 +32,8 @@ struct MeshAccuracy {
   [[nodiscard]] double free_missed() const;    ///< Share of the truly free cells.
   [[nodiscard]] double free_invented() const;  ///< Share of the cells found free.
   [[nodiscard]] std::string text() const;
+  /// @param case_name  The row, for example the bundle's name.
+  [[nodiscard]] core::MeasurementRecord record(const std::string& case_name) const;
 };
 
 /// @param found, truth  In the same frame.

@@ -130,6 +130,11 @@ TEST(MeshAccuracy, AShiftIsMeasured) {
   EXPECT_LT(moved.free_agreement(), 1.0);
   EXPECT_GT(moved.free_missed(), 0.0);
   EXPECT_GT(moved.free_invented(), 0.0);
+  const core::MeasurementRecord record = moved.record("shifted");
+  ASSERT_EQ(record.values.size(), 6U);
+  EXPECT_EQ(record.values[0].case_name, "shifted");
+  EXPECT_EQ(record.values[0].unit, "mm");
+  EXPECT_DOUBLE_EQ(record.values[0].value, 1000.0 * moved.mean_m);
   EXPECT_THROW((void)scenes::mesh_accuracy(sim::TriangleMesh{}, truth, robot),
                core::InputError);
 }

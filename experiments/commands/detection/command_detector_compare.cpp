@@ -157,7 +157,7 @@ void compare(const CompareFlags& flags) {
 }
 
 struct ScoreFlags {
-  fs::path truth, results;
+  fs::path truth, results, record;
   bool reference_ignore = false;
 };
 
@@ -178,7 +178,19 @@ void score(const ScoreFlags& flags) {
                                                   {"AR_small", s.ar_small},
                                                   {"AR_medium", s.ar_medium},
                                                   {"AR_large", s.ar_large}};
-  for (const auto& [name, value] : lines) std::printf("%-10s %.9f\n", name, value);
+  core::MeasurementRecord record{"COCO's twelve numbers", false, {}};
+  for (const auto& [name, value] : lines) {
+    std::printf("%-10s %.9f\n", name, value);
+    // COCO says -1 where the truth has no object of that size.
+    if (value >= 0.0) {
+      record.values.push_back({flags.results.stem().string(), name, "%", 100.0 * value});
+    }
+  }
+  if (record.values.empty() && !flags.record.empty()) {
+    throw core::InputError::expected(flags.truth.string(), "an object to find, for --record",
+                                     "none");
+  }
+  support::save_record(flags.record, record);
 }
 
 }  // namespace
@@ -232,6 +244,7 @@ void add_detector_compare(CLI::App& detector) {
       ->required();
   score_command->add_flag("--reference-ignore", score_flags->reference_ignore,
                           "Only iscrowd is ignored, as the reference does");
+  score_command->add_option("--record", score_flags->record, support::kRecordHelp);
   score_command->callback([score_flags] { score(*score_flags); });
 }
 
