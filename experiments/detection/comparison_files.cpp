@@ -62,7 +62,7 @@ TextGrid recall_grid(const SetComparison& set) {
   constexpr std::array kShown{Score::kAp, Score::kAr1, Score::kAr10, Score::kAr100};
   for (const Score score : kShown) {
     grid.header.push_back(std::string(to_string(score)) + " before");
-    grid.header.push_back("after");
+    grid.header.emplace_back("after");
   }
   for (const ComparisonRow& row : set.rows) {
     std::vector<std::string> cells{row_name(row)};

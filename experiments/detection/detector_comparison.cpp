@@ -99,6 +99,7 @@ Scores mean_of(const std::vector<Scores>& classes) {
 std::vector<Scores> all_scores(const std::vector<JudgedScores>& judged,
                                std::span<const int> copies) {
   std::vector<Scores> classes;
+  classes.reserve(judged.size() + 1);
   for (const JudgedScores& one : judged) classes.push_back(one.scores(copies));
   classes.insert(classes.begin(), mean_of(classes));
   return classes;

@@ -120,7 +120,7 @@ void MapCanvas::draw_knowledge(const core::PolicyView& view) {
       const cv::Vec3d other = cell == 0 ? cv::Vec3d(222, 220, 217) : cv::Vec3d(70, 60, 150);
       for (int c = 0; c < 3; ++c) {
         row[x][c] =
-            static_cast<std::uint8_t>(keep * row[x][c] + (1.0 - keep) * other[c] + 0.5);
+            static_cast<std::uint8_t>(std::lround(keep * row[x][c] + (1.0 - keep) * other[c]));
       }
     }
   }

@@ -387,7 +387,8 @@ fs::path write_habitat(const fs::path& folder, const std::string& split,
         json_episode(episode, static_cast<int>(episodes.size()), scene_id, placement));
   }
   for (const auto& [category, id] : category_ids.items()) {
-    goals[scene_file + "_" + category] = json_goals(goals_of[category], bundle, placement);
+    goals[std::string(scene_file).append("_").append(category)] =
+        json_goals(goals_of[category], bundle, placement);
   }
   const Json ids{{"category_to_task_category_id", category_ids},
                  {"category_to_scene_annotation_category_id", category_ids}};
@@ -395,7 +396,7 @@ fs::path write_habitat(const fs::path& folder, const std::string& split,
   content.update(ids);
   Json top{{"episodes", Json::array()}};
   top.update(ids);
-  const fs::path file =
+  fs::path file =
       folder / "content" / (scene_file.substr(0, scene_file.find('.')) + ".json.gz");
   support::write_gzip(file, content.dump());
   support::write_gzip(folder / (split + ".json.gz"), top.dump());

@@ -59,7 +59,7 @@ __attribute__((target("avx2,fma"))) double flops_avx2(float& sink) {
   const __m256 factor = _mm256_set1_ps(0.999F), term = _mm256_set1_ps(0.001F);
   for (int step = 0; step < kBlock; ++step) {
 #pragma GCC unroll 12
-    for (int k = 0; k < kChains; ++k) sums[k] = _mm256_fmadd_ps(sums[k], factor, term);
+    for (__m256& sum : sums) sum = _mm256_fmadd_ps(sum, factor, term);
   }
   __m256 total = sums[0];
   for (int k = 1; k < kChains; ++k) total = _mm256_add_ps(total, sums[k]);
@@ -73,7 +73,7 @@ __attribute__((target("avx512f"))) double flops_avx512(float& sink) {
   const __m512 factor = _mm512_set1_ps(0.999F), term = _mm512_set1_ps(0.001F);
   for (int step = 0; step < kBlock; ++step) {
 #pragma GCC unroll 12
-    for (int k = 0; k < kChains; ++k) sums[k] = _mm512_fmadd_ps(sums[k], factor, term);
+    for (__m512& sum : sums) sum = _mm512_fmadd_ps(sum, factor, term);
   }
   __m512 total = sums[0];
   for (int k = 1; k < kChains; ++k) total = _mm512_add_ps(total, sums[k]);

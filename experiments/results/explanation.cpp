@@ -207,6 +207,7 @@ std::vector<KeyMoment> key_moments(const records::TrialRow& trial,
   if (!trial.success && trial.outcome == "timeout") add(trial.why.inevitable_tick, "too late");
   add(static_cast<int>(log.track.size()) - 1, trial.why.stopped ? "stop" : "end");
   std::vector<KeyMoment> list;
+  list.reserve(moments.size());
   for (const auto& [tick, what] : moments) list.push_back({tick, what});
   return list;
 }

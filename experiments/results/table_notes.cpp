@@ -104,7 +104,7 @@ void note_paper(ResultTable& table) {
   const bool tuned = std::any_of(table.scenes.begin(), table.scenes.end(),
                                  [](const GroupSummary& scene) { return scene.leak; });
   if (!tuned) return;
-  table.notes.push_back(
+  table.notes.emplace_back(
       "The paper reports for this adaptation, in its own scenes, SR 20 % -> 100 % "
       "(laboratory) "
       "and 25 % -> 50 % (house). It does not say how many episodes that were, so neither an "
@@ -146,7 +146,7 @@ void note_one_training(ResultTable& table) {
 
 void note_comparison(ResultTable& table) {
   if (table.before.empty() || table.after.empty()) {
-    table.notes.push_back("Rates: Wilson 95 % interval.");
+    table.notes.emplace_back("Rates: Wilson 95 % interval.");
     note_leakage(table);
     return;
   }
@@ -159,13 +159,15 @@ void note_comparison(ResultTable& table) {
   note_start_region(table);
   note_paper(table);
   if (table.scenes.size() < kScenesForClaim) {
-    table.notes.push_back("Fewer than 5 scenes: no claim beyond these scenes is supported.");
+    table.notes.emplace_back(
+        "Fewer than 5 scenes: no claim beyond these scenes is supported.");
   }
 }
 
 void note_oracle(ResultTable& table) {
   if (table.oracle.empty()) {
-    table.notes.push_back("No oracle arm: whether the episodes can be solved is not known.");
+    table.notes.emplace_back(
+        "No oracle arm: whether the episodes can be solved is not known.");
     return;
   }
   for (const GroupSummary& scene : table.scenes) {

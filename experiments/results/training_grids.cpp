@@ -89,7 +89,7 @@ std::string trainings_in_words(const ResultTable& table) {
   for (const TrainingSummary& training : table.trainings) {
     reconstructions.insert(find_arm(table.arm_rows, training.arm)->reconstruction);
   }
-  const std::string words = std::to_string(count) + " trainings";
+  std::string words = std::to_string(count) + " trainings";
   if (reconstructions.size() == 1) return words;
   return words + " in " + std::to_string(reconstructions.size()) + " reconstructions";
 }

@@ -1,6 +1,7 @@
 #include "experiments/scenes/bundle_shape.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "core/error.h"
 #include "core/progress.h"
@@ -24,8 +25,9 @@ SceneShape fuse_rendered_depth(core::Renderer& renderer,
   core::CameraIntrinsics camera = intrinsics;
   if (camera.width_px > options.max_width_px) {
     const double scale = static_cast<double>(options.max_width_px) / camera.width_px;
-    camera = camera.resized(options.max_width_px,
-                            std::max(1, static_cast<int>(camera.height_px * scale + 0.5)));
+    camera =
+        camera.resized(options.max_width_px,
+                       std::max(1, static_cast<int>(std::lround(camera.height_px * scale))));
   }
   SceneShape shape;
   worlds::DepthFusion fusion(options.fusion);

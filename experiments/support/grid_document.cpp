@@ -18,7 +18,7 @@ std::string wrap(const std::string& text, std::size_t width, const std::string& 
     const std::size_t end = std::min(text.find(' ', start), text.size());
     const std::string word = text.substr(start, end - start);
     if (!line.empty() && line.size() + 1 + word.size() > width) {
-      wrapped += line + "\n" + indent;
+      wrapped.append(line).append("\n").append(indent);
       line.clear();
     }
     line += (line.empty() ? "" : " ") + word;

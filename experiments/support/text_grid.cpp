@@ -36,12 +36,14 @@ std::string markdown_line(const std::vector<std::string>& cells) {
 
 std::string text_of(const TextGrid& grid) {
   std::vector<std::size_t> widths;
+  widths.reserve(grid.header.size());
   for (const std::string& cell : grid.header) widths.push_back(cell.size());
   for (const auto& row : grid.rows) {
     for (std::size_t i = 0; i < row.size(); ++i)
       widths[i] = std::max(widths[i], row[i].size());
   }
   std::vector<std::string> rules;
+  rules.reserve(widths.size());
   for (const std::size_t width : widths) rules.emplace_back(width, '-');
   std::string text = line_of(grid.header, widths) + line_of(rules, widths);
   for (const auto& row : grid.rows) text += line_of(row, widths);

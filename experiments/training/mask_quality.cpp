@@ -281,7 +281,7 @@ MaskQuality simulate_masks(
     progress.update(static_cast<std::int64_t>(k) + 1);
   }
   progress.finish();
-  const MaskQuality quality =
+  MaskQuality quality =
       mask_quality(table, recording.classes(), recording.intrinsics().width_px);
   reconstruction::MaskSetInfo info;
   info.source = describe(simulation) + ", of " + recording.name();

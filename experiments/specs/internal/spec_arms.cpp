@@ -24,6 +24,7 @@ FinetuneSpec read_finetune(const ConfigNode& node, const std::vector<SceneSpec>&
   FinetuneSpec finetune;
   finetune.seed = read_seed(node, finetune.seed);
   std::vector<std::string> names;
+  names.reserve(scenes.size());
   for (const SceneSpec& scene : scenes) names.push_back(scene.name);
   finetune.scenes = names;
   if (node.has("scenes")) {

@@ -85,7 +85,7 @@ std::uint64_t read_seed(const ConfigNode& node, std::uint64_t fallback) {
 
 /// A name that can be part of a file name.
 std::string read_name(const ConfigNode& node, const std::string& key) {
-  const std::string name = node.text(key);
+  std::string name = node.text(key);
   const bool plain = !name.empty() && std::all_of(name.begin(), name.end(), [](char c) {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
            c == '-' || c == '_';
