@@ -1,13 +1,13 @@
 #include "experiments/runs/run.h"
 
 #include <algorithm>
-#include <atomic>
 #include <chrono>
 #include <cstdio>
 #include <map>
 #include <mutex>
 #include <optional>
 #include <set>
+#include <span>
 #include <thread>
 
 #include "core/check.h"
@@ -18,6 +18,7 @@
 #include "core/version.h"
 #include "experiments/records/results_digest.h"
 #include "experiments/reproducibility/stage_digests.h"
+#include "experiments/runs/internal/task_queue.h"
 #include "experiments/runs/prepare.h"
 #include "experiments/runs/run_provenance.h"
 #include "experiments/support/folder_lock.h"
@@ -115,16 +116,13 @@ std::vector<trials::TrialTask> all_tasks(const specs::ExperimentSpec& spec,
   return tasks;
 }
 
-/// Those of one part: whole units, which are an episode in one repetition with all arms that
-/// run in its scene.
+/// Those of one part, in whole units.
 std::vector<trials::TrialTask> tasks_of(const Shard& shard,
                                         const std::vector<trials::TrialTask>& all) {
   std::vector<trials::TrialTask> tasks;
   std::size_t unit = 0;
   for (std::size_t k = 0; k < all.size(); ++k) {
-    const bool next = k > 0 && (all[k].episode != all[k - 1].episode ||
-                                all[k].repetition != all[k - 1].repetition);
-    unit += next ? 1 : 0;
+    if (k > 0 && !internal::same_unit(all[k - 1], all[k])) ++unit;
     if (shard.has(unit)) tasks.push_back(all[k]);
   }
   return tasks;
@@ -203,7 +201,7 @@ void run_tasks(const specs::ExperimentSpec& spec, const std::vector<trials::Tria
                const fs::path& results, records::Store& store, Tally& tally,
                RunReport& report) {
   using Clock = std::chrono::steady_clock;
-  std::atomic<std::size_t> next{0};
+  internal::TaskQueue queue(tasks, options.workers);
   std::mutex mutex;  // Guards what follows.
   std::exception_ptr failure;
   std::string first_error;
@@ -221,17 +219,18 @@ void run_tasks(const specs::ExperimentSpec& spec, const std::vector<trials::Tria
   };
   const auto work = [&] {
     trials::TrialRunner runner(spec, detectors, results);
-    while (!support::StopOnSignal::requested()) {
-      const std::size_t index = next.fetch_add(1);
-      if (index >= tasks.size()) return;
-      const records::TrialRow row = runner.run(tasks[index]);
-      const std::lock_guard<std::mutex> lock(mutex);
-      try {
-        store_row(row);
-      } catch (...) {
-        if (!failure) failure = std::current_exception();
-        support::StopOnSignal::request();
-        return;
+    for (auto unit = queue.next(); !unit.empty(); unit = queue.next()) {
+      for (const trials::TrialTask& task : unit) {
+        if (support::StopOnSignal::requested()) return;
+        const records::TrialRow row = runner.run(task);
+        const std::lock_guard<std::mutex> lock(mutex);
+        try {
+          store_row(row);
+        } catch (...) {
+          if (!failure) failure = std::current_exception();
+          support::StopOnSignal::request();
+          return;
+        }
       }
     }
   };

@@ -192,6 +192,7 @@ TrialRunner::TrialRunner(const specs::ExperimentSpec& spec, PreparedDetectors de
 
 void TrialRunner::set_renderer(const std::string& scene,
                                std::unique_ptr<core::Renderer> renderer) {
+  views_.reset();
   renderers_[scene] = std::move(renderer);
 }
 
@@ -205,6 +206,21 @@ core::Renderer& TrialRunner::renderer_for(const LoadedScene& scene) {
                                        scene.labels, reproducibility::warn_about_backend);
   }
   return *renderer;
+}
+
+core::Renderer& TrialRunner::eye_for(const TrialTask& task) {
+  core::Renderer& renderer = renderer_for(*task.scene);
+  // Measured time is to be that of drawing.
+  if (spec_.arms.size() < 2 || spec_.clock.mode == sim::ClockMode::kMeasured ||
+      spec_.clock.mode == sim::ClockMode::kRealtime) {
+    return renderer;
+  }
+  const std::string episode = task.scene->spec->name + "\n" + task.episode->id;
+  if (!views_ || views_of_ != episode) {
+    views_.emplace(renderer);
+    views_of_ = episode;
+  }
+  return *views_;
 }
 
 TrialRunner::ArmDetectorSlot& TrialRunner::detector_for(const LoadedScene& scene,
@@ -286,8 +302,9 @@ void TrialRunner::run_checked(const TrialTask& task, records::TrialRow& row) {
   if (task.replay_perception) {
     replayed.detector = std::make_unique<records::ReplayDetector>(*task.replay);
   }
-  core::Renderer& renderer =
-      task.replay_images.empty() ? renderer_for(*task.scene) : replayed_images;
+  const bool draws = task.replay_images.empty();
+  core::Renderer& renderer = draws ? renderer_for(*task.scene) : replayed_images;
+  core::Renderer& eye = draws ? eye_for(task) : replayed_images;
   ArmDetectorSlot& slot =
       task.replay_perception ? replayed : detector_for(*task.scene, *task.arm);
   const std::vector<std::string>& classes = slot.detector->class_names();
@@ -318,13 +335,12 @@ void TrialRunner::run_checked(const TrialTask& task, records::TrialRow& row) {
   records::WitnessedDetector detector(recorded, slot.truth, witness);
   const fs::path log_file = work_ / "replays" / (file_stem(task) + ".jsonl");
   std::optional<records::RecordingRenderer> kept_images;
-  if (log.images) kept_images.emplace(renderer, records::replay_images(log_file));
-  core::Renderer* const eye = kept_images ? &*kept_images : &renderer;
+  if (log.images) kept_images.emplace(eye, records::replay_images(log_file));
   sim::TrialResult result = sim::run_trial({.episode = episode,
                                             .options = options,
                                             .world = task.scene->world,
                                             .robot = task.scene->world.robot(),
-                                            .renderer = *eye,
+                                            .renderer = kept_images ? *kept_images : eye,
                                             .detector = detector,
                                             .policy = timed_policy,
                                             .truth = &detector,

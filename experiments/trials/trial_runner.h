@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "core/render.h"
@@ -20,6 +21,7 @@
 #include "experiments/specs/spec.h"
 #include "experiments/trials/live_view.h"
 #include "experiments/trials/prepared_detectors.h"
+#include "experiments/trials/shared_views.h"
 #include "experiments/trials/trial_viewer.h"
 #include "renderer/scene/panoptic_field.h"
 #include "renderer/scene/surfels.h"
@@ -107,6 +109,8 @@ class TrialRunner {
     sim::GroundTruthSink* truth = nullptr;  ///< The oracle itself.
   };
   core::Renderer& renderer_for(const LoadedScene& scene);
+  /// What the robot sees by: views that an arm before it has seen are not drawn again.
+  core::Renderer& eye_for(const TrialTask& task);
   ArmDetectorSlot& detector_for(const LoadedScene& scene, const specs::ArmSpec& arm);
   std::unique_ptr<core::Policy> policy_for(const TrialTask& task,
                                            const ArmDetectorSlot& slot) const;
@@ -122,6 +126,8 @@ class TrialRunner {
   std::filesystem::path work_;
   LiveView live_;
   std::map<std::string, std::unique_ptr<core::Renderer>> renderers_;  ///< By scene.
+  std::optional<SharedViews> views_;  ///< Of the episode that ran last.
+  std::string views_of_;              ///< Its scene and name.
   std::map<std::string, ArmDetectorSlot>
       slots_;  ///< By arm; the oracle's and prompted ones by scene and arm.
 };

@@ -26,6 +26,12 @@ fs::path with_suffix(const fs::path& file, const std::string& suffix) {
   return file.parent_path() / (file.stem().string() + suffix + file.extension().string());
 }
 
+/// Trainings that share the processors end together. Fewer than two rounds are one: of three
+/// on two processors the third would leave one of them idle.
+int trainings_at_once(int trainings, int places) {
+  return trainings < 2 * places ? trainings : places;
+}
+
 }  // namespace
 
 std::vector<Training> trainings_of(const specs::ExperimentSpec& spec) {
@@ -111,8 +117,8 @@ void fine_tune(const specs::ExperimentSpec& spec, const std::vector<FineTuning>&
     source.views_per_room = kViewsPerRoom;
     mix = detection::render_source_dataset(source, work / "source_mix");
   }
-  const int at_once =
-      std::clamp(workers / finetune.threads, 1, static_cast<int>(missing.size()));
+  const int at_once = trainings_at_once(static_cast<int>(missing.size()),
+                                        std::max(1, workers / finetune.threads));
   std::printf("fine-tuning the detector: %zu x %d steps, %d side by side\n", missing.size(),
               finetune.steps, at_once);
   core::Progress progress("fine-tuning",

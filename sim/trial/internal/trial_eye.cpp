@@ -113,7 +113,8 @@ Capture& TrialEye::take(core::TimeNs time_ns, const core::Pose2& pose,
   const core::TimeNs start_ns = wall_ns();
   render(pose, kTickChannels, capture.frame);
   capture.render_ns = wall_ns() - start_ns;
-  render_ns_ += capture.render_ns;
+  // What it took when it was drawn: a renderer may know the view from an earlier trial.
+  render_ms_ += capture.frame.stats.render_ms;
   sense(capture, velocity);
   capture.goal = look_for_goal(capture.frame, goal_class_id_);
   invalid_share_ += invalid_share(capture.frame.alpha);
@@ -230,7 +231,7 @@ void TrialEye::report(TrialResult& result) const {
     return count == 0 ? 0.0 : ms_from_ns(sum_ns) / static_cast<double>(count);
   };
   const std::uint64_t images = taken_ - skipped_;
-  result.render_ms = mean_ms(render_ns_, images);
+  result.render_ms = images == 0 ? 0.0 : render_ms_ / static_cast<double>(images);
   result.detect_ms = mean_ms(detect_ns_, static_cast<std::uint64_t>(detected_));
   result.invalid_pixel_fraction =
       images == 0 ? 0.0 : invalid_share_ / static_cast<double>(images);

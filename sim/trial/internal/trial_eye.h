@@ -105,7 +105,8 @@ class TrialEye {
   std::vector<Reading<RenderValidity>> validity_;
   std::uint64_t taken_ = 0, skipped_ = 0;
   int detected_ = 0;
-  core::TimeNs render_ns_ = 0, detect_ns_ = 0;
+  core::TimeNs detect_ns_ = 0;
+  double render_ms_ = 0.0;
   double invalid_share_ = 0.0;
 };
 
