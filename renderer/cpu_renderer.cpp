@@ -12,6 +12,7 @@
 #include "core/check.h"
 #include "renderer/raster/compat_projection.h"
 #include "renderer/raster/compat_rules.h"
+#include "renderer/raster/field_vote.h"
 #include "renderer/raster/label_resolve.h"
 #include "renderer/raster/projection.h"
 #include "renderer/raster/tile_binning.h"
@@ -58,7 +59,8 @@ class CpuRenderer final : public core::Renderer {
       : surfels_(std::move(surfels)),
         field_(std::move(field)),
         options_(options),
-        packed_(*surfels_),
+        tops_(field_ != nullptr ? internal::FieldTops(*field_) : internal::FieldTops()),
+        packed_(*surfels_, tops_.labels()),
         workers_(options.threads) {}
 
   using core::Renderer::render;
@@ -162,8 +164,9 @@ class CpuRenderer final : public core::Renderer {
   /// Live tiles, those with the most to do first. Those with little to do only collect their
   /// entries.
   void raster(Channels channels, float bound_m, bool last, core::Frame& frame) {
-    const internal::ResolveJob resolve{surfels_.get(), field_.get(), surfels_->has_labels(),
-                                       options_.top_k, options_.top_k_rule};
+    const internal::ResolveJob resolve{
+        surfels_.get(),         field_.get(),   field_ != nullptr ? &tops_ : nullptr,
+        surfels_->has_labels(), options_.top_k, options_.top_k_rule};
     const internal::RasterJob job{.projected = projected_,
                                   .bins = bins_,
                                   .frame = frame,
@@ -219,6 +222,7 @@ class CpuRenderer final : public core::Renderer {
   std::shared_ptr<const SurfelCloud> surfels_;
   std::shared_ptr<const PanopticField> field_;  ///< May be null.
   RenderOptions options_;
+  internal::FieldTops tops_;  ///< Of the field; empty without one.
   internal::PackedSurfels packed_;
   internal::Workers workers_;
   internal::ProjectedSurfels projected_;

@@ -10,13 +10,6 @@ namespace {
 
 static_assert(kClusterSurfels == internal::kClusterSize);
 
-/// Coordinate `axis` of every vector.
-std::vector<float> component(const std::vector<glm::vec3>& vectors, int axis) {
-  std::vector<float> values(vectors.size());
-  for (std::size_t i = 0; i < vectors.size(); ++i) values[i] = vectors[i][axis];
-  return values;
-}
-
 template <std::size_t kSize>
 std::vector<float> flat(const std::vector<std::array<float, kSize>>& rows) {
   std::vector<float> values;
@@ -25,10 +18,28 @@ std::vector<float> flat(const std::vector<std::array<float, kSize>>& rows) {
   return values;
 }
 
-std::vector<float> flat(const std::vector<glm::vec3>& vectors) {
+/// One channel of all surfels of a scene of degree 0.
+std::vector<float> colours_of(const internal::PackedSurfels& packed, std::size_t channel) {
+  std::vector<float> values(packed.surfel.size());
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    values[i] = packed.colour[internal::PackedSurfels::plane_index(i, 1, 0, channel)];
+  }
+  return values;
+}
+
+/// Coefficients of one surfel after the other, channels of a coefficient together.
+std::vector<float> harmonics_of(const internal::PackedSurfels& packed,
+                                std::size_t coefficients) {
   std::vector<float> values;
-  values.reserve(vectors.size() * 3);
-  for (const glm::vec3& v : vectors) values.insert(values.end(), {v.x, v.y, v.z});
+  values.reserve(packed.sh.size());
+  for (std::size_t i = 0; i < packed.surfel.size(); ++i) {
+    for (std::size_t k = 0; k < coefficients; ++k) {
+      for (std::size_t c = 0; c < 3; ++c) {
+        values.push_back(
+            packed.sh[internal::PackedSurfels::plane_index(i, coefficients, k, c)]);
+      }
+    }
+  }
   return values;
 }
 
@@ -47,16 +58,14 @@ DeviceScene::DeviceScene(const SurfelCloud& cloud, const PanopticField* field) {
   view_.vx_m = keep(packed.vx_m), view_.vy_m = keep(packed.vy_m);
   view_.vz_m = keep(packed.vz_m);
   view_.k2 = keep(packed.k2);
-  view_.nx = keep(component(packed.normal, 0));
-  view_.ny = keep(component(packed.normal, 1));
-  view_.nz = keep(component(packed.normal, 2));
+  view_.nx = keep(packed.nx), view_.ny = keep(packed.ny), view_.nz = keep(packed.nz);
   view_.sh_degree = cloud.sh_degree;
   if (cloud.sh_degree == 0) {
-    view_.red = keep(component(packed.colour, 0));
-    view_.green = keep(component(packed.colour, 1));
-    view_.blue = keep(component(packed.colour, 2));
+    view_.red = keep(colours_of(packed, 0));
+    view_.green = keep(colours_of(packed, 1));
+    view_.blue = keep(colours_of(packed, 2));
   } else {
-    view_.sh = keep(flat(packed.sh));
+    view_.sh = keep(harmonics_of(packed, cloud.sh_count()));
   }
   std::vector<float> clusters;
   for (const internal::Cluster& c : packed.clusters) {

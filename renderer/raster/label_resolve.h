@@ -17,12 +17,16 @@
 
 namespace segsim::renderer::internal {
 
+class FieldTops;
+
 /// What a renderer resolves with; the same for all tiles of a frame.
 struct ResolveJob {
   /// Rows of kFeatures; may be null if they are never wanted.
   const SurfelCloud* cloud = nullptr;
   /// Labels come from here if it is there, else from the surfels' own ids.
   const PanopticField* field = nullptr;
+  /// Of the field, where labels of slots are those of FieldTops; else null.
+  const FieldTops* tops = nullptr;
   bool labelled = false;  ///< The surfels have ids.
   int top_k = 4;          ///< 1 ... kMaxTopK, or kAllSurfels.
   TopKRule rule = TopKRule::kHeaviest;

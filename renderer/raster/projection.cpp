@@ -41,22 +41,36 @@ struct ProjectedLanes {
   alignas(64) float cx[kMaxLanes], cy[kMaxLanes];
   alignas(64) float sxx[kMaxLanes], sxy[kMaxLanes], syy[kMaxLanes];
   alignas(64) float x_lo[kMaxLanes], x_hi[kMaxLanes], y_lo[kMaxLanes], y_hi[kMaxLanes];
+  alignas(64) float r[kMaxLanes], g[kMaxLanes], b[kMaxLanes];
+  alignas(64) float nx[kMaxLanes], ny[kMaxLanes], nz[kMaxLanes];
   std::uint64_t drawn = 0, thin = 0, care = 0, clipped = 0;  ///< One bit a lane.
 };
 
+/// Coefficient k of packed surfel i; of degree 0 scenes its colour.
+glm::vec3 coefficient_of(const std::vector<float>& planes, std::size_t i, std::size_t count,
+                         std::size_t k) {
+  const auto channel = [&](std::size_t c) {
+    return planes[PackedSurfels::plane_index(i, count, k, c)];
+  };
+  return {channel(0), channel(1), channel(2)};
+}
+
 glm::vec3 colour_of(const ProjectionJob& job, std::size_t i) {
-  if (!job.packed.colour.empty()) return job.packed.colour[i];
+  const PackedSurfels& packed = job.packed;
+  if (!packed.colour.empty()) return coefficient_of(packed.colour, i, 1, 0);
   const Vec3<float>& eye = job.camera.centre_m;
-  const glm::vec3 direction = glm::normalize(glm::vec3(
-      job.packed.x_m[i] - eye.x, job.packed.y_m[i] - eye.y, job.packed.z_m[i] - eye.z));
+  const glm::vec3 direction = glm::normalize(
+      glm::vec3(packed.x_m[i] - eye.x, packed.y_m[i] - eye.y, packed.z_m[i] - eye.z));
   float basis[16];
   sh_basis(job.cloud.sh_degree, Vec3<float>{direction.x, direction.y, direction.z}, basis);
   const std::size_t n = job.cloud.sh_count();
-  const glm::vec3* sh = job.packed.sh.data() + i * n;
   glm::vec3 sum(0.5F);
-  for (std::size_t k = 0; k < n; ++k) sum += basis[k] * sh[k];
+  for (std::size_t k = 0; k < n; ++k) sum += basis[k] * coefficient_of(packed.sh, i, n, k);
   return glm::max(sum, glm::vec3(0.0F));
 }
+
+/// Harmonics of few degrees are summed up a vector of surfels at a time.
+bool shades_lanes(const ProjectionJob& job) { return job.cloud.sh_degree <= 1; }
 
 /// First and last pixel whose centre lies in the box, inside the image.
 ScreenBox<float> pixel_range(const ScreenBox<float>& box, int width_px, int height_px) {
@@ -116,7 +130,13 @@ bool emit_surfel(const ProjectionJob& job, const ProjectedLanes& lanes, std::siz
             (lanes.care >> lane & 1U) != 0   ? SurfelShape::kCare
             : (lanes.thin >> lane & 1U) != 0 ? SurfelShape::kThin
                                              : SurfelShape::kPlain};
-  out.shade[slot] = shade_of(job, i);
+  if (shades_lanes(job)) {
+    out.shade[slot] = {lanes.r[lane],       lanes.g[lane],       lanes.b[lane],
+                       lanes.nx[lane],      lanes.ny[lane],      lanes.nz[lane],
+                       job.packed.label[i], job.packed.surfel[i]};
+  } else {
+    out.shade[slot] = shade_of(job, i);
+  }
   outline = {lanes.cx[lane], lanes.cy[lane], lanes.sxx[lane], lanes.sxy[lane],
              clipped ? -1.0F : lanes.syy[lane]};
   return true;
@@ -127,7 +147,7 @@ bool emit_surfel(const ProjectionJob& job, const ProjectedLanes& lanes, std::siz
 SurfelShade shade_of(const ProjectionJob& job, std::size_t i) {
   const PackedSurfels& packed = job.packed;
   const Vec3<float>& eye = job.camera.centre_m;
-  glm::vec3 normal = packed.normal[i];
+  glm::vec3 normal(packed.nx[i], packed.ny[i], packed.nz[i]);
   const glm::vec3 ray(packed.x_m[i] - eye.x, packed.y_m[i] - eye.y, packed.z_m[i] - eye.z);
   if (glm::dot(normal, ray) > 0.0F) normal = -normal;
   const glm::vec3 colour = job.colours ? colour_of(job, i) : glm::vec3(0.0F);
@@ -164,6 +184,47 @@ HWY_INLINE std::uint64_t bits_of(hn::Mask<Floats> mask) {
   std::uint64_t bits = 0;
   std::memcpy(&bits, bytes, sizeof bits);
   return bits;
+}
+
+/// shade_of(), to the bit, of harmonics up to degree 1. @param ray  From the camera's centre.
+HWY_INLINE void shade_lanes(const ProjectionJob& job, std::size_t i, const V3& ray,
+                            ProjectedLanes& out) {
+  const Floats d;
+  const PackedSurfels& p = job.packed;
+  const auto dot3 = [](const V3& a, const V3& b) {
+    return hn::Add(hn::Add(hn::Mul(a.x, b.x), hn::Mul(a.y, b.y)), hn::Mul(a.z, b.z));
+  };
+  const V3 n = {hn::LoadU(d, &p.nx[i]), hn::LoadU(d, &p.ny[i]), hn::LoadU(d, &p.nz[i])};
+  const V sign = hn::IfThenElseZero(hn::Gt(dot3(n, ray), hn::Zero(d)), hn::Set(d, -0.0F));
+  hn::Store(hn::Xor(n.x, sign), d, out.nx);
+  hn::Store(hn::Xor(n.y, sign), d, out.ny);
+  hn::Store(hn::Xor(n.z, sign), d, out.nz);
+
+  float* const channels[] = {out.r, out.g, out.b};
+  if (!job.colours) {
+    for (float* channel : channels) hn::Store(hn::Zero(d), d, channel);
+    return;
+  }
+  if (!p.colour.empty()) {
+    for (std::size_t c = 0; c < 3; ++c) {
+      hn::Store(hn::LoadU(d, &p.colour[PackedSurfels::plane_index(i, 1, 0, c)]), d,
+                channels[c]);
+    }
+    return;
+  }
+  const V inverse = hn::Div(hn::Set(d, 1.0F), hn::Sqrt(dot3(ray, ray)));
+  const V plus = hn::Set(d, static_cast<float>(kShC1)), minus = hn::Neg(plus);
+  const V basis[] = {hn::Set(d, kShC0), hn::Mul(minus, hn::Mul(ray.y, inverse)),
+                     hn::Mul(plus, hn::Mul(ray.z, inverse)),
+                     hn::Mul(minus, hn::Mul(ray.x, inverse))};
+  for (std::size_t c = 0; c < 3; ++c) {
+    V sum = hn::Set(d, 0.5F);
+    for (std::size_t k = 0; k < 4; ++k) {
+      const float* coefficient = &p.sh[PackedSurfels::plane_index(i, 4, k, c)];
+      sum = hn::Add(sum, hn::Mul(basis[k], hn::LoadU(d, coefficient)));
+    }
+    hn::Store(hn::Max(sum, hn::Zero(d)), d, channels[c]);
+  }
 }
 
 /// surfel_geometry.h, a vector of surfels at a time, from packed index i on.
@@ -274,6 +335,7 @@ HWY_INLINE void project_lanes(const ProjectionJob& job, std::size_t i, Projected
   hn::Store(sxx, d, out.sxx), hn::Store(sxy, d, out.sxy), hn::Store(syy, d, out.syy);
   hn::Store(x_lo, d, out.x_lo), hn::Store(x_hi, d, out.x_hi);
   hn::Store(y_lo, d, out.y_lo), hn::Store(y_hi, d, out.y_hi);
+  if (shades_lanes(job)) shade_lanes(job, i, offset, out);
 }
 
 /// Enters the surfel in its tiles under the job's strategy.

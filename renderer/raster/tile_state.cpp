@@ -144,6 +144,17 @@ void select_surfels(const ResolveJob& resolve, std::span<const std::uint32_t> li
   }
 }
 
+void select_surfels(const ResolveJob& resolve, std::span<const std::uint32_t> list,
+                    std::uint32_t window, const TileState& state,
+                    std::span<const std::uint16_t> pixels, SelectedSurfels& selected) {
+  std::array<WeightedSlot, 2 * kMaxTopK> found{};
+  selected.clear();
+  for (const std::uint16_t pixel : pixels) {
+    const int count = selected_surfels(resolve, list, window, state, pixel, found);
+    selected.append_pixel({found.data(), static_cast<std::size_t>(count)});
+  }
+}
+
 void return_log(TileState& state) {
   if (state.log != nullptr) log_pool().give_back(state.log);
   state.log = nullptr;

@@ -97,6 +97,11 @@ void close_window(const RasterJob& job, std::span<const std::uint32_t> list,
 void select_surfels(const ResolveJob& resolve, std::span<const std::uint32_t> list,
                     std::uint32_t window, const TileState& state, SelectedSurfels& selected);
 
+/// The same of these pixels only, whether surface or not; not for kAllSurfels.
+void select_surfels(const ResolveJob& resolve, std::span<const std::uint32_t> list,
+                    std::uint32_t window, const TileState& state,
+                    std::span<const std::uint16_t> pixels, SelectedSurfels& selected);
+
 /// Gives back the log that clear_tile() took.
 void return_log(TileState& state);
 

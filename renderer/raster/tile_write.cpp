@@ -2,8 +2,12 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cstring>
 #include <limits>
+#include <vector>
+
+#include "renderer/raster/field_vote.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "renderer/raster/tile_write.cpp"
@@ -180,6 +184,8 @@ struct TileScratch {
   SelectedSurfels selected;
   BlockResolver resolver;
   TileLabels labels;
+  TileLabels undecided;  ///< Labels of the pixels that vote_field() leaves, packed.
+  std::vector<std::uint16_t> left;
   std::array<core::SemanticFeature, kTilePixels> semantic_feature;
   std::array<core::InstanceFeature, kTilePixels> instance_feature;
 };
@@ -213,6 +219,42 @@ void write_features(const RasterJob& job, const PixelRectangle& at, bool known,
   copy_rows(scratch.instance_feature.data(), at, job.frame.instance_feature);
 }
 
+LabelPlanes planes_of(TileLabels& labels) {
+  return {labels.semantic.data(), labels.instance.data(), labels.confidence.data(),
+          labels.instance_confidence.data()};
+}
+
+/// Labels of a field: at once where the surfels of a pixel agree, else pixel by pixel.
+std::uint64_t resolve_field(const RasterJob& job, std::span<const std::uint32_t> list,
+                            std::uint32_t window, const TileState& state, const KeyRow& keys,
+                            TileScratch& scratch) {
+  const SurfelShade* shade = job.projected.shade.data();
+  PixelSet undecided;
+  std::uint64_t rows = vote_field(keys, list.data() + window, shade, *job.resolve->tops,
+                                  planes_of(scratch.labels), undecided);
+  scratch.left.clear();
+  for (std::size_t word = 0; word < undecided.size(); ++word) {
+    for (std::uint64_t bits = undecided[word]; bits != 0; bits &= bits - 1) {
+      const std::size_t pixel = 64 * word + static_cast<std::size_t>(std::countr_zero(bits));
+      // Faint pixels have no labels.
+      if (is_surface(state.transmittance[pixel])) {
+        scratch.left.push_back(static_cast<std::uint16_t>(pixel));
+      }
+    }
+  }
+  if (scratch.left.empty()) return rows;
+  select_surfels(*job.resolve, list, window, state, scratch.left, scratch.selected);
+  const LabelPlanes packed = planes_of(scratch.undecided);
+  rows += scratch.resolver.resolve(*job.resolve, shade, scratch.selected,
+                                   {&packed, nullptr, nullptr});
+  const LabelPlanes planes = planes_of(scratch.labels);
+  for (std::size_t i = 0; i < scratch.left.size(); ++i) {
+    planes.set(scratch.left[i], {packed.semantic[i], packed.instance[i], packed.confidence[i],
+                                 packed.instance_confidence[i]});
+  }
+  return rows;
+}
+
 /// Labels and features, which come from the selected surfels.
 std::uint64_t write_selected(const RasterJob& job, const PixelRectangle& at,
                              std::span<const std::uint32_t> list, std::uint32_t window,
@@ -224,17 +266,16 @@ std::uint64_t write_selected(const RasterJob& job, const PixelRectangle& at,
   const bool features = has(job.channels, Channels::kFeatures);
   const bool features_known =
       features && resolve.cloud != nullptr && resolve.cloud->has_features();
-  const LabelPlanes planes{scratch.labels.semantic.data(), scratch.labels.instance.data(),
-                           scratch.labels.confidence.data(),
-                           scratch.labels.instance_confidence.data()};
+  const LabelPlanes planes = planes_of(scratch.labels);
   // Straight from the keys: the common case.
-  const bool plain = !features_known && resolve.field == nullptr && !state.window_closed &&
-                     resolve.top_k != kAllSurfels;
+  const bool plain = !features_known && !state.window_closed && resolve.top_k != kAllSurfels;
+  const KeyRow keys{state.keys[0].data(), kTilePixels, resolve.top_k,
+                    static_cast<int>(kTilePixels)};
   std::uint64_t rows = 0;
-  if (labels_known && plain) {
-    const KeyRow keys{state.keys[0].data(), kTilePixels, resolve.top_k,
-                      static_cast<int>(kTilePixels)};
+  if (labels_known && plain && resolve.field == nullptr) {
     rows = vote_row(keys, list.data() + window, job.projected.shade.data(), planes);
+  } else if (labels_known && plain && resolve.tops != nullptr) {
+    rows = resolve_field(job, list, window, state, keys, scratch);
   } else if (labels_known || features_known) {
     select_surfels(resolve, list, window, state, scratch.selected);
     ResolvedPixels out;

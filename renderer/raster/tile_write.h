@@ -14,7 +14,8 @@ namespace segsim::renderer::internal {
 /// job.resolve, which they need. Planes are rows of pixels; `depth` is what is wanted.
 /// @param window  List position at which the present window of keys starts.
 /// @return  RenderStats::feature_fetches of the tile: a label for every selected surfel of a
-///     pixel; rows of scores and features once for every block of neighbouring pixels.
+///     pixel, or what its rows say first; rows of features, and of scores where the surfels of
+///     a pixel disagree, once for every block of such pixels.
 std::uint64_t write_tile(const RasterJob& job, std::size_t tile,
                          std::span<const std::uint32_t> list, std::uint32_t window,
                          TileState& state);

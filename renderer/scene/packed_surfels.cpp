@@ -69,7 +69,7 @@ Cluster bounding_sphere(const SurfelCloud& cloud, const std::uint32_t* surfels,
 
 }  // namespace
 
-PackedSurfels::PackedSurfels(const SurfelCloud& cloud)
+PackedSurfels::PackedSurfels(const SurfelCloud& cloud, std::span<const std::uint32_t> labels)
     : surfel(morton_order(cloud.position_m)) {
   const std::size_t n = cloud.size();
   const std::size_t cluster_total = (n + kClusterSize - 1) / kClusterSize;
@@ -85,10 +85,10 @@ PackedSurfels::PackedSurfels(const SurfelCloud& cloud)
   }
   log2_opacity.assign(padded, -100.0F);
   k2.assign(padded, -1.0F);
-  normal.resize(padded);
-  colour.resize(cloud.sh_degree == 0 ? padded : 0);
-  const std::size_t coefficients = cloud.sh_degree == 0 ? 0 : cloud.sh_count();
-  sh.assign(padded * coefficients, glm::vec3(0.0F));
+  for (auto* array : {&nx, &ny, &nz}) array->assign(padded, 0.0F);
+  const std::size_t coefficients = cloud.sh_count();
+  const bool harmonics = cloud.sh_degree > 0;
+  (harmonics ? sh : colour).assign(3 * padded * coefficients, 0.0F);
   label.assign(padded, 0);
   surfel.resize(padded, 0);
   for (std::size_t i = 0; i < n; ++i) {
@@ -102,11 +102,20 @@ PackedSurfels::PackedSurfels(const SurfelCloud& cloud)
     vx_m[i] = v.x, vy_m[i] = v.y, vz_m[i] = v.z;
     log2_opacity[i] = std::log2(cloud.opacity[s]);
     k2[i] = extent_squared(cloud.opacity[s]);
-    normal[i] = glm::normalize(R[2]);
-    if (!colour.empty()) colour[i] = glm::max(0.5F + kShC0 * cloud.sh[s], glm::vec3(0.0F));
-    std::copy_n(cloud.sh.data() + s * coefficients, coefficients,
-                sh.data() + i * coefficients);
-    if (cloud.has_labels()) {
+    const glm::vec3 normal = glm::normalize(R[2]);
+    nx[i] = normal.x, ny[i] = normal.y, nz[i] = normal.z;
+    for (std::size_t k = 0; k < coefficients; ++k) {
+      const glm::vec3& of = cloud.sh[s * coefficients + k];
+      const glm::vec3 value = harmonics ? of : glm::max(0.5F + kShC0 * of, glm::vec3(0.0F));
+      for (int c = 0; c < 3; ++c) {
+        (harmonics ? sh
+                   : colour)[plane_index(i, coefficients, k, static_cast<std::size_t>(c))] =
+            value[c];
+      }
+    }
+    if (!labels.empty()) {
+      label[i] = labels[s];
+    } else if (cloud.has_labels()) {
       label[i] = cloud.semantic_id[s] | static_cast<std::uint32_t>(cloud.instance_id[s])
                                             << 16U;
     }

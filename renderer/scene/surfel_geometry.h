@@ -364,6 +364,9 @@ SEGSIM_HD inline bool low_pass_matters(const SurfelProjection<Real>& s, Real k2)
   return det * det < t * (trace - t) || trace < t + t;
 }
 
+/// Constant of the spherical harmonics of degree 1.
+inline constexpr double kShC1 = 0.4886025119029199;
+
 /// Real spherical harmonics up to degree 3 in the order and with the signs of the 3DGS files.
 /// @param direction  Unit, from the camera to the surfel, world frame.
 /// @param basis  Receives (degree + 1)^2 values.
@@ -372,10 +375,9 @@ SEGSIM_HD inline void sh_basis(int degree, const Vec3<Real>& direction, Real* ba
   const Real x = direction.x, y = direction.y, z = direction.z;
   basis[0] = Real(0.28209479177387814);
   if (degree < 1) return;
-  constexpr double kC1 = 0.4886025119029199;
-  basis[1] = Real(-kC1) * y;
-  basis[2] = Real(kC1) * z;
-  basis[3] = Real(-kC1) * x;
+  basis[1] = Real(-kShC1) * y;
+  basis[2] = Real(kShC1) * z;
+  basis[3] = Real(-kShC1) * x;
   if (degree < 2) return;
   constexpr double kC2 = 1.0925484305920792;
   const Real xx = x * x, yy = y * y, zz = z * z;

@@ -202,6 +202,29 @@ TEST(CpuRenderer, SphericalHarmonicsChangeWithTheView) {
                            kOddCamera);
 }
 
+TEST(CpuRenderer, HarmonicsOfFewDegreesAreThoseOfMore) {
+  // Sums up to degree 1 are made in vectors, others surfel by surfel: zeros tell them apart.
+  SurfelCloud few = testing::random_scene(4, 600, 0.5F);
+  core::RandomStream random(1, "sh");
+  SurfelCloud more = few;
+  few.sh_degree = 1;
+  more.sh_degree = 2;
+  few.sh.assign(few.size() * 4, glm::vec3(0.0F));
+  more.sh.assign(few.size() * 9, glm::vec3(0.0F));
+  for (std::size_t i = 0; i < few.size(); ++i) {
+    for (std::size_t k = 0; k < 4; ++k) {
+      const auto n = [&] { return 0.5F * static_cast<float>(random.normal()); };
+      const float r = n(), g = n(), b = n();
+      few.sh[i * 4 + k] = more.sh[i * 9 + k] = {r, g, b};
+    }
+  }
+  const CameraPose pose = core::look_at({-4.0, 0.4, 1.0}, {0.0, 0.0, 0.0});
+  const Frame a = render_with(shared(std::move(few)), pose, kOddCamera);
+  const Frame b = render_with(shared(std::move(more)), pose, kOddCamera);
+  EXPECT_EQ(a.rgb.pixels(), b.rgb.pixels());
+  EXPECT_EQ(a.normal.pixels(), b.normal.pixels());
+}
+
 TEST(CpuRenderer, OneSurfelIsTheClosedForm) {
   SurfelCloud cloud;
   Surfel s;
