@@ -1,6 +1,7 @@
 #include "experiments/drawing/map_canvas.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include <opencv2/imgproc.hpp>
@@ -105,7 +106,38 @@ void MapCanvas::disc(const glm::dvec2& p_m, double radius_px, const cv::Scalar& 
   cv::circle(image_, fixed(px(p_m)), radius, rim, thickness(0.4 * unit_), cv::LINE_AA, kShift);
 }
 
+namespace {
+
+/// What becomes of a channel's 256 values under a cell of the policy's map: unknown (0) fades
+/// to fog, obstacles (2) get a red shade, free cells stay.
+class KnowledgeShade {
+ public:
+  KnowledgeShade() {
+    for (std::size_t cell = 0; cell < kCells; ++cell) {
+      const double keep = cell == 0 ? 0.30 : (cell == 2 ? 0.55 : 1.0);
+      const cv::Vec3d other = cell == 0 ? cv::Vec3d(222, 220, 217) : cv::Vec3d(70, 60, 150);
+      for (std::size_t value = 0; value < 256; ++value) {
+        for (int c = 0; c < 3; ++c) {
+          table_[cell][value][c] = static_cast<std::uint8_t>(
+              std::lround(keep * static_cast<double>(value) + (1.0 - keep) * other[c]));
+        }
+      }
+    }
+  }
+  void apply(std::uint8_t cell, cv::Vec3b& pixel) const {
+    const auto& values = table_[std::min<std::size_t>(cell, kCells - 1)];
+    for (int c = 0; c < 3; ++c) pixel[c] = values[pixel[c]][c];
+  }
+
+ private:
+  static constexpr std::size_t kCells = 4;  ///< The last one stands for all above it.
+  std::array<std::array<cv::Vec3b, 256>, kCells> table_;
+};
+
+}  // namespace
+
 void MapCanvas::draw_knowledge(const core::PolicyView& view) {
+  static const KnowledgeShade kShade;
   if (view.cells.empty()) return;
   for (int y = 0; y < image_.rows; ++y) {
     cv::Vec3b* row = image_.ptr<cv::Vec3b>(y);
@@ -114,14 +146,7 @@ void MapCanvas::draw_knowledge(const core::PolicyView& view) {
       const double x_m = origin_m_.x + (x + 0.5) / px_per_m_;
       const glm::dvec2 at = (view_.to_odom({x_m, y_m}) - view.origin_m) / view.resolution_m;
       const int i = static_cast<int>(std::floor(at.x)), j = static_cast<int>(std::floor(at.y));
-      const std::uint8_t cell = view.cells.contains(i, j) ? view.cells(i, j) : std::uint8_t{0};
-      // Unknown fades to fog; obstacles get a red shade.
-      const double keep = cell == 0 ? 0.30 : (cell == 2 ? 0.55 : 1.0);
-      const cv::Vec3d other = cell == 0 ? cv::Vec3d(222, 220, 217) : cv::Vec3d(70, 60, 150);
-      for (int c = 0; c < 3; ++c) {
-        row[x][c] =
-            static_cast<std::uint8_t>(std::lround(keep * row[x][c] + (1.0 - keep) * other[c]));
-      }
+      kShade.apply(view.cells.contains(i, j) ? view.cells(i, j) : std::uint8_t{0}, row[x]);
     }
   }
 }

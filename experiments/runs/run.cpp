@@ -1,5 +1,7 @@
 #include "experiments/runs/run.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
@@ -195,6 +197,15 @@ void check_disk(const fs::path& results) {
   fs::remove(probe);
 }
 
+/// Memory of one worker for shared images: all workers together take a quarter of the
+/// machine's at most.
+std::size_t views_bytes(int workers) {
+  const auto all = static_cast<std::size_t>(sysconf(_SC_PHYS_PAGES)) *
+                   static_cast<std::size_t>(sysconf(_SC_PAGESIZE));
+  return std::min(trials::SharedViews::kCapacity_bytes,
+                  all / 4 / static_cast<std::size_t>(workers));
+}
+
 /// Runs the tasks on `workers` threads. Fills in trials_run and store_s.
 void run_tasks(const specs::ExperimentSpec& spec, const std::vector<trials::TrialTask>& tasks,
                const trials::PreparedDetectors& detectors, const RunOptions& options,
@@ -218,7 +229,7 @@ void run_tasks(const specs::ExperimentSpec& spec, const std::vector<trials::Tria
     progress.update(++report.trials_run, tally.text());
   };
   const auto work = [&] {
-    trials::TrialRunner runner(spec, detectors, results);
+    trials::TrialRunner runner(spec, detectors, results, views_bytes(options.workers));
     for (auto unit = queue.next(); !unit.empty(); unit = queue.next()) {
       for (const trials::TrialTask& task : unit) {
         if (support::StopOnSignal::requested()) return;

@@ -19,7 +19,8 @@ namespace segsim::experiments::trials {
 /// cost when it was done.
 class SharedViews final : public core::Renderer {
  public:
-  static constexpr std::size_t kCapacity_bytes = std::size_t{256} << 20U;
+  /// Two minutes of images at 256x192, four a second: nearly all that come again.
+  static constexpr std::size_t kCapacity_bytes = std::size_t{512} << 20U;
 
   /// @param inner  Must outlive this object, and draw the same scene all the time.
   /// @param capacity_bytes  Once images fill it, further ones are drawn and not remembered:

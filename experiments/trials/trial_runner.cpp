@@ -187,8 +187,12 @@ PreparedWeights weights_of(const specs::ArmSpec& arm, const PreparedDetectors& d
 }
 
 TrialRunner::TrialRunner(const specs::ExperimentSpec& spec, PreparedDetectors detectors,
-                         fs::path work)
-    : spec_(spec), detectors_(std::move(detectors)), work_(std::move(work)), live_(work_) {}
+                         fs::path work, std::size_t views_bytes)
+    : spec_(spec),
+      detectors_(std::move(detectors)),
+      work_(std::move(work)),
+      views_bytes_(views_bytes),
+      live_(work_) {}
 
 void TrialRunner::set_renderer(const std::string& scene,
                                std::unique_ptr<core::Renderer> renderer) {
@@ -217,7 +221,7 @@ core::Renderer& TrialRunner::eye_for(const TrialTask& task) {
   }
   const std::string episode = task.scene->spec->name + "\n" + task.episode->id;
   if (!views_ || views_of_ != episode) {
-    views_.emplace(renderer);
+    views_.emplace(renderer, views_bytes_);
     views_of_ = episode;
   }
   return *views_;

@@ -93,8 +93,10 @@ struct TrialTask {
 /// own.
 class TrialRunner {
  public:
+  /// @param views_bytes  Memory for images that several arms of an episode see.
   TrialRunner(const specs::ExperimentSpec& spec, PreparedDetectors detectors,
-              std::filesystem::path work);
+              std::filesystem::path work,
+              std::size_t views_bytes = SharedViews::kCapacity_bytes);
 
   /// Draws a scene by something else than the spec's backend.
   void set_renderer(const std::string& scene, std::unique_ptr<core::Renderer> renderer);
@@ -124,6 +126,7 @@ class TrialRunner {
   const specs::ExperimentSpec& spec_;
   PreparedDetectors detectors_;
   std::filesystem::path work_;
+  std::size_t views_bytes_;
   LiveView live_;
   std::map<std::string, std::unique_ptr<core::Renderer>> renderers_;  ///< By scene.
   std::optional<SharedViews> views_;  ///< Of the episode that ran last.
