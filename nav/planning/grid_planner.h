@@ -75,6 +75,7 @@ struct PlannerMemory {
   GridLayer<float> cost;            ///< 0: none yet. Zero everywhere between searches.
   GridLayer<std::uint32_t> parent;  ///< Holds something where a cost is known.
   std::vector<std::uint32_t> touched;
+  std::vector<std::uint64_t> open;  ///< Of the queue.
 };
 
 /// The traversable cell that is reached first from `from` through cells that are not occupied
