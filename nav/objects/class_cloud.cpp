@@ -205,8 +205,13 @@ bool ClassCloud::add(const core::Observation& observation,
 
   const glm::dvec3 eye = observation.T_odom_camera().translation_m();
   const auto T_camera_odom = observation.T_odom_camera().inverse();
+  // Roots and rotations are computed only where a rougher sum does not decide.
+  constexpr double kRounding = 1e-6;
+  const double too_close_m2 = options_.too_close_m * options_.too_close_m;
   const auto near = std::any_of(cluster.begin(), cluster.end(), [&](const glm::vec3& p) {
-    return glm::distance(glm::dvec3(p), eye) < options_.too_close_m;
+    const glm::dvec3 offset_m = glm::dvec3(p) - eye;
+    return glm::dot(offset_m, offset_m) <= too_close_m2 + kRounding &&
+           glm::distance(glm::dvec3(p), eye) < options_.too_close_m;
   });
   if (near) return false;
   glm::vec3 low = cluster.front(), high = low;
@@ -220,11 +225,16 @@ bool ClassCloud::add(const core::Observation& observation,
   const bool at_edge = cut_by_side_edge(extent, mask.width_px(), options_);
   const std::uint64_t second_class = new_id();
   const double trusted_m = options_.trusted_share * options_.max_depth_m;
+  const glm::dvec3 axis = observation.T_odom_camera().rotation() * glm::dvec3(0.0, 0.0, 1.0);
+  const auto trusted = [&](const glm::vec3& p) {
+    if (at_edge) return false;
+    const double about_m = glm::dot(axis, glm::dvec3(p) - eye);
+    if (std::abs(about_m - trusted_m) > kRounding) return about_m < trusted_m;
+    return (T_camera_odom * core::Point<core::frame::Odom>{glm::dvec3(p)}).xyz_m.z <=
+           trusted_m;
+  };
   for (const glm::vec3& p : cluster) {
-    const double forward_m =
-        (T_camera_odom * core::Point<core::frame::Odom>{glm::dvec3(p)}).xyz_m.z;
-    const bool trusted = !at_edge && forward_m <= trusted_m;
-    store({p, source, trusted ? kTrusted : second_class});
+    store({p, source, trusted(p) ? kTrusted : second_class});
   }
   if (points_.size() > options_.most_points) {  // The oldest go.
     std::size_t surplus = points_.size() - options_.most_points;
@@ -260,13 +270,33 @@ void ClassCloud::carve(const core::Observation& observation,
   const auto T_camera_odom = observation.T_odom_camera().inverse();
   const core::Image<float>& depth_m = *observation.depth_m;
   const auto reach_m = static_cast<float>(options_.carve_m);
-  const auto covered = [&](const glm::vec2& px) {
+  const auto covered = [&](const glm::vec2& px, float more_px) {
     return std::any_of(boxes.begin(), boxes.end(), [&](const core::BoxPx& box) {
-      const float dx = std::max(kCarveMargin_px, kCarveMargin * box.width_px());
-      const float dy = std::max(kCarveMargin_px, kCarveMargin * box.height_px());
+      const float dx = std::max(kCarveMargin_px, kCarveMargin * box.width_px()) + more_px;
+      const float dy = std::max(kCarveMargin_px, kCarveMargin * box.height_px()) + more_px;
       return px.x >= box.x0 - dx && px.x <= box.x1 + dx && px.y >= box.y0 - dy &&
              px.y <= box.y1 + dy;
     });
+  };
+  // Most points lie out of view or within a box, and a rougher sum sees that.
+  const glm::dmat3 R = glm::mat3_cast(T_camera_odom.rotation());
+  const glm::dvec3 eye = observation.T_odom_camera().translation_m();
+  const core::CameraIntrinsics& camera = observation.intrinsics;
+  const auto surely_right = [&](const glm::vec3& at) {
+    constexpr double kRounding_m = 1e-6;
+    constexpr float kRounding_px = 0.01F;
+    const glm::dvec3 p = R * (glm::dvec3(at) - eye);
+    if (p.z < kCarveNearest_m - kRounding_m) return true;
+    if (p.z < kCarveNearest_m + kRounding_m) return false;
+    const double per_z = 1.0 / p.z;
+    const glm::vec2 px(camera.fx_px * p.x * per_z + camera.cx_px,
+                       camera.fy_px * p.y * per_z + camera.cy_px);
+    if (!(px.x >= -kRounding_px && px.y >= -kRounding_px &&
+          px.x <= static_cast<float>(depth_m.width_px()) + kRounding_px &&
+          px.y <= static_cast<float>(depth_m.height_px()) + kRounding_px)) {
+      return true;
+    }
+    return covered(px, -kRounding_px);
   };
   const auto wrong = [&](const CloudPoint& point) {
     const glm::vec3& at = point.p_odom_m;
@@ -275,13 +305,13 @@ void ClassCloud::carve(const core::Observation& observation,
           return glm::all(glm::greaterThanEqual(at, extent.first - reach_m)) &&
                  glm::all(glm::lessThanEqual(at, extent.second + reach_m));
         });
-    if (!beside_fresh) return false;
+    if (!beside_fresh || surely_right(at)) return false;
     const glm::dvec3 p =
         (T_camera_odom * core::Point<core::frame::Odom>{glm::dvec3(at)}).xyz_m;
     if (p.z < kCarveNearest_m) return false;
     const glm::vec2 px(observation.intrinsics.project(p));
     const int x = static_cast<int>(std::floor(px.x)), y = static_cast<int>(std::floor(px.y));
-    if (!depth_m.contains(x, y) || covered(px)) return false;
+    if (!depth_m.contains(x, y) || covered(px, 0.0F)) return false;
     return std::abs(static_cast<double>(depth_m(x, y)) - p.z) < kCarveDepth_m;
   };
   erase(wrong);

@@ -108,8 +108,9 @@ class Cells {
   /// How many points of a range lie within a distance of a point. In floats, of which twice as
   /// many go into a register, and with doubles only where floats may be wrong. The loop has no
   /// branch, so that it vectorises.
-  [[nodiscard]] std::uint32_t count_near(const Range& points, std::uint32_t point,
-                                         double most2_m2) const {
+  [[nodiscard]] [[gnu::always_inline]] std::uint32_t count_near(const Range& points,
+                                                                std::uint32_t point,
+                                                                double most2_m2) const {
     constexpr float kRounding = 1e-6F;
     const float *xs = x_m_.data(), *ys = y_m_.data(), *zs = z_m_.data();
     const float px = xs[point], py = ys[point], pz = zs[point];
@@ -162,10 +163,9 @@ class Cells {
   std::vector<Range> neighbours_;
 };
 
-/// Which points are core points.
-std::vector<std::uint8_t> find_cores(std::size_t count, const Cells& cells, double eps2,
-                                     int min_points) {
-  std::vector<std::uint8_t> core(count, 0);
+/// Marks the core points.
+[[gnu::always_inline]] inline void mark_cores(const Cells& cells, double eps2, int min_points,
+                                              std::vector<std::uint8_t>& core) {
   const auto enough = static_cast<std::uint32_t>(min_points);
   for (std::size_t c = 0; c < cells.count(); ++c) {
     const Range own = cells.points_of(c);
@@ -200,6 +200,31 @@ std::vector<std::uint8_t> find_cores(std::size_t count, const Cells& cells, doub
       core[k] = near >= enough ? 1 : 0;
     }
   }
+}
+
+void mark_cores_anywhere(const Cells& cells, double eps2, int min_points,
+                         std::vector<std::uint8_t>& core) {
+  mark_cores(cells, eps2, min_points, core);
+}
+
+#ifdef __x86_64__
+[[gnu::target("avx2")]] void mark_cores_avx2(const Cells& cells, double eps2, int min_points,
+                                             std::vector<std::uint8_t>& core) {
+  mark_cores(cells, eps2, min_points, core);
+}
+#endif
+
+/// Which points are core points.
+std::vector<std::uint8_t> find_cores(std::size_t count, const Cells& cells, double eps2,
+                                     int min_points) {
+  std::vector<std::uint8_t> core(count, 0);
+#ifdef __x86_64__
+  if (__builtin_cpu_supports("avx2")) {
+    mark_cores_avx2(cells, eps2, min_points, core);
+    return core;
+  }
+#endif
+  mark_cores_anywhere(cells, eps2, min_points, core);
   return core;
 }
 
