@@ -121,21 +121,14 @@ bool SearchPolicy::replan_bold(const Now& now) {
       return true;
     }
   }
-  std::optional<Cell> best;
-  for (int j = part.low.y; j <= part.high.y; ++j) {
-    for (int i = part.low.x; i <= part.high.x; ++i) {
-      const float in_m = depth_m(i - part.low.x, j - part.low.y);
-      if (static_cast<double>(in_m) < options_.bold_depth_m || !field_.reachable({i, j})) {
-        continue;
-      }
-      const float cost_m = field_.cost_m(i, j);
-      if ((best && cost_m >= field_.cost_m(best->x, best->y)) ||
-          selector_.blacklisted(frame.center_m({i, j}))) {
-        continue;
-      }
-      best = Cell(i, j);
-    }
-  }
+  // The nearest of many places: the field is searched until it comes to one.
+  const auto wanted = [&](const Cell& cell) {
+    const Cell at = cell - part.low;
+    return known.contains(at.x, at.y) &&
+           static_cast<double>(depth_m(at.x, at.y)) >= options_.bold_depth_m &&
+           !selector_.blacklisted(frame.center_m(cell));
+  };
+  const std::optional<Cell> best = field_.nearest_of(wanted);
   if (!best || !drive_to(now, frame.center_m(*best), bold_)) return false;
   track_target(now, frame.center_m(*best), glm::dvec2(0.0));
   target_->bold = true;

@@ -91,22 +91,25 @@ ApproachRange SearchPolicy::range_of(const Now& now, const MappedObject& object)
                         verification_.looks_from_afar(object_id_));
 }
 
-/// Whether to stay with the old place: the best one changes a little with every view.
-bool SearchPolicy::still_good(const Now& now, const MappedObject& object,
-                              const ApproachRange& range, const ApproachPlace& better,
-                              ApproachRank rank) {
-  if (!target_ || !follower_.has_path() || rank < approach_rank_) return false;
-  if (glm::distance(target_->position_m, better.position_m) >= 1.0) return false;
+/// The way to the old place, if that is to be kept: the best one changes a little with every
+/// view.
+std::optional<Path> SearchPolicy::way_to_old_place(const Now& now, const MappedObject& object,
+                                                   const ApproachRange& range,
+                                                   const ApproachPlace& better,
+                                                   ApproachRank rank) {
+  if (!target_ || !follower_.has_path() || rank < approach_rank_) return std::nullopt;
+  if (glm::distance(target_->position_m, better.position_m) >= 1.0) return std::nullopt;
   const CostMap& map = rank == ApproachRank::kOpenBeyondUnknown ? bold_ : cost_;
-  if (!map.traversable(map.frame().cell_at(target_->position_m))) return false;
+  if (!map.traversable(map.frame().cell_at(target_->position_m))) return std::nullopt;
   if (rank == ApproachRank::kOpen &&
       !open_floor(map, target_->position_m, object.nearest_point_m(target_->position_m))) {
-    return false;
+    return std::nullopt;
   }
   const double to_object_m = object.planar_distance_m(target_->position_m);
-  return to_object_m >= range.min_m - options_.distances.arrival_m &&
-         to_object_m <= (rank == ApproachRank::kFar ? range.limit_m : range.max_m) &&
-         plan_path(map, now.position_m, target_->position_m, &planner_).has_value();
+  const bool near = to_object_m >= range.min_m - options_.distances.arrival_m &&
+                    to_object_m <= (rank == ApproachRank::kFar ? range.limit_m : range.max_m);
+  if (!near) return std::nullopt;
+  return plan_path(map, now.position_m, target_->position_m, &planner_);
 }
 
 bool SearchPolicy::replan_navigate(const Now& now, const MappedObject& object) {
@@ -143,9 +146,13 @@ bool SearchPolicy::replan_navigate(const Now& now, const MappedObject& object) {
     }
   }
   const CostMap& map = rank == ApproachRank::kOpenBeyondUnknown ? bold_ : cost_;
-  const glm::dvec2 to_m =
-      still_good(now, object, range, *place, rank) ? target_->position_m : place->position_m;
-  if (!drive_to(now, to_m, map)) return false;
+  const auto old_way = way_to_old_place(now, object, range, *place, rank);
+  const glm::dvec2 to_m = old_way ? target_->position_m : place->position_m;
+  if (old_way) {
+    follower_.set_path(*old_way);
+  } else if (!drive_to(now, to_m, map)) {
+    return false;
+  }
   approach_rank_ = rank;
   track_target(now, to_m, glm::dvec2(0.0));
   return true;

@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
+#include <mutex>
+#include <utility>
 
 #include "core/check.h"
 #include "nav/mapping/internal/set_bytes.h"
@@ -37,21 +40,32 @@ ObstacleHorizon::Shadow ObstacleHorizon::shadow_of(int dx, int dy) {
           static_cast<std::uint8_t>(std::clamp(away - 1.0F, 0.0F, 255.0F))};
 }
 
-void ObstacleHorizon::make_shadows(int side) {
+std::shared_ptr<const std::vector<ObstacleHorizon::Shadow>> ObstacleHorizon::shadows_of_window(
+    int side) {
   SEGSIM_CHECK(side % 2 == 1, "a window with a middle cell");
-  shadows_.clear();
-  shadows_.reserve(static_cast<std::size_t>(side) * static_cast<std::size_t>(side));
-  for (int j = 0; j < side; ++j) {
-    for (int i = 0; i < side; ++i) shadows_.push_back(shadow_of(i - side / 2, j - side / 2));
+  static std::mutex mutex;
+  static std::map<int, std::shared_ptr<const std::vector<Shadow>>> made;
+  const std::lock_guard lock(mutex);
+  auto& shadows = made[side];
+  if (shadows == nullptr) {
+    std::vector<Shadow> table;
+    table.reserve(static_cast<std::size_t>(side) * static_cast<std::size_t>(side));
+    for (int j = 0; j < side; ++j) {
+      for (int i = 0; i < side; ++i) table.push_back(shadow_of(i - side / 2, j - side / 2));
+    }
+    shadows = std::make_shared<const std::vector<Shadow>>(std::move(table));
   }
+  return shadows;
 }
 
 void ObstacleHorizon::find(const core::Image<std::uint8_t>& obstacles) {
   SEGSIM_CHECK(obstacles.width_px() == obstacles.height_px(), "a square window");
-  if (shadows_.size() != obstacles.size()) make_shadows(obstacles.width_px());
+  if (shadows_ == nullptr || shadows_->size() != obstacles.size()) {
+    shadows_ = shadows_of_window(obstacles.width_px());
+  }
   free_cells_.assign(kBins, 255);
   internal::for_each_set(obstacles.data(), obstacles.size(), 1, [&](std::size_t cell) {
-    const Shadow& shadow = shadows_[cell];
+    const Shadow& shadow = (*shadows_)[cell];
     std::size_t bin = shadow.first_bin;
     for (int k = 0; k < shadow.bins; ++k) {
       free_cells_[bin] = std::min(free_cells_[bin], shadow.from_cells);

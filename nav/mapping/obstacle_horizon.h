@@ -5,6 +5,7 @@
 /// at the first obstacle in their way, and nothing has to be looked up along the rest of them.
 
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "core/image.h"
@@ -38,9 +39,11 @@ class ObstacleHorizon {
     return static_cast<std::size_t>(diamond_angle(x, y) * kBinsPerQuarter) % kBins;
   }
   [[nodiscard]] static Shadow shadow_of(int dx, int dy);
-  void make_shadows(int side);
+  /// Made once for each size of a window: to compute them takes as long as a decision.
+  [[nodiscard]] static std::shared_ptr<const std::vector<Shadow>> shadows_of_window(int side);
 
-  std::vector<Shadow> shadows_;  ///< By cell of the window; do not depend on the obstacles.
+  /// By cell of the window; do not depend on the obstacles.
+  std::shared_ptr<const std::vector<Shadow>> shadows_;
   std::vector<std::uint8_t> free_cells_;  ///< By bin.
 };
 

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <map>
 #include <set>
+#include <utility>
 
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
@@ -24,85 +24,84 @@ constexpr double kImageWidth_px = 640.0, kImageArea_px2 = 640.0 * 480.0;
 // As in nav/objects/object_map.cpp: a box is this uncertain, or by this share of its size; a
 // point is in view if the depth there agrees.
 constexpr float kCarveMargin_px = 3.0F, kCarveMargin = 0.1F;
-constexpr float kSquare_m = 0.25F;  // The surroundings of a target are three of these wide.
 constexpr double kCarveDepth_m = 0.15, kCarveNearest_m = 0.2;
 
-using Square = std::pair<int, int>;
+/// A rectangle of pixels, its far corner excluded.
+struct Extent {
+  int x0 = 0, y0 = 0, x1 = 0, y1 = 0;
+  [[nodiscard]] int width() const { return x1 - x0; }
+  [[nodiscard]] int height() const { return y1 - y0; }
+  [[nodiscard]] bool empty() const { return x0 >= x1; }
+};
 
-Square square_of(const CloudPoint& point) {
-  return {static_cast<int>(std::floor(point.p_odom_m.x / kSquare_m)),
-          static_cast<int>(std::floor(point.p_odom_m.y / kSquare_m))};
-}
-
-/// Of each square, the points in it and in the eight around it.
-std::map<Square, int> counted_around(const std::map<Square, int>& counts) {
-  std::map<Square, int> sums;
-  for (const auto& [square, count] : counts) {
-    for (int dx = -1; dx <= 1; ++dx) {
-      for (int dy = -1; dy <= 1; ++dy) sums[{square.first + dx, square.second + dy}] += count;
+/// The smallest one that holds all of a mask. Whole rows at once: which columns hold
+/// something, and which rows?
+Extent extent_of(const core::Image<std::uint8_t>& mask) {
+  std::vector<std::uint8_t> columns(static_cast<std::size_t>(mask.width_px()), 0);
+  Extent extent;
+  for (int y = 0; y < mask.height_px(); ++y) {
+    const std::uint8_t* row = mask.row(y);
+    std::uint8_t any = 0;
+    for (std::size_t x = 0; x < columns.size(); ++x) {
+      columns[x] |= row[x];
+      any |= row[x];
     }
+    if (any == 0) continue;
+    if (extent.y1 == 0) extent.y0 = y;
+    extent.y1 = y + 1;
   }
-  return sums;
+  if (extent.y1 == 0) return {};
+  const auto is_set = [](std::uint8_t value) { return value != 0; };
+  extent.x0 =
+      static_cast<int>(std::find_if(columns.begin(), columns.end(), is_set) - columns.begin());
+  extent.x1 = static_cast<int>(columns.rend() -
+                               std::find_if(columns.rbegin(), columns.rend(), is_set));
+  return extent;
 }
 
-/// Of each square, the number of its group; squares that touch, also by a corner, share one.
-std::map<Square, std::size_t> grouped(const std::vector<CloudPoint>& points,
-                                      std::size_t& groups) {
-  constexpr auto kNone = static_cast<std::size_t>(-1);
-  std::map<Square, std::size_t> group_of;
-  for (const CloudPoint& point : points) group_of.try_emplace(square_of(point), kNone);
-  groups = 0;
-  for (auto& [first, group] : group_of) {
-    if (group != kNone) continue;
-    group = groups++;
-    std::vector<Square> border{first};
-    while (!border.empty()) {
-      const Square at = border.back();
-      border.pop_back();
-      for (int dx = -1; dx <= 1; ++dx) {
-        for (int dy = -1; dy <= 1; ++dy) {
-          const auto next = group_of.find({at.first + dx, at.second + dy});
-          if (next == group_of.end() || next->second != kNone) continue;
-          next->second = group;
-          border.push_back(next->first);
-        }
-      }
-    }
+/// The part of a mask within an extent that holds all of it, eroded; the image's edge does not
+/// erode.
+core::Image<std::uint8_t> eroded(const core::Image<std::uint8_t>& mask, const Extent& extent,
+                                 int passes) {
+  // With what erodes from around.
+  const Extent wide{std::max(extent.x0 - passes, 0), std::max(extent.y0 - passes, 0),
+                    std::min(extent.x1 + passes, mask.width_px()),
+                    std::min(extent.y1 + passes, mask.height_px())};
+  core::Image<std::uint8_t> part(wide.width(), wide.height());
+  for (int y = wide.y0; y < wide.y1; ++y) {
+    std::copy_n(mask.row(y) + wide.x0, wide.width(), part.row(y - wide.y0));
   }
-  return group_of;
-}
-
-core::Image<std::uint8_t> eroded(const core::Image<std::uint8_t>& mask, int passes) {
-  core::Image<std::uint8_t> result = mask;
-  cv::Mat image(mask.height_px(), mask.width_px(), CV_8U, result.data());
+  cv::Mat image(wide.height(), wide.width(), CV_8U, part.data());
   cv::erode(image, image, cv::getStructuringElement(cv::MORPH_RECT, {3, 3}), {-1, -1}, passes);
+  core::Image<std::uint8_t> result(extent.width(), extent.height());
+  for (int y = 0; y < extent.height(); ++y) {
+    std::copy_n(part.row(y + extent.y0 - wide.y0) + extent.x0 - wide.x0, extent.width(),
+                result.row(y));
+  }
   return result;
+}
+
+/// As std::floor(), where the whole numbers are ints.
+glm::ivec3 floored(const glm::dvec3& v) {
+  const glm::ivec3 cut(v);
+  return {cut.x - (v.x < cut.x ? 1 : 0), cut.y - (v.y < cut.y ? 1 : 0),
+          cut.z - (v.z < cut.z ? 1 : 0)};
 }
 
 /// A voxel and the trust of its point: 21 bits per axis are 40 km at 2 cm.
 std::uint64_t voxel_key(const CloudPoint& point, double voxel_m) {
-  const glm::ivec3 voxel(glm::floor(glm::dvec3(point.p_odom_m) / voxel_m));
+  const glm::ivec3 voxel = floored(glm::dvec3(point.p_odom_m) / voxel_m);
   const auto part = [](int v) { return static_cast<std::uint64_t>(v + (1 << 20)) & 0x1FFFFF; };
   const std::uint64_t trusted = point.detection == ClassCloud::kTrusted ? 1 : 0;
   return trusted << 63 | part(voxel.x) << 42 | part(voxel.y) << 21 | part(voxel.z);
 }
 
 /// Wholly in the left or right third of the image and touching that side.
-bool cut_by_side_edge(const core::Image<std::uint8_t>& mask,
-                      const ClassCloudOptions& options) {
-  const int width = mask.width_px();
-  int left = width, right = -1;
-  for (int y = 0; y < mask.height_px(); ++y) {
-    const std::uint8_t* row = mask.row(y);
-    for (int x = 0; x < width; ++x) {
-      if (row[x] == 0) continue;
-      left = std::min(left, x);
-      right = std::max(right, x);
-    }
-  }
-  if (right < 0) return false;
-  const double third = options.edge_third * width, edge = options.edge_share * width;
-  return (right < third && left < edge) || (left >= width - third && right >= width - edge);
+bool cut_by_side_edge(const Extent& extent, int width_px, const ClassCloudOptions& options) {
+  const int left = extent.x0, right = extent.x1 - 1;
+  const double third = options.edge_third * width_px, edge = options.edge_share * width_px;
+  return (right < third && left < edge) ||
+         (left >= width_px - third && right >= width_px - edge);
 }
 
 }  // namespace
@@ -119,6 +118,7 @@ void ClassCloud::reset(std::uint64_t seed) {
   sources_.clear();
   fresh_m_.clear();
   voxels_.clear();
+  changed_ = true;
   last_target_m_.reset();
   random_ = core::RandomStream(seed, "class_cloud");
   detections_ = 0;
@@ -133,18 +133,27 @@ std::uint64_t ClassCloud::new_id() {
 }
 
 /// Points of the eroded mask in Odom; missing depth counts as the far end (as published), or
-/// is left out (fixed Q8).
+/// is left out (fixed Q8). @param corner_px  Where in the image the mask lies.
 std::vector<glm::vec3> ClassCloud::masked_points(const core::Observation& observation,
-                                                 const core::Image<std::uint8_t>& mask) {
+                                                 const core::Image<std::uint8_t>& mask,
+                                                 const glm::ivec2& corner_px) {
   const core::Image<float>& depth_m = *observation.depth_m;
   const auto far = static_cast<float>(options_.max_depth_m);
-  const bool holes_far = rules_.published(Quirk::kZeroDepth);
-  std::vector<std::pair<int, int>> pixels;
+  const int holes_far = rules_.published(Quirk::kZeroDepth) ? 1 : 0;
+  // Listed without a branch, which would be guessed wrong.
+  if (pixels_.size() < mask.size()) pixels_.resize(mask.size());
+  std::size_t count = 0;
   for (int y = 0; y < mask.height_px(); ++y) {
+    const std::uint8_t* inside = mask.row(y);
+    const float* depths = depth_m.row(y + corner_px.y) + corner_px.x;
+    const auto first = static_cast<std::uint32_t>(y * mask.width_px());
     for (int x = 0; x < mask.width_px(); ++x) {
-      if (mask(x, y) != 0 && (depth_m(x, y) > 0.0F || holes_far)) pixels.emplace_back(x, y);
+      pixels_[count] = first + static_cast<std::uint32_t>(x);
+      count += static_cast<std::size_t>(static_cast<int>(inside[x] != 0) &
+                                        (static_cast<int>(depths[x] > 0.0F) | holes_far));
     }
   }
+  std::span<std::uint32_t> pixels(pixels_.data(), count);
   const auto most = static_cast<std::size_t>(options_.max_points);
   if (pixels.size() > most) {
     if (rules_.published(Quirk::kEndlessClouds)) {
@@ -155,7 +164,7 @@ std::vector<glm::vec3> ClassCloud::masked_points(const core::Observation& observ
     } else {
       for (std::size_t k = 0; k < most; ++k) pixels[k] = pixels[k * pixels.size() / most];
     }
-    pixels.resize(most);
+    pixels = pixels.first(most);
   }
   const auto T = observation.T_odom_camera();
   const glm::dmat3 R = glm::mat3_cast(T.rotation());
@@ -164,7 +173,10 @@ std::vector<glm::vec3> ClassCloud::masked_points(const core::Observation& observ
                               : -1e18;
   std::vector<glm::vec3> points;
   points.reserve(pixels.size());
-  for (const auto& [x, y] : pixels) {
+  const auto width = static_cast<std::uint32_t>(mask.width_px());
+  for (const std::uint32_t pixel : pixels) {
+    const int x = corner_px.x + static_cast<int>(pixel % width);
+    const int y = corner_px.y + static_cast<int>(pixel / width);
     const float measured = depth_m(x, y);
     const double depth = static_cast<double>(measured > 0.0F ? std::min(measured, far) : far);
     const glm::dvec3 p =
@@ -184,14 +196,22 @@ bool ClassCloud::add(const core::Observation& observation,
       0, static_cast<int>(std::lround(options_.erosion_passes * std::min(width_share, 1.0))));
   const int min_points = std::max(3, static_cast<int>(std::lround(options_.cluster_min_points *
                                                                   std::min(area_share, 1.0))));
+  const Extent extent = extent_of(mask);
+  if (extent.empty()) return false;
   const std::vector<glm::vec3> cluster = largest_dbscan_cluster(
-      masked_points(observation, eroded(mask, passes)), options_.cluster_eps_m, min_points);
+      masked_points(observation, eroded(mask, extent, passes), {extent.x0, extent.y0}),
+      options_.cluster_eps_m, min_points);
   if (cluster.empty()) return false;
 
   const glm::dvec3 eye = observation.T_odom_camera().translation_m();
   const auto T_camera_odom = observation.T_odom_camera().inverse();
+  // Roots and rotations are computed only where a rougher sum does not decide.
+  constexpr double kRounding = 1e-6;
+  const double too_close_m2 = options_.too_close_m * options_.too_close_m;
   const auto near = std::any_of(cluster.begin(), cluster.end(), [&](const glm::vec3& p) {
-    return glm::distance(glm::dvec3(p), eye) < options_.too_close_m;
+    const glm::dvec3 offset_m = glm::dvec3(p) - eye;
+    return glm::dot(offset_m, offset_m) <= too_close_m2 + kRounding &&
+           glm::distance(glm::dvec3(p), eye) < options_.too_close_m;
   });
   if (near) return false;
   glm::vec3 low = cluster.front(), high = low;
@@ -202,19 +222,23 @@ bool ClassCloud::add(const core::Observation& observation,
   fresh_m_.emplace_back(low, high);
   const auto source = static_cast<std::uint32_t>(sources_.size());
   sources_.push_back({observation.capture_index, box});
-  const bool at_edge = cut_by_side_edge(mask, options_);
+  const bool at_edge = cut_by_side_edge(extent, mask.width_px(), options_);
   const std::uint64_t second_class = new_id();
   const double trusted_m = options_.trusted_share * options_.max_depth_m;
+  const glm::dvec3 axis = observation.T_odom_camera().rotation() * glm::dvec3(0.0, 0.0, 1.0);
+  const auto trusted = [&](const glm::vec3& p) {
+    if (at_edge) return false;
+    const double about_m = glm::dot(axis, glm::dvec3(p) - eye);
+    if (std::abs(about_m - trusted_m) > kRounding) return about_m < trusted_m;
+    return (T_camera_odom * core::Point<core::frame::Odom>{glm::dvec3(p)}).xyz_m.z <=
+           trusted_m;
+  };
   for (const glm::vec3& p : cluster) {
-    const double forward_m =
-        (T_camera_odom * core::Point<core::frame::Odom>{glm::dvec3(p)}).xyz_m.z;
-    const bool trusted = !at_edge && forward_m <= trusted_m;
-    store({p, source, trusted ? kTrusted : second_class});
+    store({p, source, trusted(p) ? kTrusted : second_class});
   }
   if (points_.size() > options_.most_points) {  // The oldest go.
-    points_.erase(points_.begin(),
-                  points_.end() - static_cast<std::ptrdiff_t>(options_.most_points));
-    recount_voxels();
+    std::size_t surplus = points_.size() - options_.most_points;
+    erase([&](const CloudPoint&) { return surplus > 0 && surplus-- > 0; });
   }
   return true;
 }
@@ -222,15 +246,21 @@ bool ClassCloud::add(const core::Observation& observation,
 /// Fixed Q11: the first point of every voxel stays, for trusted and second-class points apart.
 void ClassCloud::store(const CloudPoint& point) {
   if (rules_.published(Quirk::kEndlessClouds) ||
-      voxels_.insert(voxel_key(point, options_.voxel_m)).second) {
+      voxels_.insert(voxel_key(point, options_.voxel_m))) {
     points_.push_back(point);
+    changed_ = true;
   }
 }
 
-void ClassCloud::recount_voxels() {
-  voxels_.clear();
-  if (rules_.published(Quirk::kEndlessClouds)) return;
-  for (const CloudPoint& point : points_) voxels_.insert(voxel_key(point, options_.voxel_m));
+template <class Wrong>
+void ClassCloud::erase(const Wrong& wrong) {
+  const bool thinned = !rules_.published(Quirk::kEndlessClouds);
+  const std::size_t erased = std::erase_if(points_, [&](const CloudPoint& point) {
+    if (!wrong(point)) return false;
+    if (thinned) voxels_.erase(voxel_key(point, options_.voxel_m));
+    return true;
+  });
+  changed_ |= erased > 0;
 }
 
 void ClassCloud::carve(const core::Observation& observation,
@@ -240,13 +270,33 @@ void ClassCloud::carve(const core::Observation& observation,
   const auto T_camera_odom = observation.T_odom_camera().inverse();
   const core::Image<float>& depth_m = *observation.depth_m;
   const auto reach_m = static_cast<float>(options_.carve_m);
-  const auto covered = [&](const glm::vec2& px) {
+  const auto covered = [&](const glm::vec2& px, float more_px) {
     return std::any_of(boxes.begin(), boxes.end(), [&](const core::BoxPx& box) {
-      const float dx = std::max(kCarveMargin_px, kCarveMargin * box.width_px());
-      const float dy = std::max(kCarveMargin_px, kCarveMargin * box.height_px());
+      const float dx = std::max(kCarveMargin_px, kCarveMargin * box.width_px()) + more_px;
+      const float dy = std::max(kCarveMargin_px, kCarveMargin * box.height_px()) + more_px;
       return px.x >= box.x0 - dx && px.x <= box.x1 + dx && px.y >= box.y0 - dy &&
              px.y <= box.y1 + dy;
     });
+  };
+  // Most points lie out of view or within a box, and a rougher sum sees that.
+  const glm::dmat3 R = glm::mat3_cast(T_camera_odom.rotation());
+  const glm::dvec3 eye = observation.T_odom_camera().translation_m();
+  const core::CameraIntrinsics& camera = observation.intrinsics;
+  const auto surely_right = [&](const glm::vec3& at) {
+    constexpr double kRounding_m = 1e-6;
+    constexpr float kRounding_px = 0.01F;
+    const glm::dvec3 p = R * (glm::dvec3(at) - eye);
+    if (p.z < kCarveNearest_m - kRounding_m) return true;
+    if (p.z < kCarveNearest_m + kRounding_m) return false;
+    const double per_z = 1.0 / p.z;
+    const glm::vec2 px(camera.fx_px * p.x * per_z + camera.cx_px,
+                       camera.fy_px * p.y * per_z + camera.cy_px);
+    if (!(px.x >= -kRounding_px && px.y >= -kRounding_px &&
+          px.x <= static_cast<float>(depth_m.width_px()) + kRounding_px &&
+          px.y <= static_cast<float>(depth_m.height_px()) + kRounding_px)) {
+      return true;
+    }
+    return covered(px, -kRounding_px);
   };
   const auto wrong = [&](const CloudPoint& point) {
     const glm::vec3& at = point.p_odom_m;
@@ -255,16 +305,16 @@ void ClassCloud::carve(const core::Observation& observation,
           return glm::all(glm::greaterThanEqual(at, extent.first - reach_m)) &&
                  glm::all(glm::lessThanEqual(at, extent.second + reach_m));
         });
-    if (!beside_fresh) return false;
+    if (!beside_fresh || surely_right(at)) return false;
     const glm::dvec3 p =
         (T_camera_odom * core::Point<core::frame::Odom>{glm::dvec3(at)}).xyz_m;
     if (p.z < kCarveNearest_m) return false;
     const glm::vec2 px(observation.intrinsics.project(p));
     const int x = static_cast<int>(std::floor(px.x)), y = static_cast<int>(std::floor(px.y));
-    if (!depth_m.contains(x, y) || covered(px)) return false;
+    if (!depth_m.contains(x, y) || covered(px, 0.0F)) return false;
     return std::abs(static_cast<double>(depth_m(x, y)) - p.z) < kCarveDepth_m;
   };
-  if (std::erase_if(points_, wrong) > 0) recount_voxels();
+  erase(wrong);
 }
 
 void ClassCloud::refute_second_class(const core::Observation& observation) {
@@ -281,85 +331,14 @@ void ClassCloud::refute_second_class(const core::Observation& observation) {
     }
   }
   if (refuted.empty()) return;
-  std::erase_if(points_, [&](const CloudPoint& p) { return refuted.count(p.detection) != 0; });
-  recount_voxels();
+  erase([&](const CloudPoint& p) { return refuted.count(p.detection) != 0; });
 }
 
 void ClassCloud::erase_around(const glm::dvec2& place_m, double radius_m) {
-  std::erase_if(points_, [&](const CloudPoint& point) {
+  erase([&](const CloudPoint& point) {
     return glm::distance(glm::dvec2(point.p_odom_m), place_m) <= radius_m;
   });
-  recount_voxels();
   last_target_m_.reset();
-}
-
-std::vector<CloudGroup> ClassCloud::groups() const {
-  std::size_t count = 0;
-  const std::map<Square, std::size_t> group_of = grouped(points_, count);
-  std::vector<CloudGroup> groups(count);
-  std::vector<std::size_t> sizes(count, 0);
-  std::vector<std::set<std::uint32_t>> sources(count);
-  for (const CloudPoint& point : points_) {
-    const std::size_t k = group_of.at(square_of(point));
-    groups[k].center_m += glm::dvec2(point.p_odom_m);
-    ++sizes[k];
-    sources[k].insert(point.source);
-  }
-  for (std::size_t k = 0; k < count; ++k) {
-    groups[k].center_m /= static_cast<double>(sizes[k]);
-    for (const std::uint32_t source : sources[k]) {
-      groups[k].made_of.push_back(sources_[source]);
-    }
-  }
-  return groups;
-}
-
-/// The points, or the trusted ones, that ClassCloudOptions::support_share allows as targets.
-std::vector<const CloudPoint*> ClassCloud::supported(bool trusted_only) const {
-  std::vector<const CloudPoint*> points;
-  points.reserve(points_.size());
-  for (const CloudPoint& point : points_) {
-    if (!trusted_only || point.detection == kTrusted) points.push_back(&point);
-  }
-  if (options_.support_share <= 0.0) return points;
-  std::map<Square, int> counts;
-  for (const CloudPoint* point : points) ++counts[square_of(*point)];
-  const std::map<Square, int> around = counted_around(counts);
-  int most = 0;
-  for (const auto& [square, count] : counts) most = std::max(most, around.at(square));
-  std::erase_if(points, [&](const CloudPoint* point) {
-    return around.at(square_of(*point)) < options_.support_share * most;
-  });
-  return points;
-}
-
-std::optional<glm::dvec3> ClassCloud::target_m(const glm::dvec2& robot_m) {
-  if (points_.empty()) {
-    last_target_m_.reset();
-    return std::nullopt;
-  }
-  const bool any_trusted =
-      std::any_of(points_.begin(), points_.end(),
-                  [](const CloudPoint& p) { return p.detection == kTrusted; });
-  const CloudPoint* best = nullptr;
-  double best_m = 1e18;
-  for (const CloudPoint* point : supported(any_trusted)) {
-    const double distance_m = glm::distance(glm::dvec2(point->p_odom_m), robot_m);
-    if (distance_m < best_m) {
-      best_m = distance_m;
-      best = point;
-    }
-  }
-  const glm::dvec3 now(best->p_odom_m);
-  if (last_target_m_) {
-    const double moved_m = glm::distance(glm::dvec2(now), glm::dvec2(*last_target_m_));
-    if (moved_m < options_.keep_below_m ||
-        (moved_m < options_.keep_far_below_m && best_m > options_.far_m)) {
-      return last_target_m_;
-    }
-  }
-  last_target_m_ = now;
-  return last_target_m_;
 }
 
 }  // namespace segsim::nav

@@ -13,7 +13,6 @@
 #include <cstdint>
 #include <optional>
 #include <span>
-#include <unordered_set>
 #include <utility>
 #include <vector>
 
@@ -22,6 +21,7 @@
 #include "core/random.h"
 #include "core/stages.h"
 #include "nav/mapping/vlfm_rules.h"
+#include "nav/objects/internal/voxel_set.h"
 
 namespace segsim::nav {
 
@@ -93,22 +93,28 @@ class ClassCloud {
 
  private:
   std::vector<glm::vec3> masked_points(const core::Observation& observation,
-                                       const core::Image<std::uint8_t>& mask);
+                                       const core::Image<std::uint8_t>& mask,
+                                       const glm::ivec2& corner_px);
   std::uint64_t new_id();
   void store(const CloudPoint& point);
-  void recount_voxels();
-  [[nodiscard]] std::vector<const CloudPoint*> supported(bool trusted_only) const;
+  /// Deletes the points for which `wrong` holds.
+  template <class Wrong>
+  void erase(const Wrong& wrong);
+  void find_candidates();
 
   ClassCloudOptions options_;
   VlfmRules rules_;
   std::vector<CloudPoint> points_;
-  std::vector<core::DetectionRef> sources_;   ///< By CloudPoint::source.
-  std::unordered_set<std::uint64_t> voxels_;  ///< That have a point; fixed Q11 only.
+  std::vector<core::DetectionRef> sources_;  ///< By CloudPoint::source.
+  internal::VoxelSet voxels_;                ///< That have a point; fixed Q11 only.
+  bool changed_ = false;                     ///< points_, since the last target_m().
+  std::vector<std::uint32_t> candidates_;    ///< Of points_, that may be targets.
   std::optional<glm::dvec3> last_target_m_;
   core::RandomStream random_;
   std::uint64_t detections_ = 0;
   /// Extents of the clusters of one image.
   std::vector<std::pair<glm::vec3, glm::vec3>> fresh_m_;
+  std::vector<std::uint32_t> pixels_;  ///< Scratch: those of one mask.
 };
 
 }  // namespace segsim::nav

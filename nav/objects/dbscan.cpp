@@ -1,135 +1,83 @@
 #include "nav/objects/dbscan.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <numeric>
-#include <span>
-#include <unordered_map>
-#include <utility>
-
-#include <glm/common.hpp>
 
 #include "core/check.h"
+#include "nav/objects/internal/point_cells.h"
 
 namespace segsim::nav {
 namespace {
 
-/// Cells next to one another in their order: those of one column.
-struct CellRange {
-  std::uint32_t begin = 0, end = 0;
-};
+using internal::PointCells;
+using Range = PointCells::Range;
 
-/// Points sorted into cells, and cells by (x, y, z); neighbours lie at most two cells away.
-class Cells {
- public:
-  static constexpr std::size_t kColumns = 25;
-
-  Cells(const std::vector<glm::vec3>& points, double side_m)
-      : members_(points.size()),
-        x_m_(points.size()),
-        y_m_(points.size()),
-        z_m_(points.size()) {
-    std::vector<std::pair<std::uint64_t, std::size_t>> keyed(points.size());
-    for (std::size_t k = 0; k < points.size(); ++k) {
-      keyed[k] = {key(glm::ivec3(glm::floor(glm::dvec3(points[k]) / side_m))), k};
+/// Marks the core points.
+[[gnu::always_inline]] inline void mark_cores(const PointCells& cells, double eps2,
+                                              int min_points,
+                                              std::vector<std::uint8_t>& core) {
+  const auto enough = static_cast<std::uint32_t>(min_points);
+  for (std::size_t c = 0; c < cells.count(); ++c) {
+    const Range own = cells.points_of(c);
+    // All of a cell are within eps of one another.
+    const std::uint32_t inside = own.end - own.begin;
+    if (inside >= enough) {
+      std::fill(core.begin() + own.begin, core.begin() + own.end, std::uint8_t{1});
+      continue;
     }
-    std::sort(keyed.begin(), keyed.end());
-    for (std::size_t k = 0; k < keyed.size(); ++k) {
-      if (keys_.empty() || keys_.back() != keyed[k].first) {
-        keys_.push_back(keyed[k].first);
-        first_.push_back(k);
-      }
-      members_[k] = keyed[k].second;
-      const glm::dvec3 point(points[members_[k]]);
-      x_m_[k] = point.x;
-      y_m_[k] = point.y;
-      z_m_[k] = point.z;
-    }
-    first_.push_back(points.size());
-    find_neighbours();
-  }
-  [[nodiscard]] std::size_t count() const { return keys_.size(); }
-  /// Indices of points, ascending.
-  [[nodiscard]] std::span<const std::size_t> members(std::size_t c) const {
-    return {members_.data() + first_[c], first_[c + 1] - first_[c]};
-  }
-  /// Cells that may hold neighbours, the cell itself among them, column by column.
-  [[nodiscard]] std::span<const CellRange, kColumns> neighbours(std::size_t c) const {
-    return std::span<const CellRange, kColumns>(neighbours_.data() + c * kColumns, kColumns);
-  }
-  /// How many points of these cells lie within a distance of a point; the cells' points lie
-  /// next to one another, and the loop has no branch, so that it vectorises.
-  [[nodiscard]] std::size_t count_near(const CellRange& cells, const glm::vec3& point,
-                                       double distance2_m2) const {
-    const double px = point.x, py = point.y, pz = point.z;
-    std::int64_t near = 0;
-    for (std::size_t k = first_[cells.begin]; k < first_[cells.end]; ++k) {
-      const double dx = px - x_m_[k], dy = py - y_m_[k], dz = pz - z_m_[k];
-      near += dx * dx + dy * dy + dz * dz <= distance2_m2 ? 1 : 0;
-    }
-    return static_cast<std::size_t>(near);
-  }
-
- private:
-  static constexpr std::int64_t kPerX = std::int64_t{1} << 42, kPerY = std::int64_t{1} << 21;
-
-  /// Ascends with x, then y, then z.
-  static std::uint64_t key(const glm::ivec3& cell) {
-    const auto part = [](int v) {
-      return static_cast<std::uint64_t>(v + (1 << 20)) & 0x1FFFFF;
+    // The columns' points, with the cell's own left out.
+    std::array<Range, PointCells::kColumns + 1> around;
+    std::uint32_t possible = inside;
+    std::size_t ranges = 0;
+    const auto add = [&](const Range& points) {
+      if (points.begin >= points.end) return;
+      around[ranges++] = points;
+      possible += points.end - points.begin;
     };
-    return part(cell.x) << 42 | part(cell.y) << 21 | part(cell.z);
-  }
-  /// For each of 25 columns around a cell, one sweep over the sorted cells finds the
-  /// neighbours of all of them. The nearest columns, which hold most of them, come first.
-  void find_neighbours() {
-    neighbours_.resize(count() * kColumns);
-    std::size_t column = 0;
-    for (const std::int64_t dx : {0, -1, 1, -2, 2}) {
-      for (const std::int64_t dy : {0, -1, 1, -2, 2}) {
-        std::uint32_t begin = 0, end = 0;
-        for (std::size_t c = 0; c < count(); ++c) {
-          const std::uint64_t middle =
-              keys_[c] + static_cast<std::uint64_t>(dx * kPerX + dy * kPerY);
-          while (begin < count() && keys_[begin] + 2 < middle) ++begin;
-          end = std::max(begin, end);
-          while (end < count() && keys_[end] <= middle + 2) ++end;
-          neighbours_[c * kColumns + column] = {begin, end};
-        }
-        ++column;
+    for (const Range& column : cells.neighbours(c)) {
+      const Range points = cells.points_of(column);
+      const bool holds_own = points.begin <= own.begin && own.end <= points.end;
+      add({points.begin, holds_own ? own.begin : points.end});
+      if (holds_own) add({own.end, points.end});
+    }
+    if (possible < enough) continue;
+    for (std::uint32_t k = own.begin; k < own.end; ++k) {
+      std::uint32_t near = inside, left = possible - inside;
+      for (std::size_t n = 0; n < ranges && near < enough && near + left >= enough; ++n) {
+        near += cells.count_near(around[n], k, eps2);
+        left -= around[n].end - around[n].begin;
       }
+      core[k] = near >= enough ? 1 : 0;
     }
   }
-
-  std::vector<std::uint64_t> keys_;  // Of each cell.
-  std::vector<std::size_t> members_, first_;
-  std::vector<double> x_m_, y_m_, z_m_;  // Of the members.
-  std::vector<CellRange> neighbours_;
-};
-
-double distance2(const glm::vec3& a, const glm::vec3& b) {
-  const glm::dvec3 d = glm::dvec3(a) - glm::dvec3(b);
-  return d.x * d.x + d.y * d.y + d.z * d.z;
 }
 
+void mark_cores_anywhere(const PointCells& cells, double eps2, int min_points,
+                         std::vector<std::uint8_t>& core) {
+  mark_cores(cells, eps2, min_points, core);
+}
+
+#ifdef __x86_64__
+[[gnu::target("avx2")]] void mark_cores_avx2(const PointCells& cells, double eps2,
+                                             int min_points, std::vector<std::uint8_t>& core) {
+  mark_cores(cells, eps2, min_points, core);
+}
+#endif
+
 /// Which points are core points.
-std::vector<std::uint8_t> find_cores(const std::vector<glm::vec3>& points, const Cells& cells,
-                                     double eps2, int min_points) {
-  std::vector<std::uint8_t> core(points.size(), 0);
-  const auto enough = static_cast<std::size_t>(min_points);
-  for (std::size_t c = 0; c < cells.count(); ++c) {
-    // All of a cell are within eps of one another.
-    const bool full = cells.members(c).size() >= enough;
-    for (const std::size_t k : cells.members(c)) {
-      std::size_t count = full ? enough : 0;
-      for (const CellRange& column : cells.neighbours(c)) {
-        if (count >= enough) break;
-        count += cells.count_near(column, points[k], eps2);
-      }
-      core[k] = count >= enough ? 1 : 0;
-    }
+std::vector<std::uint8_t> find_cores(std::size_t count, const PointCells& cells, double eps2,
+                                     int min_points) {
+  std::vector<std::uint8_t> core(count, 0);
+#ifdef __x86_64__
+  if (__builtin_cpu_supports("avx2")) {
+    mark_cores_avx2(cells, eps2, min_points, core);
+    return core;
   }
+#endif
+  mark_cores_anywhere(cells, eps2, min_points, core);
   return core;
 }
 
@@ -137,20 +85,109 @@ std::vector<std::uint8_t> find_cores(const std::vector<glm::vec3>& points, const
 class Groups {
  public:
   explicit Groups(std::size_t count) : parent_(count) {
-    std::iota(parent_.begin(), parent_.end(), std::size_t{0});
+    std::iota(parent_.begin(), parent_.end(), std::uint32_t{0});
   }
-  std::size_t root(std::size_t c) {
+  std::uint32_t root(std::uint32_t c) {
     while (parent_[c] != c) c = parent_[c] = parent_[parent_[c]];
     return c;
   }
-  void join(std::size_t a, std::size_t b) {
+  void join(std::uint32_t a, std::uint32_t b) {
     a = root(a);
     b = root(b);
     parent_[std::max(a, b)] = std::min(a, b);
   }
 
  private:
-  std::vector<std::size_t> parent_;
+  std::vector<std::uint32_t> parent_;
+};
+
+/// Joins cells with core points that lie within eps of one another.
+void join_cells(const PointCells& cells, const std::vector<std::uint8_t>& core, double eps2,
+                Groups& groups) {
+  const auto touch = [&](std::uint32_t a, std::uint32_t b) {
+    const Range in_a = cells.points_of(a), in_b = cells.points_of(b);
+    for (std::uint32_t k = in_a.begin; k < in_a.end; ++k) {
+      if (core[k] == 0) continue;
+      for (std::uint32_t n = in_b.begin; n < in_b.end; ++n) {
+        if (core[n] != 0 && cells.distance2_m2(k, n) <= eps2) return true;
+      }
+    }
+    return false;
+  };
+  // Cells side by side come first: most of the others are joined by then.
+  for (const bool beside : {true, false}) {
+    for (std::size_t column = 0; column < PointCells::kColumns; ++column) {
+      for (std::uint32_t a = 0; a < cells.count(); ++a) {
+        const Range around = beside ? cells.beside(a, column) : cells.neighbours(a)[column];
+        for (std::uint32_t b = std::max(around.begin, a + 1); b < around.end; ++b) {
+          if (groups.root(a) != groups.root(b) && touch(a, b)) groups.join(a, b);
+        }
+      }
+    }
+  }
+}
+
+constexpr std::uint32_t kNoPoint = 0xFFFFFFFF;
+
+/// Finds the clusters of border points: that of their nearest core point.
+class Borders {
+ public:
+  Borders(const PointCells& cells, const std::vector<std::uint8_t>& core, double eps2,
+          Groups& groups)
+      : cells_(cells), core_(core), eps2_(eps2), root_(cells.count(), kNoPoint) {
+    for (std::uint32_t c = 0; c < cells.count(); ++c) {
+      const Range own = cells.points_of(c);
+      const auto last = core.begin() + own.end;
+      if (std::find(core.begin() + own.begin, last, 1) != last) root_[c] = groups.root(c);
+    }
+  }
+  /// The root of a cell with core points; kNoPoint without.
+  [[nodiscard]] std::uint32_t root_of(std::uint32_t c) const { return root_[c]; }
+  /// Turns to the points of another cell.
+  void look_around(std::uint32_t c) {
+    core_cells_.clear();
+    one_cluster_ = true;
+    std::uint32_t only = kNoPoint;
+    for (const Range& column : cells_.neighbours(c)) {
+      for (std::uint32_t cell = column.begin; cell < column.end; ++cell) {
+        if (root_[cell] == kNoPoint) continue;
+        one_cluster_ = one_cluster_ && (only == kNoPoint || only == root_[cell]);
+        only = root_[cell];
+        core_cells_.push_back(cell);
+      }
+    }
+  }
+  /// The root of the cluster; kNoPoint for noise. Where all that may be meant belong to one
+  /// cluster, any core point within eps decides.
+  [[nodiscard]] std::uint32_t cluster_of(std::uint32_t point) const {
+    std::uint32_t best = kNoPoint, root = kNoPoint;
+    double best2 = eps2_;
+    for (const std::uint32_t cell : core_cells_) {
+      const Range points = cells_.points_of(cell);
+      for (std::uint32_t n = points.begin; n < points.end; ++n) {
+        if (core_[n] == 0) continue;
+        const double d2 = cells_.distance2_m2(point, n);
+        // Of equals the one that was given first.
+        if (d2 < best2 ||
+            (d2 == best2 && (best == kNoPoint || cells_.given(n) < cells_.given(best)))) {
+          best2 = d2;
+          best = n;
+          root = root_[cell];
+          if (one_cluster_) return root;
+        }
+      }
+    }
+    return root;
+  }
+
+ private:
+  const PointCells& cells_;
+  const std::vector<std::uint8_t>& core_;
+  double eps2_;
+  std::vector<std::uint32_t> root_;  // Of each cell.
+  // Around the present cell: cells with core points.
+  std::vector<std::uint32_t> core_cells_;
+  bool one_cluster_ = true;
 };
 
 }  // namespace
@@ -161,56 +198,37 @@ std::vector<int> dbscan(const std::vector<glm::vec3>& points, double eps_m, int 
   if (points.empty()) return cluster;
   const double eps2 = eps_m * eps_m;
   // A hair smaller, so that rounding cannot put two far points of a cell beyond eps.
-  const Cells cells(points, eps_m / std::sqrt(3.0) * (1.0 - 1e-6));
-  const std::vector<std::uint8_t> core = find_cores(points, cells, eps2, min_points);
-
-  // Cells with core points that lie within eps of one another belong together.
+  const PointCells cells(points, eps_m / std::sqrt(3.0) * (1.0 - 1e-6));
+  const std::vector<std::uint8_t> core = find_cores(points.size(), cells, eps2, min_points);
   Groups groups(cells.count());
-  const auto touch = [&](std::size_t a, std::size_t b) {
-    for (const std::size_t k : cells.members(a)) {
-      if (core[k] == 0) continue;
-      for (const std::size_t n : cells.members(b)) {
-        if (core[n] != 0 && distance2(points[k], points[n]) <= eps2) return true;
+  join_cells(cells, core, eps2, groups);
+
+  // By the points as they were given: the root cell of each, of border points, too.
+  std::vector<std::uint32_t> root_of(points.size(), kNoPoint);
+  std::vector<std::uint8_t> given_core(points.size(), 0);
+  Borders borders(cells, core, eps2, groups);
+  for (std::uint32_t c = 0; c < cells.count(); ++c) {
+    const Range own = cells.points_of(c);
+    bool looked_around = false;
+    for (std::uint32_t k = own.begin; k < own.end; ++k) {
+      const std::uint32_t given = cells.given(k);
+      given_core[given] = core[k];
+      if (core[k] != 0) {
+        root_of[given] = borders.root_of(c);
+        continue;
       }
-    }
-    return false;
-  };
-  for (std::size_t a = 0; a < cells.count(); ++a) {
-    for (const CellRange& column : cells.neighbours(a)) {
-      for (std::size_t b = std::max<std::size_t>(column.begin, a + 1); b < column.end; ++b) {
-        if (groups.root(a) != groups.root(b) && touch(a, b)) groups.join(a, b);
-      }
+      if (!looked_around) borders.look_around(c);
+      looked_around = true;
+      root_of[given] = borders.cluster_of(k);
     }
   }
-  std::vector<std::size_t> cell_of(points.size());
-  for (std::size_t c = 0; c < cells.count(); ++c) {
-    for (const std::size_t k : cells.members(c)) cell_of[k] = c;
-  }
-  std::unordered_map<std::size_t, int> number;
+  std::vector<int> number(cells.count(), -1);
+  int next = 0;
   for (std::size_t k = 0; k < points.size(); ++k) {
-    if (core[k] == 0) continue;
-    const auto next = static_cast<int>(number.size());
-    cluster[k] = number.try_emplace(groups.root(cell_of[k]), next).first->second;
+    if (given_core[k] != 0 && number[root_of[k]] < 0) number[root_of[k]] = next++;
   }
-  // Border points.
   for (std::size_t k = 0; k < points.size(); ++k) {
-    if (core[k] != 0) continue;
-    std::size_t best = points.size();
-    double best2 = eps2;
-    const auto look_into = [&](std::size_t c) {
-      for (const std::size_t n : cells.members(c)) {
-        if (core[n] == 0) continue;
-        const double d2 = distance2(points[k], points[n]);
-        if (d2 < best2 || (d2 == best2 && n < best)) {
-          best2 = d2;
-          best = n;
-        }
-      }
-    };
-    for (const CellRange& column : cells.neighbours(cell_of[k])) {
-      for (std::size_t c = column.begin; c < column.end; ++c) look_into(c);
-    }
-    if (best != points.size()) cluster[k] = cluster[best];
+    if (root_of[k] != kNoPoint) cluster[k] = number[root_of[k]];
   }
   return cluster;
 }

@@ -150,14 +150,19 @@ void carve(const core::Observation& observation, const core::BoxPx& box,
 
 glm::dvec2 MappedObject::nearest_point_m(const glm::dvec2& place_m) const {
   glm::dvec2 best(center_m);
-  double best_distance = 1e18;
+  double best_m = 1e18, best_m2 = 1e36;
   for (const glm::vec3& p : cloud_m) {
     const glm::dvec2 q(p.x, p.y);
+    // A root is taken only where it may be the smaller one.
+    const glm::dvec2 offset_m = place_m - q;
+    const double distance_m2 = glm::dot(offset_m, offset_m);
+    if (distance_m2 >= best_m2) continue;
     // Stray points beyond the trimmed extent do not count.
     if (q.x < low_m.x || q.y < low_m.y || q.x > high_m.x || q.y > high_m.y) continue;
-    const double distance_m = glm::distance(q, place_m);
-    if (distance_m < best_distance) {
-      best_distance = distance_m;
+    const double distance_m = std::sqrt(distance_m2);
+    if (distance_m < best_m) {
+      best_m = distance_m;
+      best_m2 = distance_m2;
       best = q;
     }
   }

@@ -2,7 +2,11 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
+#include <limits>
+#include <numeric>
+#include <vector>
 
 namespace segsim::nav {
 namespace {
@@ -13,8 +17,61 @@ constexpr std::size_t kGapBins = 3;
 constexpr double kNearShare = 0.25;
 constexpr float kCoreShare = 0.65F;  // Of the box's sides: its edges show what stands around.
 
-std::size_t bin_of(float depth_m) {
-  return std::min(static_cast<std::size_t>(std::min(depth_m, 1e3F) / kBin_m), kBins - 1);
+/// Of a positive depth.
+std::int32_t bin_of(float depth_m) {
+  const auto bin = static_cast<std::int32_t>((depth_m < 1e3F ? depth_m : 1e3F) / kBin_m);
+  return bin < static_cast<std::int32_t>(kBins) ? bin : static_cast<std::int32_t>(kBins) - 1;
+}
+
+/// The largest depth of a bin [m]: bins ascend with the depth, and depths with their bits.
+float last_depth_m(std::size_t bin) {
+  std::uint32_t inside = 0,
+                beyond =
+                    std::bit_cast<std::uint32_t>(std::numeric_limits<float>::infinity()) + 1;
+  while (beyond - inside > 1) {
+    const std::uint32_t middle = inside + (beyond - inside) / 2;
+    const auto at = static_cast<std::size_t>(bin_of(std::bit_cast<float>(middle)));
+    (at <= bin ? inside : beyond) = middle;
+  }
+  return std::bit_cast<float>(inside);
+}
+
+/// How many measured pixels fall into each bin.
+class Histogram {
+ public:
+  void add_row(const float* __restrict depths, std::size_t count) {
+    bins_.resize(std::max(bins_.size(), count));
+    std::int32_t* __restrict bins = bins_.data();
+    for (std::size_t x = 0; x < count; ++x) {
+      const float depth = depths[x] > 0.0F ? depths[x] : 0.0F;  // NaN too.
+      bins[x] = depths[x] > 0.0F ? bin_of(depth) : static_cast<std::int32_t>(kBins);
+    }
+    // Neighbours mostly fall into one bin: four counters for each, or one waits for the other.
+    for (std::size_t x = 0; x < count; ++x) {
+      ++counts_[x % 4][static_cast<std::size_t>(bins[x])];
+    }
+  }
+  [[nodiscard]] std::array<std::size_t, kBins> counts() const {
+    std::array<std::size_t, kBins> sums{};
+    for (const auto& part : counts_) {
+      for (std::size_t k = 0; k < kBins; ++k) sums[k] += part[k];
+    }
+    return sums;
+  }
+
+ private:
+  std::vector<std::int32_t> bins_;                                // Scratch: of one row.
+  std::array<std::array<std::uint32_t, kBins + 1>, 4> counts_{};  // The last is not measured.
+};
+
+/// mask[x] = 1 where a pixel's depth lies in a range. No branches, so that it vectorises; NaN
+/// compares false.
+void mark_between(const float* __restrict depths, float low_m, float high_m, std::size_t count,
+                  std::uint8_t* __restrict mask) {
+  for (std::size_t x = 0; x < count; ++x) {
+    mask[x] = static_cast<std::uint8_t>(static_cast<int>(depths[x] >= low_m) &
+                                        static_cast<int>(depths[x] <= high_m));
+  }
 }
 
 struct Layer {
@@ -50,34 +107,36 @@ class DepthSegmenter final : public Segmenter {
     };
     const int x0 = edge(box.x0, depth_m.width_px()), x1 = edge(box.x1, depth_m.width_px());
     const int y0 = edge(box.y0, depth_m.height_px()), y1 = edge(box.y1, depth_m.height_px());
-    std::array<std::size_t, kBins> histogram{};
-    std::size_t total = 0;
-    const auto count = [&](const core::BoxPx& part) {
+    const auto counted = [&](const core::BoxPx& part) {
+      Histogram histogram;
+      const int left = edge(part.x0, depth_m.width_px());
+      const int right = std::max(edge(part.x1, depth_m.width_px()), left);
       for (int y = edge(part.y0, depth_m.height_px()); y < edge(part.y1, depth_m.height_px());
            ++y) {
-        for (int x = edge(part.x0, depth_m.width_px()); x < edge(part.x1, depth_m.width_px());
-             ++x) {
-          const float depth = depth_m(x, y);
-          if (!(depth > 0.0F)) continue;
-          ++histogram[bin_of(depth)];
-          ++total;
-        }
+        histogram.add_row(depth_m.row(y) + left, static_cast<std::size_t>(right - left));
       }
+      return histogram.counts();
+    };
+    const auto total_of = [](const std::array<std::size_t, kBins>& histogram) {
+      return std::accumulate(histogram.begin(), histogram.end(), std::size_t{0});
     };
     const float dx = 0.5F * (1.0F - kCoreShare) * box.width_px();
     const float dy = 0.5F * (1.0F - kCoreShare) * box.height_px();
-    count({box.x0 + dx, box.y0 + dy, box.x1 - dx, box.y1 - dy});
-    if (total == 0) count(box);  // Tiny, or all holes in the middle.
-    const Layer layer = total > 0 ? choose_layer(histogram, total) : Layer{};
+    auto histogram = counted({box.x0 + dx, box.y0 + dy, box.x1 - dx, box.y1 - dy});
+    // Tiny, or all holes in the middle.
+    if (total_of(histogram) == 0) histogram = counted(box);
+    const std::size_t total = total_of(histogram);
+    const auto width = static_cast<std::size_t>(std::max(x1 - x0, 0));
+    if (total == 0) {
+      for (int y = y0; y < y1; ++y) std::fill_n(mask.row(y) + x0, width, std::uint8_t{1});
+      return mask;
+    }
+    const Layer layer = choose_layer(histogram, total);
+    const float low_m = std::nextafter(layer.first > 0 ? last_depth_m(layer.first - 1) : 0.0F,
+                                       std::numeric_limits<float>::infinity());
+    const float high_m = last_depth_m(layer.last);
     for (int y = y0; y < y1; ++y) {
-      for (int x = x0; x < x1; ++x) {
-        const float depth = depth_m(x, y);
-        const bool measured = depth > 0.0F;
-        const std::size_t bin = measured ? bin_of(depth) : 0;
-        const bool inside =
-            total == 0 || (measured && bin >= layer.first && bin <= layer.last);
-        mask(x, y) = inside ? 1 : 0;
-      }
+      mark_between(depth_m.row(y) + x0, low_m, high_m, width, mask.row(y) + x0);
     }
     return mask;
   }

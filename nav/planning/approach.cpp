@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <numeric>
 
 #include <glm/geometric.hpp>
 
@@ -18,7 +20,64 @@ constexpr double kMinSpread_m = 1.5;    // Places nearer to one another are one 
 struct Candidate {
   Cell cell;
   double to_object_m;
-  double cost_m;
+};
+
+/// Candidates in order of the way there and of their nearness to the object, the first of
+/// equals first. The field is searched only as far as the next one depends on it.
+class CandidatesByCost {
+ public:
+  CandidatesByCost(const GeodesicField& field, const std::vector<Candidate>& candidates)
+      : field_(field), candidates_(candidates), open_(candidates.size()) {
+    std::iota(open_.begin(), open_.end(), std::size_t{0});
+    for (const Candidate& candidate : candidates) {
+      nearest_m_ = std::min(nearest_m_, candidate.to_object_m);
+    }
+  }
+  /// nullptr after the last one.
+  const Candidate* next() {
+    while (!open_.empty() && (priced_.empty() || !(priced_.front().cost_m < least_open_m()))) {
+      price_more();
+    }
+    if (priced_.empty()) return nullptr;
+    std::pop_heap(priced_.begin(), priced_.end(), std::greater<>());
+    const std::size_t index = priced_.back().index;
+    priced_.pop_back();
+    return &candidates_[index];
+  }
+
+ private:
+  struct Priced {
+    double cost_m;
+    std::size_t index;
+    auto operator<=>(const Priced&) const = default;
+  };
+
+  /// No candidate without a price costs less.
+  [[nodiscard]] double least_open_m() const {
+    constexpr double kRounding_m = 1e-4;
+    return field_.settled_below_m() - kRounding_m + kNearnessWeight * nearest_m_;
+  }
+  void price_more() {
+    constexpr double kStep_m = 0.25;
+    const double until_m = field_.settled_below_m() + kStep_m;
+    while (field_.settled_below_m() < until_m && field_.settle_more()) {
+    }
+    std::erase_if(open_, [&](std::size_t index) {
+      const Candidate& candidate = candidates_[index];
+      if (!field_.settled(candidate.cell)) return false;
+      const double way_m =
+          static_cast<double>(field_.cost_m(candidate.cell.x, candidate.cell.y));
+      priced_.push_back({way_m + kNearnessWeight * candidate.to_object_m, index});
+      std::push_heap(priced_.begin(), priced_.end(), std::greater<>());
+      return true;
+    });
+  }
+
+  const GeodesicField& field_;
+  const std::vector<Candidate>& candidates_;
+  std::vector<std::size_t> open_;  // Without a price, in their order.
+  std::vector<Priced> priced_;     // A heap.
+  double nearest_m_ = 1e18;
 };
 
 /// Cells of the object's cloud, without strays beyond the trimmed extent (as in
@@ -47,20 +106,21 @@ core::Image<float> distance_to_object_m(const CostMap& map, const std::vector<Ce
 /// The first candidate in order of cost across open floor, else the first in sight at all.
 std::optional<ApproachPlace> cheapest_in_sight(const CostMap& map, const GeodesicField& field,
                                                const MappedObject& object,
-                                               std::vector<Candidate> candidates) {
-  std::stable_sort(candidates.begin(), candidates.end(),
-                   [](const Candidate& a, const Candidate& b) { return a.cost_m < b.cost_m; });
+                                               const std::vector<Candidate>& candidates) {
+  CandidatesByCost by_cost(field, candidates);
   // Neighbours see the same; look at every n-th when there are many.
   const std::size_t stride = 1 + candidates.size() / kMaxSightChecks;
   std::optional<ApproachPlace> in_sight;
-  for (std::size_t k = 0; k < candidates.size(); k += stride) {
-    const Cell& cell = candidates[k].cell;
+  for (std::size_t k = 0; k < candidates.size(); ++k) {
+    const Candidate* const candidate = by_cost.next();
+    if (k % stride != 0) continue;
+    const Cell& cell = candidate->cell;
     const glm::dvec2 place = map.frame().center_m(cell);
     const glm::dvec2 surface = object.nearest_point_m(place);
     if (!line_of_sight(map, place, surface)) continue;
     const bool open = open_floor(map, place, surface);
     if (open || !in_sight) {
-      in_sight = ApproachPlace{place, candidates[k].to_object_m, true, open,
+      in_sight = ApproachPlace{place, candidate->to_object_m, true, open,
                                static_cast<double>(field.cost_m(cell.x, cell.y))};
     }
     if (open) break;
@@ -145,7 +205,7 @@ std::optional<ApproachPlace> choose_approach(const CostMap& map, const GeodesicF
   const int reach = static_cast<int>(std::max(max_m, limit_m) / map.frame().resolution_m) + 2;
   std::vector<Candidate> preferred, allowed;
   constexpr double kNone_m = 1e18;
-  Candidate nearest{{0, 0}, kNone_m, 0.0};
+  Candidate nearest{{0, 0}, kNone_m};
   for (const bool everywhere : {false, true}) {
     if (!everywhere && part.empty()) continue;
     const CellBox window =
@@ -154,16 +214,13 @@ std::optional<ApproachPlace> choose_approach(const CostMap& map, const GeodesicF
     for (int j = window.low.y; j <= window.high.y; ++j) {
       for (int i = window.low.x; i <= window.high.x; ++i) {
         if (!field.reachable({i, j})) continue;
-        Candidate candidate{
-            {i, j}, static_cast<double>(distance_m(i - window.low.x, j - window.low.y)), 0.0};
+        const Candidate candidate{
+            {i, j}, static_cast<double>(distance_m(i - window.low.x, j - window.low.y))};
         if (candidate.to_object_m < nearest.to_object_m) nearest = candidate;
         const bool prefer = candidate.to_object_m >= min_m && candidate.to_object_m <= max_m;
         const bool allow =
             candidate.to_object_m >= 0.5 * min_m && candidate.to_object_m <= limit_m;
-        if (!prefer && !allow) continue;
-        candidate.cost_m =
-            static_cast<double>(field.cost_m(i, j)) + kNearnessWeight * candidate.to_object_m;
-        (prefer ? preferred : allowed).push_back(candidate);
+        if (prefer || allow) (prefer ? preferred : allowed).push_back(candidate);
       }
     }
     if (nearest.to_object_m <= limit_m) break;
@@ -172,8 +229,8 @@ std::optional<ApproachPlace> choose_approach(const CostMap& map, const GeodesicF
     allowed.clear();
     nearest.to_object_m = kNone_m;
   }
-  if (auto place = cheapest_in_sight(map, field, object, std::move(preferred))) return place;
-  if (auto place = cheapest_in_sight(map, field, object, std::move(allowed))) return place;
+  if (auto place = cheapest_in_sight(map, field, object, preferred)) return place;
+  if (auto place = cheapest_in_sight(map, field, object, allowed)) return place;
   if (nearest.to_object_m >= kNone_m) return std::nullopt;
   const glm::dvec2 place = map.frame().center_m(nearest.cell);
   const glm::dvec2 surface = object.nearest_point_m(place);

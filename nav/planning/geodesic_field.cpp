@@ -147,19 +147,7 @@ void GeodesicField::relax_around(std::uint32_t from) const {
 }
 
 bool GeodesicField::settle_more() const {
-  if (waiting_ == 0) return false;
-  while (buckets_[next_bucket_].empty()) ++next_bucket_;
-  // Rounding may put a neighbour into the bucket that is being emptied: it is visited, too.
-  // NOLINTNEXTLINE(modernize-loop-convert): the bucket grows while it is visited.
-  for (std::size_t k = 0; k < buckets_[next_bucket_].size(); ++k) {
-    const Waiting cell = buckets_[next_bucket_][k];
-    --waiting_;
-    // Unless a better way was found since.
-    if (cost_m_.plane()[cell.index] == cell.cost_m) relax_around(cell.index);
-  }
-  buckets_[next_bucket_].clear();
-  ++next_bucket_;
-  return true;
+  return settle_bucket([](std::uint32_t) {});
 }
 
 std::optional<GeodesicField> geodesic_field(const CostMap& map, const Cell& from) {

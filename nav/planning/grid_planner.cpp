@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <limits>
 #include <queue>
+#include <utility>
 
 #include "core/check.h"
 
@@ -36,6 +38,54 @@ struct Open {
   }
 };
 using OpenQueue = std::priority_queue<Open, std::vector<Open>, std::greater<>>;
+
+/// The same in one number each, so that one comparison orders two: the bits of a priority,
+/// which ascend with it from 0 on, above the cell's row and column.
+class PackedQueue {
+ public:
+  /// @param heap  Memory, from an earlier queue or empty.
+  explicit PackedQueue(std::vector<std::uint64_t>& heap) : heap_(heap) { heap_.clear(); }
+  [[nodiscard]] bool empty() const { return heap_.empty(); }
+  void push(float priority, const Cell& cell) {
+    const auto place =
+        static_cast<std::uint32_t>(cell.y) << 16 | static_cast<std::uint32_t>(cell.x);
+    const std::uint64_t entry =
+        static_cast<std::uint64_t>(std::bit_cast<std::uint32_t>(priority)) << 32 | place;
+    // Four children to a parent: half as many levels, and all four in one cache line.
+    std::size_t at = heap_.size();
+    heap_.push_back(entry);
+    while (at > 0) {
+      const std::size_t parent = (at - 1) / 4;
+      if (heap_[parent] <= entry) break;
+      heap_[at] = heap_[parent];
+      at = parent;
+    }
+    heap_[at] = entry;
+  }
+  std::pair<float, Cell> pop() {
+    const std::uint64_t top = heap_.front();
+    const std::uint64_t last = heap_.back();
+    heap_.pop_back();
+    const std::size_t size = heap_.size();
+    std::size_t at = 0;
+    while (4 * at + 1 < size) {
+      const std::size_t first = 4 * at + 1, end = std::min(first + 4, size);
+      std::size_t least = first;
+      for (std::size_t k = first + 1; k < end; ++k) {
+        if (heap_[k] < heap_[least]) least = k;
+      }
+      if (heap_[least] >= last) break;
+      heap_[at] = heap_[least];
+      at = least;
+    }
+    if (size > 0) heap_[at] = last;
+    return {std::bit_cast<float>(static_cast<std::uint32_t>(top >> 32)),
+            Cell(static_cast<int>(top & 0xFFFF), static_cast<int>(top >> 16 & 0xFFFF))};
+  }
+
+ private:
+  std::vector<std::uint64_t>& heap_;
+};
 
 /// Mean weighted length of the segment, or nullopt if it leaves the traversable cells.
 std::optional<double> segment_cost_m(const CostMap& map, const glm::dvec2& a_m,
@@ -141,12 +191,15 @@ std::optional<std::vector<Cell>> astar_cells(const CostMap& map, const Cell& sta
   PlannerMemory own;
   PlannerMemory& scratch = memory != nullptr ? *memory : own;
   if (!map.traversable(start) || !map.traversable(goal)) return std::nullopt;
+  SEGSIM_CHECK(std::max(map.frame().width_cells, map.frame().height_cells) <= 0x10000,
+               "cells of a path that 16 bits count");
   const GridLayer<float>& length_costs = map.length_costs();
   scratch.cost.cover_like(length_costs);
   scratch.parent.cover_like(length_costs);
   const auto index_of = [&](const Cell& cell) {
     return static_cast<std::uint32_t>(length_costs.index_of(cell));
   };
+  const std::ptrdiff_t stride = length_costs.stride();
   const auto resolution = static_cast<float>(map.frame().resolution_m);
   // Octile distance; admissible because length_cost is at least 1. Shrunk by rounding's share.
   const auto heuristic = [&](const Cell& cell) {
@@ -154,33 +207,46 @@ std::optional<std::vector<Cell>> astar_cells(const CostMap& map, const Cell& sta
     const auto dy = static_cast<float>(std::abs(cell.y - goal.y));
     return 0.9999F * resolution * (std::max(dx, dy) + (kSqrt2 - 1.0F) * std::min(dx, dy));
   };
+  struct Neighbour {
+    std::ptrdiff_t offset;
+    Step step;
+    float half_m;
+  };
+  std::array<Neighbour, kSteps.size()> neighbours;
+  for (std::size_t n = 0; n < kSteps.size(); ++n) {
+    neighbours[n] = {kSteps[n].dy * stride + kSteps[n].dx, kSteps[n],
+                     resolution * kSteps[n].length * 0.5F};
+  }
   float* cost = scratch.cost.plane();
   std::uint32_t* parent = scratch.parent.plane();
   const std::uint32_t start_index = index_of(start), goal_index = index_of(goal);
-  OpenQueue open;
-  open.push({heuristic(start), start_index});
+  PackedQueue open(scratch.open);
+  open.push(heuristic(start), start);
   while (!open.empty()) {
-    const Open top = open.top();
-    open.pop();
-    if (top.cell == goal_index) break;
-    const Cell at = length_costs.cell_of(top.cell);
-    const float here = cost[top.cell];
-    if (top.priority > here + heuristic(at) + 1e-4F) continue;
-    const float* costs = length_costs.plane() + top.cell;
-    const std::uint8_t* traversable = map.traversable_cells().plane() + top.cell;
-    for (const Step& step : kSteps) {
-      const std::ptrdiff_t offset = step.dy * length_costs.stride() + step.dx;
-      const auto next = static_cast<std::uint32_t>(top.cell + offset);
+    const auto [priority, at] = open.pop();
+    const std::uint32_t index = index_of(at);
+    if (index == goal_index) break;
+    const float here = cost[index];
+    if (priority > here + heuristic(at) + 1e-4F) continue;
+    const float* costs = length_costs.plane() + index;
+    const std::uint8_t* traversable = map.traversable_cells().plane() + index;
+    for (const Neighbour& neighbour : neighbours) {
+      const std::ptrdiff_t offset = neighbour.offset;
+      const auto next = static_cast<std::uint32_t>(index + offset);
       if (traversable[offset] == 0 || next == start_index) continue;
-      const float there = here + resolution * step.length * 0.5F * (costs[0] + costs[offset]);
-      if (cost[next] == 0.0F) {
+      const float known = cost[next];
+      // Most neighbours lie behind the front: no way leads back to them.
+      if (known != 0.0F && known <= here) continue;
+      const float there = here + neighbour.half_m * (costs[0] + costs[offset]);
+      if (known == 0.0F) {
         scratch.touched.push_back(next);
-      } else if (there >= cost[next]) {
+      } else if (there >= known) {
         continue;
       }
       cost[next] = there;
-      parent[next] = top.cell;
-      open.push({there + heuristic(at + Cell(step.dx, step.dy)), next});
+      parent[next] = index;
+      const Cell to = at + Cell(neighbour.step.dx, neighbour.step.dy);
+      open.push(there + heuristic(to), to);
     }
   }
   std::optional<std::vector<Cell>> cells;

@@ -8,6 +8,7 @@
 #include <optional>
 #include <vector>
 
+#include "core/check.h"
 #include "nav/planning/cost_map.h"
 
 namespace segsim::nav {
@@ -45,8 +46,46 @@ class GeodesicField {
   [[nodiscard]] double settled_below_m() const;
   /// Searches on by about one cell. @return  False if everything reachable is settled.
   bool settle_more() const;
+  /// The reachable cell with the least cost among those for which `wanted(cell)` holds, of
+  /// equals the first row by row; nullopt if there is none. Searches no farther than to it.
+  /// To be called before anything else is settled.
+  template <class Wanted>
+  [[nodiscard]] std::optional<Cell> nearest_of(const Wanted& wanted) const {
+    SEGSIM_CHECK(next_bucket_ == 0, "costs that are settled are not looked at again");
+    std::optional<std::uint32_t> best;
+    const auto visit = [&](std::uint32_t index) {
+      const float cost_m = cost_m_.plane()[index],
+                  best_m = best ? cost_m_.plane()[*best] : 0.0F;
+      const bool better = !best || cost_m < best_m || (cost_m == best_m && index < *best);
+      if (better && wanted(cost_m_.cell_of(index))) best = index;
+    };
+    while (!best && settle_bucket(visit)) {
+    }
+    if (!best) return std::nullopt;
+    return cost_m_.cell_of(*best);
+  }
 
  private:
+  /// Settles the next bucket and visits the indices of its cells, some of them repeatedly.
+  template <class Visit>
+  bool settle_bucket(const Visit& visit) const {
+    if (waiting_ == 0) return false;
+    while (buckets_[next_bucket_].empty()) ++next_bucket_;
+    // Rounding may put a neighbour into the bucket that is being emptied: it is visited, too.
+    // NOLINTNEXTLINE(modernize-loop-convert): the bucket grows while it is visited.
+    for (std::size_t k = 0; k < buckets_[next_bucket_].size(); ++k) {
+      const Waiting cell = buckets_[next_bucket_][k];
+      --waiting_;
+      // Unless a better way was found since.
+      if (cost_m_.plane()[cell.index] == cell.cost_m) relax_around(cell.index);
+    }
+    for (const Waiting& cell : buckets_[next_bucket_]) {
+      if (cost_m_.plane()[cell.index] == cell.cost_m) visit(cell.index);
+    }
+    buckets_[next_bucket_].clear();
+    ++next_bucket_;
+    return true;
+  }
   void spread_rows();
   void relax_around(std::uint32_t from) const;
   [[nodiscard]] std::size_t bucket_of(float cost_m) const {
@@ -75,6 +114,7 @@ struct PlannerMemory {
   GridLayer<float> cost;            ///< 0: none yet. Zero everywhere between searches.
   GridLayer<std::uint32_t> parent;  ///< Holds something where a cost is known.
   std::vector<std::uint32_t> touched;
+  std::vector<std::uint64_t> open;  ///< Of the queue.
 };
 
 /// The traversable cell that is reached first from `from` through cells that are not occupied

@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 #include <glm/geometric.hpp>
 
+#include "core/random.h"
 #include "tests/nav/test_view.h"
 
 namespace segsim::nav {
@@ -306,6 +307,48 @@ TEST(ClassCloud, FloorIsNoObject) {
       EXPECT_LT(low->p_odom_m.z, 0.0F);
     }
   }
+}
+
+TEST(VoxelSet, HoldsWhatASetHolds) {
+  internal::VoxelSet voxels;
+  std::set<std::uint64_t> truth;
+  core::RandomStream random(7, "voxels");
+  for (int k = 0; k < 20'000; ++k) {
+    // Few keys, in clumps: chains of neighbours, and holes in their middle.
+    const std::uint64_t key = random.index(3000) / 2 + (random.chance(0.5) ? 1ULL << 63 : 0);
+    if (random.chance(0.6)) {
+      ASSERT_EQ(voxels.insert(key), truth.insert(key).second) << k;
+    } else {
+      voxels.erase(key);
+      truth.erase(key);
+    }
+    ASSERT_EQ(voxels.size(), truth.size()) << k;
+  }
+  for (const std::uint64_t key : truth) EXPECT_FALSE(voxels.insert(key));
+  voxels.clear();
+  EXPECT_TRUE(voxels.insert(*truth.begin()));
+}
+
+/// The target is kept between decisions; it has to follow what comes and goes.
+TEST(ClassCloud, TheTargetFollowsTheCloud) {
+  Scene scene;
+  ClassCloudOptions options;
+  options.keep_below_m = options.keep_far_below_m = 0.0;
+  options.support_share = 0.05;
+  ClassCloud cloud(options);
+  scene.object(280, 200, 360, 280, 4.0F);
+  ASSERT_TRUE(cloud.add(scene.observation, scene.mask));
+  EXPECT_NEAR(cloud.target_m({0.0, 0.0})->x, 4.0, 1e-4);
+  scene.object(280, 200, 360, 280, 2.0F);
+  ASSERT_TRUE(cloud.add(scene.observation, scene.mask));
+  EXPECT_NEAR(cloud.target_m({0.0, 0.0})->x, 2.0, 1e-4);
+  EXPECT_NEAR(cloud.target_m({6.0, 0.0})->x, 4.0, 1e-4);
+  cloud.erase_around({4.0, 0.0}, 1.0);
+  EXPECT_NEAR(cloud.target_m({6.0, 0.0})->x, 2.0, 1e-4);
+  // Voxels are free again.
+  scene.object(280, 200, 360, 280, 4.0F);
+  ASSERT_TRUE(cloud.add(scene.observation, scene.mask));
+  EXPECT_NEAR(cloud.target_m({6.0, 0.0})->x, 4.0, 1e-4);
 }
 
 }  // namespace

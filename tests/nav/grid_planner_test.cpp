@@ -75,6 +75,31 @@ TEST_P(RandomMaps, AStarAndDijkstraAreOptimal) {
 }
 INSTANTIATE_TEST_SUITE_P(Seeds, RandomMaps, testing::Range(1, 7));
 
+TEST(GeodesicField, TheNearestOfManyIsFoundWithoutTheFartherOnes) {
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    const CostMap map = random_map(40, 0.2, seed, test::thin_options());
+    const auto start = nearest_traversable(map, {20, 20});
+    if (!start) continue;
+    const GeodesicField all = *geodesic_field(map, *start);
+    const auto wanted = [&](const Cell& cell) {
+      return (cell.x * 7 + cell.y * 3 + seed) % 11 == 0;
+    };
+    std::optional<Cell> truth;
+    const CellBox box = map.frame().box();
+    for (int j = box.low.y; j <= box.high.y; ++j) {
+      for (int i = box.low.x; i <= box.high.x; ++i) {
+        if (!all.reachable({i, j}) || !wanted({i, j})) continue;
+        if (!truth || all.cost_m(i, j) < all.cost_m(truth->x, truth->y)) truth = Cell(i, j);
+      }
+    }
+    const GeodesicField field = *geodesic_field(map, *start);
+    EXPECT_EQ(field.nearest_of(wanted), truth) << seed;
+    EXPECT_LE(field.settled_below_m(), all.settled_below_m());
+    EXPECT_EQ(geodesic_field(map, *start)->nearest_of([](const Cell&) { return false; }),
+              std::nullopt);
+  }
+}
+
 TEST(PlanPath, IsStraightInTheOpenAndShorterThanTheChain) {
   const CostMap map =
       text_map(std::vector<std::string>(30, std::string(40, '.')), test::thin_options());

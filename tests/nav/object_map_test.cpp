@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 
 #include "core/check.h"
+#include "nav/objects/internal/object_clusters.h"
 #include "tests/nav/box_world.h"
 
 namespace segsim::nav {
@@ -243,6 +244,54 @@ TEST(ObjectMap, OtherClassesAndUnknownIdsAreHandled) {
   EXPECT_TRUE(objects.objects().empty());
   EXPECT_EQ(objects.find(0), nullptr);
   EXPECT_THROW(objects.refute(0), core::ContractViolation);
+}
+
+/// Sizes of the groups of points with gaps up to `gap_m`, by the definition.
+std::size_t largest_group_size(const std::vector<glm::vec3>& points, double gap_m) {
+  std::vector<bool> visited(points.size(), false);
+  std::size_t largest = 0;
+  for (std::size_t first = 0; first < points.size(); ++first) {
+    if (visited[first]) continue;
+    std::vector<std::size_t> group{first};
+    visited[first] = true;
+    for (std::size_t k = 0; k < group.size(); ++k) {
+      for (std::size_t n = 0; n < points.size(); ++n) {
+        if (visited[n] || glm::distance(points[group[k]], points[n]) > gap_m) continue;
+        visited[n] = true;
+        group.push_back(n);
+      }
+    }
+    largest = std::max(largest, group.size());
+  }
+  return largest;
+}
+
+TEST(ObjectClusters, LargestGroupByTheDefinition) {
+  for (std::uint64_t seed = 1; seed <= 12; ++seed) {
+    core::RandomStream random(seed, "clusters");
+    std::vector<glm::vec3> points;
+    for (int k = 0; k < 300; ++k) {
+      points.emplace_back(random.uniform(0, 2), random.uniform(0, 1), random.uniform(0, 1));
+    }
+    const double gap_m = random.uniform(0.08, 0.2);
+    const auto cluster = internal::largest_cluster(points, gap_m, 1);
+    EXPECT_EQ(cluster.size(), largest_group_size(points, gap_m)) << seed;
+    EXPECT_TRUE(internal::largest_cluster(points, gap_m, static_cast<int>(cluster.size()) + 1)
+                    .empty());
+  }
+}
+
+/// Gaps that differ by less than rounding may are for PCL to judge.
+TEST(ObjectClusters, AboutTheGap) {
+  std::vector<glm::vec3> points;
+  for (int k = 0; k < 4; ++k) points.emplace_back(0.1F * static_cast<float>(k), 0.0F, 0.0F);
+  points.emplace_back(0.3F + 0.25F * (1.0F - 1e-5F), 0.0F, 0.0F);
+  EXPECT_EQ(internal::largest_cluster(points, 0.25, 1).size(), 5U);
+  points.back().x = 0.3F + 0.25F * (1.0F + 1e-5F);
+  EXPECT_EQ(internal::largest_cluster(points, 0.25, 1).size(), 4U);
+  // Of equals the first.
+  points = {{0.0F, 0.0F, 0.0F}, {5.0F, 0.0F, 0.0F}, {0.1F, 0.0F, 0.0F}, {5.1F, 0.0F, 0.0F}};
+  EXPECT_EQ(internal::largest_cluster(points, 0.25, 1).front().x, 0.0F);
 }
 
 }  // namespace

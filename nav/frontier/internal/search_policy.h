@@ -92,8 +92,9 @@ class SearchPolicy final : public core::Policy {
   core::VelocityCommand verify(const Now& now);
   bool replan_navigate(const Now& now, const MappedObject& object);
   ApproachRange range_of(const Now& now, const MappedObject& object) const;
-  bool still_good(const Now& now, const MappedObject& object, const ApproachRange& range,
-                  const ApproachPlace& better, ApproachRank rank);
+  std::optional<Path> way_to_old_place(const Now& now, const MappedObject& object,
+                                       const ApproachRange& range, const ApproachPlace& better,
+                                       ApproachRank rank);
   /// Whether the stop rule holds.
   bool at_goal(const Now& now, const MappedObject& object) const;
   double stop_distance_m(const Now& now, const MappedObject& object) const;
