@@ -8,6 +8,8 @@
 ///
 ///     cameras.txt  where the recording's cameras were (core/camera_path.h)
 ///
+///     label_edits_*.bin  labels set by hand (renderer/files/label_edits.h); version 4
+///
 /// A bundle of version 1 has none of this: it is read as one without distributions and
 /// cameras, of unknown mesh source, and not levelled.
 ///
@@ -32,6 +34,9 @@ inline constexpr int kBundleVersion = 2;  ///< Written; 1 is read as well.
 /// Written where nothing can drive, so that a program which knows only scenes to drive in says
 /// that it needs a newer one.
 inline constexpr int kRenderingOnlyVersion = 3;
+/// Written where labels were set by hand, so that a program which would overlook them says the
+/// same; such a bundle may be for rendering only as well.
+inline constexpr int kEditedLabelsVersion = 4;
 inline constexpr const char* kCamerasFileName = "cameras.txt";
 
 /// How the bundle's world came from the source's: p_world = R p_source + p. The source is the
@@ -62,6 +67,7 @@ struct BundleParts {
   int version = kBundleVersion;  ///< Of the file that was read.
   BundleFile labels;             ///< Name empty: surfels have their own ids alone.
   BundleFile cameras;            ///< Name empty: unknown.
+  BundleFile label_edits;        ///< Name empty: no label was set by hand.
   std::string mesh_source;       ///< Of collision.ply, in words; empty if unknown.
   SceneLevelling levelling;
   std::optional<RenderingOnly> rendering_only;  ///< nullopt: a robot can drive there.

@@ -48,12 +48,12 @@ BundleFile read_file_entry(const ConfigNode& files, const std::string& key,
 
 int read_version(const ConfigNode& root) {
   const std::int64_t version = root.integer("version");
-  if (version > kRenderingOnlyVersion) {
-    root.child("version").fail("version 1 to " + std::to_string(kRenderingOnlyVersion) +
-                                   " (a newer bundle needs a newer program)",
-                               std::to_string(version));
+  if (version < 1 || version > kEditedLabelsVersion) {
+    root.child("version").fail(
+        "version 1 to " + std::to_string(kEditedLabelsVersion) +
+            (version < 1 ? "" : " (a newer bundle needs a newer program)"),
+        std::to_string(version));
   }
-  if (version < 1) root.child("version").fail("version 1 to 3", std::to_string(version));
   return static_cast<int>(version);
 }
 
@@ -99,7 +99,9 @@ BundleParts read_parts(const ConfigNode& root, const fs::path& folder) {
     parts.labels = read_file_entry(root, "label_distributions", folder);
   }
   if (root.has("cameras")) parts.cameras = read_file_entry(root, "cameras", folder);
-  if (parts.version >= kRenderingOnlyVersion) {
+  const bool edited = parts.version >= kEditedLabelsVersion;
+  if (edited) parts.label_edits = read_file_entry(root, "label_edits", folder);
+  if (parts.version == kRenderingOnlyVersion || (edited && root.has("rendering_only"))) {
     parts.rendering_only = read_rendering_only(root.child("rendering_only"));
   }
   return parts;
@@ -280,8 +282,8 @@ void write_bundle_manifest(const fs::path& folder, SceneManifest m) {
 void write_bundle_manifest(const fs::path& folder, SceneManifest m, BundleParts parts) {
   SEGSIM_CHECK(parts.rendering_only.has_value() == m.navmesh.name.empty(),
                "navmesh or reason");
-  for (BundleFile* file :
-       {&m.surfels, &m.collision_mesh, &m.navmesh, &parts.labels, &parts.cameras}) {
+  for (BundleFile* file : {&m.surfels, &m.collision_mesh, &m.navmesh, &parts.labels,
+                           &parts.cameras, &parts.label_edits}) {
     if (!file->name.empty()) file->sha256 = sha256_of_file(folder / file->name);
   }
 
@@ -290,7 +292,9 @@ void write_bundle_manifest(const fs::path& folder, SceneManifest m, BundleParts 
   out << YAML::BeginMap;
   out << YAML::Key << "schema" << YAML::Value << kSchema;
   out << YAML::Key << "version" << YAML::Value
-      << (parts.rendering_only ? kRenderingOnlyVersion : kBundleVersion);
+      << (!parts.label_edits.name.empty() ? kEditedLabelsVersion
+          : parts.rendering_only          ? kRenderingOnlyVersion
+                                          : kBundleVersion);
   out << YAML::Key << "name" << YAML::Value << m.name;
   out << YAML::Key << "world" << YAML::Value << YAML::BeginMap;
   out << YAML::Key << "up" << YAML::Value << "z" << YAML::Key << "unit" << YAML::Value << "m";
@@ -305,6 +309,7 @@ void write_bundle_manifest(const fs::path& folder, SceneManifest m, BundleParts 
   out << YAML::Key << "mesh_source" << YAML::Value << parts.mesh_source;
   if (!parts.labels.name.empty()) emit_file(out, "label_distributions", parts.labels);
   if (!parts.cameras.name.empty()) emit_file(out, "cameras", parts.cameras);
+  if (!parts.label_edits.name.empty()) emit_file(out, "label_edits", parts.label_edits);
   if (parts.rendering_only) emit_rendering_only(out, *parts.rendering_only);
   out << YAML::Key << "geodetic_origin" << YAML::Value << YAML::BeginMap;
   out << YAML::Key << "latitude_deg" << YAML::Value << m.origin.latitude_deg;

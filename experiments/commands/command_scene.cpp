@@ -35,6 +35,17 @@ std::string labels_in_words(const scenes::SceneSurfels& scene) {
   return text;
 }
 
+/// Empty without labels set by hand.
+std::string edits_in_words(const core::SceneBundle& bundle, const core::BundleParts& parts,
+                           std::size_t surfels) {
+  if (parts.label_edits.name.empty()) return {};
+  const renderer::LabelEdits edits =
+      renderer::read_label_edits(bundle.folder / parts.label_edits.name, surfels);
+  std::size_t by_hand = 0;
+  for (const renderer::LabelEdits::Run& run : edits.runs) by_hand += run.count;
+  return "set by hand of " + std::to_string(by_hand) + " surfels (segsim scene label)";
+}
+
 std::string levelling_in_words(const core::SceneLevelling& levelling) {
   const glm::dquat& R = levelling.R_world_source;
   const double tilt_rad = 2.0 * std::atan2(std::hypot(R.x, R.y, R.z), std::abs(R.w));
@@ -110,6 +121,10 @@ void inspect(const std::filesystem::path& folder, const std::string& robot_name)
   std::printf("surfels        %zu, SH degree %d, %s\n", surfels.size(), surfels.sh_degree,
               surfels.has_labels() ? "labelled" : "without labels");
   std::printf("labels         %s\n", labels_in_words(scene).c_str());
+  if (const std::string edits = edits_in_words(bundle, parts, surfels.size());
+      !edits.empty()) {
+    std::printf("label edits    %s\n", edits.c_str());
+  }
   std::printf("levelled       %s\n", levelling_in_words(parts.levelling).c_str());
   parts.rendering_only ? print_rendering_only(*parts.rendering_only)
                        : print_free_space(*world, parts.mesh_source);
@@ -154,6 +169,7 @@ void add_scene_command(CLI::App& app) {
   command->callback([flags] { inspect(flags->folder, flags->robot); });
   add_scene_mesh(*scene);
   add_scene_coverage(*scene);
+  add_scene_label(*scene);
 }
 
 }  // namespace segsim::experiments::commands

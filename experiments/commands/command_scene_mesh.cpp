@@ -77,6 +77,7 @@ void write_remeshed(const fs::path& folder, const RemeshFlags& flags,
                     const core::SceneBundle& bundle) {
   core::SceneManifest manifest = bundle.manifest;
   core::BundleParts parts = core::load_bundle_parts(bundle.folder);
+  parts.label_edits = {};  // They become the new bundle's own labels.
   const scenes::SceneSurfels scene = scenes::load_scene_surfels(bundle);
   core::CameraPath cameras = cameras_of(bundle, parts);
   std::vector<core::CameraPose> poses;

@@ -16,6 +16,8 @@ void add_reconstruct_command(CLI::App& app);
 void add_scene_command(CLI::App& app);
 /// `segsim scene remesh` and `segsim scene mesh-error`, below `segsim scene`.
 void add_scene_mesh(CLI::App& scene);
+/// `segsim scene label`, below `segsim scene`.
+void add_scene_label(CLI::App& scene);
 /// `segsim scene coverage`, below `segsim scene`.
 void add_scene_coverage(CLI::App& scene);
 void add_render_command(CLI::App& app);

@@ -7,28 +7,26 @@
 #include "core/error.h"
 #include "core/file_io.h"
 #include "experiments/dashboard/internal/dashboard_assets.h"
-#include "experiments/dashboard/internal/http_server.h"
 #include "experiments/dashboard/internal/live_files.h"
 #include "experiments/dashboard/internal/run_index.h"
 #include "experiments/dashboard/internal/run_json.h"
 #include "experiments/dashboard/internal/scene_viewer.h"
 #include "experiments/report/report_assets.h"
 #include "experiments/results/explanation.h"
+#include "experiments/web/pages.h"
 
 namespace segsim::experiments::dashboard {
 namespace {
 
 namespace fs = std::filesystem;
-using internal::HttpReply;
-using internal::HttpRequest;
 using internal::Json;
-using internal::not_found;
 using internal::RunPointer;
+using web::binary_reply;
+using web::HttpReply;
+using web::HttpRequest;
+using web::not_found;
 
 constexpr std::size_t kTrialsPerPage = 100;
-constexpr const char* kScript = "text/javascript; charset=utf-8";
-constexpr const char* kStyle = "text/css; charset=utf-8";
-constexpr const char* kPage = "text/html; charset=utf-8";
 
 /// A whole number without sign or space.
 std::optional<std::int64_t> number_of(const std::string& text) {
@@ -39,15 +37,7 @@ std::optional<std::int64_t> number_of(const std::string& text) {
   return value;
 }
 
-HttpReply json_reply(const Json& json) {
-  HttpReply reply;
-  reply.body = internal::json_text(json);
-  return reply;
-}
-
-HttpReply binary_reply(const char* type, std::string body, bool keeps) {
-  return {200, type, std::move(body), keeps};
-}
+HttpReply json_reply(const Json& json) { return web::json_reply(internal::json_text(json)); }
 
 /// Asks the workers of a run for pictures, and reads what they have sent so far. Those of a
 /// run that is over are left alone: asking would put a folder beside its results.
@@ -71,7 +61,7 @@ HttpReply library_reply(const fs::path& file, const char* package) {
   if (file.empty() || !fs::exists(file, error)) {
     return not_found(std::string("the package ") + package + " is not installed");
   }
-  return binary_reply(kScript, core::read_file(file), true);
+  return binary_reply(web::kScriptType, core::read_file(file), true);
 }
 
 Json json_points(const std::vector<glm::dvec2>& points_m) {
@@ -120,14 +110,16 @@ Json json_log(const results::StoredRun& stored, const records::TrialRow& trial,
 struct Dashboard::Impl {
   internal::RunIndex index;
   internal::SceneViewer viewer;
-  std::unique_ptr<internal::HttpServer> server;
+  std::unique_ptr<web::HttpServer> server;
 
   explicit Impl(const DashboardOptions& options) : index(options.roots) {}
 
   [[nodiscard]] HttpReply answer(const HttpRequest& request) {
     const std::vector<std::string>& parts = request.parts;
-    if (parts.empty()) return page("runs.html");
-    if (parts.size() == 1) return page(parts[0]);
+    if (parts.size() < 2) {
+      const std::string name = parts.empty() ? "runs.html" : parts[0];
+      return web::page(name, internal::find_asset(name));
+    }
     if (parts[0] == "static" && parts.size() == 2) return static_file(parts[1]);
     if (parts[0] == "api" && parts[1] == "runs") {
       if (parts.size() == 2) return all_runs();
@@ -138,14 +130,6 @@ struct Dashboard::Impl {
     return not_found("nothing here");
   }
 
-  static HttpReply page(const std::string& name) {
-    if (name == "favicon.ico") {
-      return binary_reply("image/svg+xml", internal::find_asset("favicon.svg"), true);
-    }
-    const char* text = name.ends_with(".html") ? internal::find_asset(name) : nullptr;
-    return text == nullptr ? not_found("no such page") : binary_reply(kPage, text, false);
-  }
-
   static HttpReply static_file(const std::string& name) {
     if (name == "chart.min.js")
       return library_reply(report::internal::kChartLibrary, "libjs-chart.js");
@@ -153,10 +137,7 @@ struct Dashboard::Impl {
     if (name == "OrbitControls.js") {
       return library_reply(internal::kOrbitControls, "libjs-three");
     }
-    if (name == "report.css") return binary_reply(kStyle, report::internal::kReportCss, false);
-    const char* text = name.ends_with(".html") ? nullptr : internal::find_asset(name);
-    if (text == nullptr) return not_found("no such file");
-    return binary_reply(name.ends_with(".css") ? kStyle : kScript, text, false);
+    return web::file_of_pages(name, internal::find_asset(name));
   }
 
   HttpReply all_runs() {
@@ -277,44 +258,17 @@ struct Dashboard::Impl {
   }
 };
 
-namespace {
-
-/// An address that others can reach needs a token that they cannot guess.
-void check_token(const DashboardOptions& options) {
-  const bool exposed = !internal::is_loopback(options.host);
-  if (!exposed && options.token.empty()) return;
-  const bool plain =
-      options.token.find_first_not_of(
-          "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_.~") ==
-      std::string::npos;
-  if (plain && options.token.size() >= kShortestToken) return;
-  throw core::InputError::expected(
-      "--token",
-      "at least " + std::to_string(kShortestToken) + " letters, digits, - _ . ~" +
-          (exposed ? " (" + options.host + " can be reached from other machines)" : ""),
-      options.token.empty() ? "none"
-                            : std::to_string(options.token.size()) + " characters" +
-                                  (plain ? "" : ", some of them others"));
-}
-
-}  // namespace
-
 Dashboard::Dashboard(const DashboardOptions& options) {
-  check_token(options);
   impl_ = std::make_unique<Impl>(options);
-  impl_->server = std::make_unique<internal::HttpServer>(
-      internal::HttpOptions{options.host, options.port, options.token},
+  impl_->server = std::make_unique<web::HttpServer>(
+      options,
       [impl = impl_.get()](const HttpRequest& request) { return impl->answer(request); });
-  const bool six = options.host.find(':') != std::string::npos;
-  address_ = "http://" + (six ? "[" + options.host + "]" : options.host) + ":" +
-             std::to_string(impl_->server->port()) + "/" +
-             (options.token.empty() ? "" : "?token=" + options.token);
 }
 
 Dashboard::~Dashboard() = default;
 
 int Dashboard::port() const { return impl_->server->port(); }
-std::string Dashboard::address() const { return address_; }
+std::string Dashboard::address() const { return impl_->server->address(); }
 void Dashboard::serve() { impl_->server->serve(); }
 void Dashboard::stop() { impl_->server->stop(); }
 

@@ -15,25 +15,20 @@
 #include <string>
 #include <vector>
 
+#include "experiments/web/http_server.h"
+
 namespace segsim::experiments::dashboard {
 
-struct DashboardOptions {
+struct DashboardOptions : web::HttpOptions {
   /// Work folders, folders of work folders, or results databases; looked at again and again,
   /// so runs may begin later.
   std::vector<std::filesystem::path> roots;
-  std::string host = "127.0.0.1";
-  int port = 8080;    ///< 0: any that is free.
-  std::string token;  ///< Empty: none is asked for; only on a loopback address.
 };
-
-/// A token may not be shorter: it is all that protects an open port.
-inline constexpr std::size_t kShortestToken = 12;
 
 class Dashboard {
  public:
   /// Takes the port.
-  /// @throws core::InputError if the port is not to be had, a root is missing, or the address
-  /// can be reached from elsewhere and there is no token (or a short one).
+  /// @throws core::InputError if a root is missing, or as web::HttpServer.
   explicit Dashboard(const DashboardOptions& options);
   ~Dashboard();
   Dashboard(const Dashboard&) = delete;
@@ -50,7 +45,6 @@ class Dashboard {
  private:
   struct Impl;
   std::unique_ptr<Impl> impl_;
-  std::string address_;
 };
 
 }  // namespace segsim::experiments::dashboard

@@ -13,7 +13,6 @@
 #include "experiments/scenes/scene_surfels.h"
 #include "perception/data/image_file.h"
 #include "renderer/cpu_renderer.h"
-#include "renderer/files/ply_io.h"
 #include "sim/ground/world.h"
 
 namespace segsim::experiments::detection {
@@ -119,10 +118,9 @@ class ViewLabeller {
         options_(options),
         classes_(classes),
         folder_(folder),
-        surfels_(read_labelled(bundle.surfels_file())),
-        renderer_(renderer::make_cpu_renderer(surfels_, {},
-                                              scenes::load_scene_labels(bundle, *surfels_))),
-        alone_(surfels_),
+        scene_(load_labelled(bundle)),
+        renderer_(renderer::make_cpu_renderer(scene_.surfels, {}, scene_.labels)),
+        alone_(scene_.surfels),
         consistency_(bundle.manifest),
         T_robot_camera_(
             core::mast_camera(options.camera_height_m, options.camera_pitch_down_rad)) {
@@ -161,13 +159,13 @@ class ViewLabeller {
   }
 
  private:
-  [[nodiscard]] static std::shared_ptr<const SurfelCloud> read_labelled(const fs::path& file) {
-    auto surfels = std::make_shared<SurfelCloud>(renderer::read_surfels_ply(file));
-    if (!surfels->has_labels()) {
-      throw core::InputError::expected(file.string(), "labelled surfels",
+  [[nodiscard]] static scenes::SceneSurfels load_labelled(const core::SceneBundle& bundle) {
+    scenes::SceneSurfels scene = scenes::load_scene_surfels(bundle);
+    if (!scene.surfels->has_labels()) {
+      throw core::InputError::expected(bundle.surfels_file().string(), "labelled surfels",
                                        "no semantic_id property");
     }
-    return surfels;
+    return scene;
   }
 
   void append(const core::Pose2& pose, const std::map<std::uint16_t, int>& pixels) {
@@ -204,7 +202,7 @@ class ViewLabeller {
   const ViewLabelOptions& options_;
   const std::vector<core::SceneClass>& classes_;
   const fs::path& folder_;
-  std::shared_ptr<const SurfelCloud> surfels_;
+  scenes::SceneSurfels scene_;
   std::unique_ptr<core::Renderer> renderer_;
   InstanceRenderers alone_;
   LabelConsistency consistency_;

@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "core/scene_bundle.h"
+#include "renderer/files/label_edits.h"
 #include "renderer/scene/panoptic_field.h"
 #include "renderer/scene/surfels.h"
 
@@ -17,11 +18,16 @@ struct SceneSurfels {
   std::shared_ptr<const renderer::PanopticField> labels;
 };
 
+/// With the labels that were set by hand, if there are (docs/scene_label.md).
 /// @throws core::InputError for a damaged file.
 [[nodiscard]] SceneSurfels load_scene_surfels(const core::SceneBundle& bundle);
 
-/// The distributions alone; nullptr without. @param surfels  Of the bundle.
-[[nodiscard]] std::shared_ptr<const renderer::PanopticField> load_scene_labels(
-    const core::SceneBundle& bundle, const renderer::SurfelCloud& surfels);
+/// As they were made, without those labels.
+/// @throws core::InputError for a damaged file.
+[[nodiscard]] SceneSurfels load_unedited_surfels(const core::SceneBundle& bundle);
+
+/// The scene with other labels; what `edits` does not touch is shared or copied as it is.
+[[nodiscard]] SceneSurfels edited_surfels(const SceneSurfels& unedited,
+                                          const renderer::LabelEdits& edits);
 
 }  // namespace segsim::experiments::scenes

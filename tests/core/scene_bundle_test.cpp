@@ -88,10 +88,10 @@ TEST_F(SceneBundleTest, MissingFileIsNamed) {
 }
 
 TEST_F(SceneBundleTest, OtherVersionIsRefused) {
-  edit("version: 2", "version: 4");
-  EXPECT_THAT(refusal(), HasSubstr("scene.yaml:2: version: expected version 1 to 3 (a newer "
-                                   "bundle needs a newer program), found 4"));
-  edit("version: 4", "version: 0");
+  edit("version: 2", "version: 5");
+  EXPECT_THAT(refusal(), HasSubstr("scene.yaml:2: version: expected version 1 to 4 (a newer "
+                                   "bundle needs a newer program), found 5"));
+  edit("version: 5", "version: 0");
   EXPECT_THAT(refusal(), HasSubstr("found 0"));
 }
 
@@ -116,6 +116,38 @@ TEST_F(SceneBundleTest, PartsOfVersion2ComeBack) {
   EXPECT_THAT(refusal(), HasSubstr("labels.bin: expected SHA-256"));
   fs::remove(folder_ / "labels.bin");
   EXPECT_THAT(refusal(), HasSubstr("labels.bin: expected a bundle file, found none"));
+}
+
+TEST_F(SceneBundleTest, LabelsSetByHandMakeAVersionOfTheirOwn) {
+  write_file_atomically(folder_ / "label_edits_1.bin",
+                        [](std::ostream& out) { out << "edits"; });
+  BundleParts parts;
+  parts.label_edits.name = "label_edits_1.bin";
+  const SceneManifest m = load_bundle(folder_).manifest;
+  write_bundle_manifest(folder_, m, parts);
+  EXPECT_EQ(load_bundle_parts(folder_).version, 4);
+  EXPECT_EQ(load_bundle_parts(folder_).label_edits.sha256, sha256_hex(std::string("edits")));
+  EXPECT_FALSE(load_bundle_parts(folder_).rendering_only);
+
+  // For rendering only as well.
+  SceneManifest undrivable = m;
+  undrivable.navmesh.name.clear();
+  parts.rendering_only = RenderingOnly{"too narrow", "tank", std::nullopt, {}};
+  write_bundle_manifest(folder_, undrivable, parts);
+  EXPECT_EQ(load_bundle_parts(folder_).version, 4);
+  EXPECT_EQ(load_bundle_parts(folder_).rendering_only->reason, "too narrow");
+  EXPECT_THROW(require_drivable(load_bundle(folder_)), InputError);
+
+  // An older version has no such key.
+  write_bundle_manifest(folder_, m, {});
+  EXPECT_EQ(load_bundle_parts(folder_).version, 2);
+  edit("version: 2", "version: 4");
+  EXPECT_THAT(refusal(), HasSubstr("label_edits"));
+  write_file_atomically(folder_ / "label_edits_1.bin", [](std::ostream& out) { out << "?"; });
+  parts.rendering_only.reset();
+  write_bundle_manifest(folder_, m, parts);
+  std::ofstream(folder_ / "label_edits_1.bin", std::ios::app) << "x";
+  EXPECT_THAT(refusal(), HasSubstr("label_edits_1.bin: expected SHA-256"));
 }
 
 TEST_F(SceneBundleTest, WhyNothingDrivesComesBack) {

@@ -8,7 +8,7 @@
 #include "core/error.h"
 #include "core/file_io.h"
 #include "dashboard_fixture.h"
-#include "experiments/dashboard/internal/http_server.h"
+#include "experiments/web/http_server.h"
 
 namespace segsim::experiments {
 namespace {
@@ -251,17 +251,17 @@ TEST(Dashboard, ATokenIsAskedFor) {
 }
 
 TEST(Dashboard, TokensAreComparedWhole) {
-  EXPECT_TRUE(dashboard::internal::equal_tokens("abc", "abc"));
-  EXPECT_TRUE(dashboard::internal::equal_tokens("", ""));
+  EXPECT_TRUE(web::equal_tokens("abc", "abc"));
+  EXPECT_TRUE(web::equal_tokens("", ""));
   for (const char* other : {"", "a", "ab", "abd", "xbc", "abca", "abcabc"}) {
-    EXPECT_FALSE(dashboard::internal::equal_tokens(other, "abc")) << other;
-    EXPECT_FALSE(dashboard::internal::equal_tokens("abc", other)) << other;
+    EXPECT_FALSE(web::equal_tokens(other, "abc")) << other;
+    EXPECT_FALSE(web::equal_tokens("abc", other)) << other;
   }
   for (const char* host : {"127.0.0.1", "127.1.2.3", "localhost", "::1"}) {
-    EXPECT_TRUE(dashboard::internal::is_loopback(host)) << host;
+    EXPECT_TRUE(web::is_loopback(host)) << host;
   }
   for (const char* host : {"0.0.0.0", "::", "192.168.0.1", "128.0.0.1", "example.org", ""}) {
-    EXPECT_FALSE(dashboard::internal::is_loopback(host)) << host;
+    EXPECT_FALSE(web::is_loopback(host)) << host;
   }
 }
 

@@ -30,7 +30,7 @@ inline constexpr CommandWord kCommands[] = {
     {"capture", "Record a mesh world with a virtual RGB-D camera: colour, depth, exact labels",
      false},
     {"reconstruct", "Make a scene bundle from posed RGB-D frames: lift, then train", false},
-    {"scene", "Look at scene bundles", false},
+    {"scene", "Look at scene bundles, mend them, correct their labels", false},
     {"render", "Render one view of a bundle or a 2DGS .ply: every channel to EXR, or a sheet",
      false},
     {"label",

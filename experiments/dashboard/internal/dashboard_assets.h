@@ -7,11 +7,6 @@
 
 namespace segsim::experiments::dashboard::internal {
 
-struct DashboardAsset {
-  const char* name;
-  const char* text;
-};
-
 /// nullptr if there is none of that name.
 [[nodiscard]] const char* find_asset(const std::string& name);
 

@@ -1,4 +1,4 @@
-#include "experiments/dashboard/internal/http_server.h"
+#include "experiments/web/http_server.h"
 
 #include <httplib.h>
 #include <sys/socket.h>
@@ -8,12 +8,12 @@
 
 #include "core/error.h"
 
-namespace segsim::experiments::dashboard::internal {
+namespace segsim::experiments::web {
 namespace {
 
 /// An idle connection of a browser keeps its thread for a moment, and a browser has six.
 constexpr std::size_t kThreads = 24;
-constexpr std::size_t kLargestRequest = 4096;
+constexpr std::size_t kLargestRequest = 4096;  // Bytes of a body.
 
 /// Scripts, styles and pictures from here and nowhere else; no frames around the pages.
 constexpr const char* kContentPolicy =
@@ -53,6 +53,36 @@ std::string cookie(const httplib::Request& request, const std::string& name) {
   return {};
 }
 
+/// An address that others can reach needs a token that they cannot guess.
+void check_token(const HttpOptions& options) {
+  const bool exposed = !is_loopback(options.host);
+  if (!exposed && options.token.empty()) return;
+  const bool plain =
+      options.token.find_first_not_of(
+          "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_.~") ==
+      std::string::npos;
+  if (plain && options.token.size() >= kShortestToken) return;
+  throw core::InputError::expected(
+      "--token",
+      "at least " + std::to_string(kShortestToken) + " letters, digits, - _ . ~" +
+          (exposed ? " (" + options.host + " can be reached from other machines)" : ""),
+      options.token.empty() ? "none"
+                            : std::to_string(options.token.size()) + " characters" +
+                                  (plain ? "" : ", some of them others"));
+}
+
+}  // namespace
+
+HttpReply json_reply(std::string body) {
+  HttpReply reply;
+  reply.body = std::move(body);
+  return reply;
+}
+
+HttpReply binary_reply(const char* type, std::string body, bool keeps) {
+  return {200, type, std::move(body), keeps};
+}
+
 HttpReply refusal(int status, const std::string& why) {
   HttpReply reply;
   reply.status = status;
@@ -60,8 +90,6 @@ HttpReply refusal(int status, const std::string& why) {
                                                    nlohmann::json::error_handler_t::replace);
   return reply;
 }
-
-}  // namespace
 
 HttpReply not_found(const std::string& what) { return refusal(404, what); }
 
@@ -106,24 +134,48 @@ struct HttpServer::Impl {
     return is_loopback(without_port(request.get_header_value("Host")));
   }
 
+  /// A browser names the page that posts; one from elsewhere could reach a loopback address
+  /// by its number. And it asks first before it sends another page's JSON, which is refused.
+  [[nodiscard]] static bool comes_from_elsewhere(const httplib::Request& request) {
+    const std::string origin = request.get_header_value("Origin");
+    const std::string site = request.get_header_value("Sec-Fetch-Site");
+    return (!origin.empty() && origin != "http://" + request.get_header_value("Host")) ||
+           (!site.empty() && site != "same-origin");
+  }
+
+  [[nodiscard]] const char* methods() const {
+    return options.takes_posts ? "GET, HEAD, POST" : "GET, HEAD";
+  }
+
   [[nodiscard]] HttpReply answer(const httplib::Request& request) const {
-    if (request.method != "GET" && request.method != "HEAD") {
-      return refusal(405, "expected GET or HEAD, found " + request.method);
+    const bool posts = options.takes_posts && request.method == "POST";
+    if (!posts && request.method != "GET" && request.method != "HEAD") {
+      return refusal(405, std::string("expected ") +
+                              (options.takes_posts ? "GET, HEAD or POST" : "GET or HEAD") +
+                              ", found " + request.method);
     }
     if (!meant_for_us(request)) {
       return refusal(403, "expected an address of this machine as host, found another");
     }
     if (!may_enter(request)) {
-      return refusal(401, "expected the token that segsim serve was started with, found " +
+      return refusal(401, "expected the token that the server was started with, found " +
                               std::string(request.has_param("token") ? "another" : "none"));
     }
+    if (posts && comes_from_elsewhere(request)) {
+      return refusal(403, "expected a page of this server as origin, found another");
+    }
+    if (posts && !request.get_header_value("Content-Type").starts_with("application/json")) {
+      return refusal(415, "expected application/json");
+    }
     HttpRequest wanted;
+    wanted.posts = posts;
+    wanted.body = request.body;
     wanted.parts = split(request.path);
     for (const auto& [key, value] : request.params) wanted.query.emplace(key, value);
     try {
       return handler(wanted);
     } catch (const core::InputError& error) {
-      return refusal(404, error.what());
+      return refusal(posts ? 400 : 404, error.what());
     } catch (const std::exception& error) {
       return refusal(500, error.what());
     }
@@ -138,7 +190,7 @@ struct HttpServer::Impl {
     response.set_header("Referrer-Policy", "no-referrer");
     response.set_header("Cross-Origin-Resource-Policy", "same-origin");
     response.set_header("Cache-Control", reply.keeps ? "private, max-age=3600" : "no-store");
-    if (reply.status == 405) response.set_header("Allow", "GET, HEAD");
+    if (reply.status == 405) response.set_header("Allow", methods());
     if (reply.status == 200 && request.has_param("token") && !options.token.empty()) {
       response.set_header("Set-Cookie", cookie_name() + "=" + options.token +
                                             "; Path=/; HttpOnly; SameSite=Strict");
@@ -149,6 +201,7 @@ struct HttpServer::Impl {
 
 HttpServer::HttpServer(const HttpOptions& options, HttpHandler handler)
     : impl_(std::make_unique<Impl>()) {
+  check_token(options);
   impl_->options = options;
   impl_->handler = std::move(handler);
   httplib::Server& server = impl_->server;
@@ -164,9 +217,17 @@ HttpServer::HttpServer(const HttpOptions& options, HttpHandler handler)
   });
   server.set_pre_routing_handler(
       [impl = impl_.get()](const httplib::Request& request, httplib::Response& response) {
+        // The body of a POST has not been read yet.
+        if (impl->options.takes_posts && request.method == "POST") {
+          return httplib::Server::HandlerResponse::Unhandled;
+        }
         impl->respond(request, response);
         return httplib::Server::HandlerResponse::Handled;
       });
+  server.Post(".*", [impl = impl_.get()](const httplib::Request& request,
+                                         httplib::Response& response) {
+    impl->respond(request, response);
+  });
   if (options.port == 0) {
     impl_->port = server.bind_to_any_port(options.host);
   } else if (server.bind_to_port(options.host, options.port)) {
@@ -182,7 +243,13 @@ HttpServer::HttpServer(const HttpOptions& options, HttpHandler handler)
 HttpServer::~HttpServer() = default;
 
 int HttpServer::port() const { return impl_->port; }
+std::string HttpServer::address() const {
+  const HttpOptions& of = impl_->options;
+  const bool six = of.host.find(':') != std::string::npos;
+  return "http://" + (six ? "[" + of.host + "]" : of.host) + ":" + std::to_string(port()) +
+         "/" + (of.token.empty() ? "" : "?token=" + of.token);
+}
 void HttpServer::serve() { impl_->server.listen_after_bind(); }
 void HttpServer::stop() { impl_->server.stop(); }
 
-}  // namespace segsim::experiments::dashboard::internal
+}  // namespace segsim::experiments::web
