@@ -28,8 +28,8 @@ core::CameraIntrinsics read_camera(const core::ConfigNode& node) {
   camera.cy_px = node.number("cy") + 0.5 - center;
   if (camera.width_px < 2 || camera.height_px < 2 || camera.width_px > 32768 ||
       camera.height_px > 32768) {
-    node.fail("width and height of a picture", std::to_string(camera.width_px) + "x" +
-                                                   std::to_string(camera.height_px));
+    node.fail("width and height of a picture",
+              std::to_string(camera.width_px) + "x" + std::to_string(camera.height_px));
   }
   if (!(camera.fx_px > 0.0 && camera.fy_px > 0.0)) {
     node.fail("focal lengths > 0", node.text("fx") + " and " + node.text("fy"));

@@ -7,8 +7,9 @@
 ///
 ///     schema: segsim.color_depth
 ///     version: 1
-///     T_color_depth: [r, r, r, x,  r, r, r, y,  r, r, r, z,  0, 0, 0, 1]   # row-major, metres
-///     depth_camera: {width: 640, height: 480, fx: 575.8, fy: 575.8, cx: 319.5, cy: 239.5,
+///     T_color_depth: [r, r, r, x,  r, r, r, y,  r, r, r, z,  0, 0, 0, 1]   # row-major,
+///     metres depth_camera: {width: 640, height: 480, fx: 575.8, fy: 575.8, cx: 319.5, cy:
+///     239.5,
 ///                    pixel_center: 0}            # optional; pixel_center: 0.5 (default) or 0
 ///
 /// T_color_depth takes coordinates of the depth camera to those of the colour camera (x right,

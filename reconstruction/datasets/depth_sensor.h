@@ -4,9 +4,10 @@
 /// How much a depth camera errs, by its kind: standard deviation along +z of a surface that is
 /// seen from in front, z in metres.
 ///
-///     kinect-v1   0.0012 + 0.0019 (z - 0.4)^2      structured light; Nguyen, Izadi, Lovell 2012
-///     tof         0.0015 - 0.0005 z + 0.0003 z^2   Kinect v2; Fankhauser et al. 2015, indoors
-///     stereo      0.0038 z^2                       z^2 s / (f b) with s = 0.08 px, f = 424 px and
+///     kinect-v1   0.0012 + 0.0019 (z - 0.4)^2      structured light; Nguyen, Izadi, Lovell
+///     2012 tof         0.0015 - 0.0005 z + 0.0003 z^2   Kinect v2; Fankhauser et al. 2015,
+///     indoors stereo      0.0038 z^2                       z^2 s / (f b) with s = 0.08 px, f
+///     = 424 px and
 ///                                                  b = 5 cm: RealSense D435 at 848 x 480
 ///     hololens    0.005 + 0.004 z                  ours; long-throw time of flight
 ///     generic     0.01 z
@@ -47,8 +48,8 @@ enum class DepthSensor : std::uint8_t {
 
 [[nodiscard]] bool has_flying_pixels(DepthSensor sensor);
 
-/// Erases pixels between a nearer one on one side and a farther one on the other, if both steps
-/// are larger than noise and than a surface that is seen at 80 degrees makes.
+/// Erases pixels between a nearer one on one side and a farther one on the other, if both
+/// steps are larger than noise and than a surface that is seen at 80 degrees makes.
 /// @param camera  Of the depth image.
 /// @return How many.
 std::size_t remove_flying_pixels(DepthSensor sensor, const core::CameraIntrinsics& camera,

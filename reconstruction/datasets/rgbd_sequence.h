@@ -81,8 +81,8 @@ struct TimeOptions {
   /// Frames of a layout without time stamps have the time of the number in their names divided
   /// by this.
   std::optional<double> frame_rate_hz;
-  /// What is added to the stamps of depth images. Depth is then brought to where the camera was
-  /// when the colour image was taken.
+  /// What is added to the stamps of depth images. Depth is then brought to where the camera
+  /// was when the colour image was taken.
   std::optional<double> depth_offset_s;
   /// What is added to the stamps of poses.
   std::optional<double> pose_offset_s;

@@ -21,46 +21,39 @@ constexpr int kWidth_px = 160;
 constexpr std::size_t kRuns = 24, kRunFrames = 13;
 constexpr double kWidestStep_s = 0.25;  ///< Between two pictures of a pair.
 constexpr double kFarthest_s = 0.25, kStep_s = 0.01;
-constexpr double kCap_px = 3.0;            ///< A difference beyond says no more.
-constexpr double kWithoutDepth_m = 3.0;    ///< Distance that is assumed.
-constexpr int kGrid = 7;                   ///< Points of a picture in each direction.
-constexpr double kSmallestPeak = 0.03;     ///< Of the correlation of two pictures.
+constexpr double kCap_px = 3.0;          ///< A difference beyond says no more.
+constexpr double kWithoutDepth_m = 3.0;  ///< Distance that is assumed.
+constexpr int kGrid = 10;                ///< Points of a picture in each direction.
+constexpr double kSmallestPeak = 0.1;    ///< Of the correlation of two pictures.
 constexpr std::size_t kFewestPairs = 24;
 constexpr double kSmallestMotion_px = 0.7;
-constexpr double kLargestShare = 0.7;      ///< Of the usual difference, at the best offset.
+constexpr double kLargestShare = 0.7;  ///< Of the usual difference, at the best offset.
 constexpr double kLargestError_s = 0.008;
 constexpr double kSmallestOffset_s = 0.003, kSmallestOffset_errors = 3.0;
-constexpr double kSmallestGain = 0.05;     ///< Of the difference as stamped.
-constexpr int kFolds = 4;
+constexpr double kSmallestGain = 0.05;             ///< Of the difference as stamped.
+constexpr std::size_t kFolds = 4, kTogether = 15;  ///< Neighbours err alike.
 
-/// Two pictures that follow each other.
+/// Two pictures that follow each other, or a quarter of them.
 struct Pair {
   double from_s = 0.0, to_s = 0.0;
   glm::dvec2 seen_px{0.0};           ///< By which the picture moved.
   std::vector<glm::dvec3> points_m;  ///< Surfaces, camera frame of the first.
-  std::size_t run = 0;
+  std::size_t fold = 0;              ///< Of the jackknife.
 };
 
 class Run {
  public:
-  Run(const RgbdSequence& sequence, std::size_t run) : sequence_(sequence), run_(run) {}
+  explicit Run(const RgbdSequence& sequence) : sequence_(sequence) {}
 
   void look(std::size_t begin, std::size_t end, std::vector<Pair>& pairs) const {
-    cv::Mat before, window;
+    cv::Mat before;
     std::vector<glm::dvec3> points_m;
     for (std::size_t i = begin; i < end; ++i) {
       const RgbdFrame frame = sequence_.load(i);
       cv::Mat now = small_grey(frame.rgb);
-      if (window.empty()) cv::createHanningWindow(window, now.size(), CV_32F);
       if (i > begin) {
-        Pair pair{*sequence_.time_s(i - 1), *sequence_.time_s(i), {}, points_m, run_};
-        double peak = 0.0;
-        const cv::Point2d shift = cv::phaseCorrelate(before, now, window, &peak);
-        pair.seen_px = {shift.x, shift.y};
-        const double step_s = pair.to_s - pair.from_s;
-        if (step_s > 0.0 && step_s < kWidestStep_s && peak > kSmallestPeak) {
-          pairs.push_back(std::move(pair));
-        }
+        const double step_s = *sequence_.time_s(i) - *sequence_.time_s(i - 1);
+        if (step_s > 0.0 && step_s < kWidestStep_s) compare(i, before, now, points_m, pairs);
       }
       before = std::move(now);
       points_m = grid(frame.depth_m);
@@ -68,6 +61,30 @@ class Run {
   }
 
  private:
+  /// The whole pictures, and their quarters: near and far surfaces move apart.
+  void compare(std::size_t i, const cv::Mat& before, const cv::Mat& now,
+               const std::vector<glm::dvec3>& points_m, std::vector<Pair>& pairs) const {
+    const int w = now.cols, h = now.rows;
+    for (const cv::Rect& part :
+         {cv::Rect(0, 0, w, h), cv::Rect(0, 0, w / 2, h / 2), cv::Rect(w / 2, 0, w / 2, h / 2),
+          cv::Rect(0, h / 2, w / 2, h / 2), cv::Rect(w / 2, h / 2, w / 2, h / 2)}) {
+      Pair pair{*sequence_.time_s(i - 1), *sequence_.time_s(i), {}, {}, 0};
+      for (const glm::dvec3& p_m : points_m) {
+        const glm::dvec2 px = static_cast<double>(w) / sequence_.intrinsics().width_px *
+                              sequence_.intrinsics().project(p_m);
+        if (part.contains(cv::Point(static_cast<int>(px.x), static_cast<int>(px.y)))) {
+          pair.points_m.push_back(p_m);
+        }
+      }
+      cv::Mat window;
+      cv::createHanningWindow(window, part.size(), CV_32F);
+      double peak = 0.0;
+      const cv::Point2d shift =
+          cv::phaseCorrelate(before(part).clone(), now(part).clone(), window, &peak);
+      pair.seen_px = {shift.x, shift.y};
+      if (peak > kSmallestPeak) pairs.push_back(std::move(pair));
+    }
+  }
   [[nodiscard]] cv::Mat small_grey(const core::Image<core::Rgb8>& rgb) const {
     cv::Mat grey = internal::grey_image(rgb);
     const double reduction = static_cast<double>(kWidth_px) / grey.cols;
@@ -93,7 +110,6 @@ class Run {
   }
 
   const RgbdSequence& sequence_;
-  std::size_t run_;
 };
 
 /// What poses predict for a pair; nothing if there is no pose at these times.
@@ -112,8 +128,8 @@ std::optional<glm::dvec2> predicted_px(const Pair& pair, double offset_s,
   }
   if (x_px.empty()) return std::nullopt;
   const double reduction = static_cast<double>(kWidth_px) / camera.width_px;
-  return reduction * glm::dvec2(internal::median(std::move(x_px)),
-                                internal::median(std::move(y_px)));
+  return reduction *
+         glm::dvec2(internal::median(std::move(x_px)), internal::median(std::move(y_px)));
 }
 
 class Fitter {
@@ -126,7 +142,7 @@ class Fitter {
   [[nodiscard]] double difference_px(double offset_s, int without = -1) const {
     double sum = 0.0, count = 0.0;
     for (const Pair& pair : pairs_) {
-      if (static_cast<int>(pair.run % kFolds) == without) continue;
+      if (static_cast<int>(pair.fold) == without) continue;
       const auto predicted = predicted_px(pair, offset_s, track_, camera_);
       if (!predicted) continue;
       sum += std::min(kCap_px, glm::distance(*predicted, pair.seen_px));
@@ -140,8 +156,11 @@ class Fitter {
     for (int i = 0; i < 18; ++i) {
       const double a_s = low_s + 0.382 * (high_s - low_s);
       const double b_s = low_s + 0.618 * (high_s - low_s);
-      (difference_px(a_s, without) < difference_px(b_s, without) ? high_s : low_s) =
-          difference_px(a_s, without) < difference_px(b_s, without) ? b_s : a_s;
+      if (difference_px(a_s, without) < difference_px(b_s, without)) {
+        high_s = b_s;
+      } else {
+        low_s = a_s;
+      }
     }
     return 0.5 * (low_s + high_s);
   }
@@ -155,7 +174,8 @@ class Fitter {
 std::string doubt_of(const PoseTimeFit& fit, double motion_px) {
   using core::print;
   if (motion_px < kSmallestMotion_px) {
-    return print("the camera hardly moves from picture to picture (%.1f px of 160)", motion_px);
+    return print("the camera hardly moves from picture to picture (%.1f px of 160)",
+                 motion_px);
   }
   if (fit.best_px > kLargestShare * fit.usual_px) {
     return print("no offset predicts clearly better what pictures show (%.2f px at best, ",
@@ -178,7 +198,7 @@ std::vector<Pair> look_at(const RgbdSequence& sequence) {
   std::vector<std::vector<Pair>> of_run(runs);
   internal::load_each(runs, [&](std::size_t r) {
     const std::size_t begin = r * frames / runs;
-    Run(sequence, r).look(begin, std::min(frames, begin + kRunFrames), of_run[r]);
+    Run(sequence).look(begin, std::min(frames, begin + kRunFrames), of_run[r]);
   });
   std::vector<Pair> pairs;
   for (std::vector<Pair>& some : of_run) {
@@ -186,6 +206,7 @@ std::vector<Pair> look_at(const RgbdSequence& sequence) {
     for (Pair& pair : some) {
       if (predicted_px(pair, kFarthest_s, sequence.pose_track(), sequence.intrinsics()) &&
           predicted_px(pair, -kFarthest_s, sequence.pose_track(), sequence.intrinsics())) {
+        pair.fold = pairs.size() / kTogether % kFolds;
         pairs.push_back(std::move(pair));
       }
     }
@@ -211,8 +232,8 @@ std::string PoseTimeFit::text() const {
 
 PoseTimeFit fit_pose_time(const RgbdSequence& sequence) {
   PoseTimeFit fit;
-  const bool timed = sequence.frame_count() > 0 && sequence.time_s(0) &&
-                     !sequence.pose_track().empty();
+  const bool timed =
+      sequence.frame_count() > 0 && sequence.time_s(0) && !sequence.pose_track().empty();
   const std::vector<Pair> pairs = timed ? look_at(sequence) : std::vector<Pair>{};
   fit.pairs = pairs.size();
   if (pairs.size() < kFewestPairs) {
@@ -232,7 +253,7 @@ PoseTimeFit fit_pose_time(const RgbdSequence& sequence) {
   fit.best_px = fitter.difference_px(fit.offset_s);
   fit.usual_px = internal::median(std::move(all));
   double squares = 0.0;
-  for (int fold = 0; fold < kFolds; ++fold) {
+  for (int fold = 0; fold < static_cast<int>(kFolds); ++fold) {
     squares += std::pow(fitter.refine(fit.offset_s, fold) - fit.offset_s, 2);
   }
   fit.error_s = std::sqrt((kFolds - 1.0) / kFolds * squares);

@@ -1,8 +1,8 @@
 #pragma once
 
 /// @file
-/// How late the clock of the poses is against that of the pictures. A picture moves against the
-/// one before as the camera moves; poses and depth predict by how much. Where the camera
+/// How late the clock of the poses is against that of the pictures. A picture moves against
+/// the one before as the camera moves; poses and depth predict by how much. Where the camera
 /// quickens and slows, only poses of the right time predict what pictures show.
 
 #include <cstddef>

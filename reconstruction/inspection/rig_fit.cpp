@@ -36,15 +36,15 @@ constexpr std::size_t kMostPoints = 1200;  ///< Of a view.
 constexpr std::size_t kFewestPoints = 1500, kFewestViews = 8;
 constexpr int kFolds = 4;
 constexpr double kSmallestContrast = 0.04;  ///< Of the best agreement against chance.
-constexpr double kSmallestGain = 0.25;      ///< Of the contrast at the start, of a real offset.
-constexpr double kLargestError_px = 0.6;    ///< Of the reduced picture.
+constexpr double kSmallestGain = 0.25;    ///< Of the contrast at the start, of a real offset.
+constexpr double kLargestError_px = 0.6;  ///< Of the reduced picture.
 constexpr double kSmallestOffset_px = 0.5, kSmallestOffset_errors = 3.0;
 constexpr double kFarthest_m = 0.2, kFarthest_rad = 8.0 * std::numbers::pi / 180.0;
 constexpr double kFarthest_s = 0.25;
 constexpr double kReach_px = 1.5;  ///< At which agreement is told.
 /// What holds parameters that contours tell nothing about: standard deviations.
 constexpr double kPrior_m = 0.05, kPrior_rad = 0.05, kPrior_s = 0.1;
-constexpr double kNoise_px = 0.7;  ///< Of an edge, against these.
+constexpr double kNoise_px = 0.7;     ///< Of an edge, against these.
 constexpr double kCorrelated = 30.0;  ///< So many neighbouring contour points err alike.
 
 constexpr int kParameters = 7;
@@ -113,8 +113,8 @@ class Fitter {
         (T * core::Point<core::frame::Camera>{glm::dvec3(point.p_camera_m)}).xyz_m);
   }
   /// Normal equations of one step; returns the agreement.
-  double linearise(const Parameters& p, double reach_px, int without,
-                   Eigen::MatrixXd& normal, Eigen::VectorXd& right) const;
+  double linearise(const Parameters& p, double reach_px, int without, Eigen::MatrixXd& normal,
+                   Eigen::VectorXd& right) const;
 
   std::vector<const RigView::Impl*> views_;
   const PoseTrack& track_;
@@ -123,8 +123,8 @@ class Fitter {
   std::vector<int> free_;
 };
 
-double Fitter::agreement(const Parameters& p, double reach_px, int without,
-                         std::size_t stride, const glm::dvec2& shift_px) const {
+double Fitter::agreement(const Parameters& p, double reach_px, int without, std::size_t stride,
+                         const glm::dvec2& shift_px) const {
   const Transforms T = transforms(p);
   const double falloff = -0.5 / (reach_px * reach_px);
   double sum = 0.0, points = 0.0;
@@ -132,8 +132,8 @@ double Fitter::agreement(const Parameters& p, double reach_px, int without,
     if (static_cast<int>(v % kFolds) == without) continue;
     const RigView::Impl& view = *views_[v];
     for (std::size_t i = v % stride; i < view.points.size(); i += stride) {
-      const auto sample = view.edges.at(view.points[i].direction,
-                                        project(T[v], view.points[i]) + shift_px);
+      const auto sample =
+          view.edges.at(view.points[i].direction, project(T[v], view.points[i]) + shift_px);
       if (sample.distance_px < 0.0F) continue;
       sum += std::exp(falloff * sample.distance_px * sample.distance_px);
       points += 1.0;
@@ -266,9 +266,9 @@ double Fitter::chance(const Parameters& p) const {
   std::vector<double> all;
   for (int k = 0; k < 12; ++k) {
     const double angle_rad = k * std::numbers::pi / 6.0;
-    all.push_back(agreement(
-        p, kReach_px, -1, 1,
-        kFar_px * (1.0 + 0.5 * (k % 3)) * glm::dvec2(std::cos(angle_rad), std::sin(angle_rad))));
+    all.push_back(agreement(p, kReach_px, -1, 1,
+                            kFar_px * (1.0 + 0.5 * (k % 3)) *
+                                glm::dvec2(std::cos(angle_rad), std::sin(angle_rad))));
   }
   return internal::median(std::move(all));
 }
@@ -276,8 +276,9 @@ double Fitter::chance(const Parameters& p) const {
 std::string doubt_of(const RigFit& fit, const Parameters& p, double error_px) {
   using core::print;
   if (fit.best - fit.chance < kSmallestContrast) {
-    return print("contours of depth lie on edges of colour hardly better than by chance (%.2f, ",
-                 fit.best) +
+    return print(
+               "contours of depth lie on edges of colour hardly better than by chance (%.2f, ",
+               fit.best) +
            print("by chance %.2f)", fit.chance);
   }
   if (error_px > kLargestError_px) {
@@ -287,8 +288,7 @@ std::string doubt_of(const RigFit& fit, const Parameters& p, double error_px) {
       std::abs(p[6]) > kFarthest_s) {
     return print("the best offset is too large to be one (%.1f deg, ",
                  internal::degrees(p.head<3>().norm())) +
-           print("%.0f cm, ", 100.0 * p.segment<3>(3).norm()) +
-           print("%.0f ms)", 1e3 * p[6]);
+           print("%.0f cm, ", 100.0 * p.segment<3>(3).norm()) + print("%.0f ms)", 1e3 * p[6]);
   }
   return {};
 }
@@ -325,13 +325,13 @@ RigView::RigView(const RgbdSequence& sequence, std::size_t i, const RgbdFrame& f
   const double reduction = std::min(1.0, static_cast<double>(kWidth_px) / grey.cols);
   cv::resize(grey, grey, {}, reduction, reduction, cv::INTER_AREA);
   std::vector<ContourPoint> all = internal::find_contours(
-      frame.depth_m, sequence.intrinsics().resized(frame.depth_m.width_px(),
-                                                   frame.depth_m.height_px()));
+      frame.depth_m,
+      sequence.intrinsics().resized(frame.depth_m.width_px(), frame.depth_m.height_px()));
   std::vector<ContourPoint> points;
   const std::size_t count = std::min(all.size(), kMostPoints);
   for (std::size_t k = 0; k < count; ++k) points.push_back(all[k * all.size() / count]);
-  impl_ = std::make_unique<Impl>(
-      Impl{DirectedEdges(grey), std::move(points), sequence.time_s(i), sequence.depth_time_s(i)});
+  impl_ = std::make_unique<Impl>(Impl{DirectedEdges(grey), std::move(points),
+                                      sequence.time_s(i), sequence.depth_time_s(i)});
 }
 RigView::~RigView() = default;
 RigView::RigView(RigView&&) noexcept = default;

@@ -68,8 +68,8 @@ struct RigFit {
 
   /// Trusted, and more than what edges cannot tell from nothing.
   [[nodiscard]] bool is_off() const;
-  /// "2.5 cm left, 0.3 cm up, 0.1 cm back; turned by 0.2 degrees ... (agreement 0.51 instead of
-  /// 0.34, 0.12 by chance; moves depth by 2.9 +- 0.1 px)"
+  /// "2.5 cm left, 0.3 cm up, 0.1 cm back; turned by 0.2 degrees ... (agreement 0.51 instead
+  /// of 0.34, 0.12 by chance; moves depth by 2.9 +- 0.1 px)"
   [[nodiscard]] std::string text(const RigFitOptions& options) const;
 };
 

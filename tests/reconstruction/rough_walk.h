@@ -29,13 +29,21 @@ class RoughWalk {
   // How it is recorded. -------------------------------------------------------------------
   CameraToCamera T_color_depth;
   std::optional<core::CameraIntrinsics> depth_camera;
-  double depth_late_s = 0.0;    ///< Depth was taken so long after its stamp.
-  double poses_late_s = 0.0;    ///< The same of poses.
-  double read_out_s = 0.0;      ///< Of the colour camera, from first row to last.
+  double depth_late_s = 0.0;  ///< Depth was taken so long after its stamp.
+  double poses_late_s = 0.0;  ///< The same of poses.
+  double read_out_s = 0.0;    ///< Of the colour camera, from first row to last.
   int frames = 60;
   double frame_s = 1.0 / 10.0;
   /// Changes a true depth image.
   std::function<void(int, core::Image<float>&)> change_depth;
+
+  /// Without faults.
+  void record_well() {
+    T_color_depth = {};
+    depth_camera.reset();
+    depth_late_s = poses_late_s = read_out_s = 0.0;
+    change_depth = nullptr;
+  }
 
   explicit RoughWalk(std::uint64_t seed = 3) {
     worlds::FlatOptions options;
@@ -70,6 +78,9 @@ class RoughWalk {
             eye_m};
   }
   [[nodiscard]] double time_s(int frame) const { return 100.0 + frame_s * frame; }
+  [[nodiscard]] int number_at(double time) const {
+    return static_cast<int>(std::lround((time - time_s(0)) / frame_s));
+  }
   [[nodiscard]] static core::CameraIntrinsics camera() {
     return core::CameraIntrinsics::from_fov(320, 240, 70.0 * std::numbers::pi / 180.0);
   }

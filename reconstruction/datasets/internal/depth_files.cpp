@@ -64,9 +64,8 @@ core::Image<float> read_depth(const FrameFiles& frame, const SequenceParts& part
             .nearest(depth_m);
   }
   if (parts.T_color_depth || frame.T_color_moved) {
-    const CameraToCamera T_color_depth =
-        frame.T_color_moved.value_or(CameraToCamera()) *
-        parts.T_color_depth.value_or(CameraToCamera());
+    const CameraToCamera T_color_depth = frame.T_color_moved.value_or(CameraToCamera()) *
+                                         parts.T_color_depth.value_or(CameraToCamera());
     return reproject_depth(depth_m, own_camera ? *parts.depth_camera : color, T_color_depth,
                            color);
   }

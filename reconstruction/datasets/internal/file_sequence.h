@@ -15,8 +15,8 @@
 #include "reconstruction/datasets/internal/image_files.h"
 #include "reconstruction/datasets/internal/lens.h"
 #include "reconstruction/datasets/label_map.h"
-#include "reconstruction/datasets/rgbd_sequence.h"
 #include "reconstruction/datasets/pose_track.h"
+#include "reconstruction/datasets/rgbd_sequence.h"
 #include "reconstruction/datasets/world_placement.h"
 
 namespace segsim::reconstruction::internal {
@@ -25,8 +25,8 @@ namespace segsim::reconstruction::internal {
 struct FrameFiles {
   std::string name;
   std::filesystem::path rgb, depth_png, depth_exr, semantic, instance;
-  std::filesystem::path valid;      ///< 8 bit, 0 = ignore the pixel.
-  core::CameraPose T_world_camera;  ///< In the source's world until finish_sequence.
+  std::filesystem::path valid;         ///< 8 bit, 0 = ignore the pixel.
+  core::CameraPose T_world_camera;     ///< In the source's world until finish_sequence.
   std::optional<double> time_s;        ///< Of the colour image.
   std::optional<double> depth_time_s;  ///< Of the depth image, by the same clock.
   /// From the colour camera when depth was measured to the colour camera when the colour image

@@ -57,8 +57,7 @@ DepthFiles depth_files(const SequenceParts& parts, double offset_s) {
 DepthFiles::const_iterator nearest(const DepthFiles& files, double time_s) {
   auto best = files.lower_bound(time_s);
   if (best == files.end() ||
-      (best != files.begin() &&
-       time_s - std::prev(best)->first <= best->first - time_s)) {
+      (best != files.begin() && time_s - std::prev(best)->first <= best->first - time_s)) {
     if (best == files.begin()) return files.end();
     --best;
   }

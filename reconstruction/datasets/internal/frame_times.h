@@ -11,7 +11,8 @@ namespace segsim::reconstruction::internal {
 /// the frames' poses where these have times and it is empty. With an offset, frames take the
 /// pose at their time and the depth image that was measured nearest to it (and at most 0.1 s
 /// away), with the camera's motion between; frames without are left out, and a note says so.
-/// @throws InputError if offsets are given, but no times; a name without number; no frame left.
+/// @throws InputError if offsets are given, but no times; a name without number; no frame
+/// left.
 void apply_times(SequenceParts& parts, const TimeOptions& options);
 
 }  // namespace segsim::reconstruction::internal

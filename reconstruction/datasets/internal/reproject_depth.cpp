@@ -54,8 +54,7 @@ void draw_triangle(const Corner& a, const Corner& b, const Corner& c,
   // Pixels whose centre lies inside; borders count, so that neighbours leave no gap.
   const int x0 = static_cast<int>(std::max(0.0, std::ceil(left - 0.5)));
   const int y0 = static_cast<int>(std::max(0.0, std::ceil(top - 0.5)));
-  const int x1 =
-      static_cast<int>(std::min(inverse.width_px() - 1.0, std::floor(right - 0.5)));
+  const int x1 = static_cast<int>(std::min(inverse.width_px() - 1.0, std::floor(right - 0.5)));
   const int y1 =
       static_cast<int>(std::min(inverse.height_px() - 1.0, std::floor(bottom - 0.5)));
   for (int y = y0; y <= y1; ++y) {

@@ -44,8 +44,8 @@ cv::Mat magnitude(const ColorEdges& color) {
   return result;
 }
 
-/// Where the gradient is largest across the edge at pixel (x, y). Without this, an edge between
-/// two pixels would always be on the left one.
+/// Where the gradient is largest across the edge at pixel (x, y). Without this, an edge
+/// between two pixels would always be on the left one.
 glm::vec2 between_pixels(const ColorEdges& color, const cv::Mat& strength, int x, int y) {
   const glm::vec2 center_px(static_cast<float>(x) + 0.5F, static_cast<float>(y) + 0.5F);
   if (x < 1 || y < 1 || x + 1 >= strength.cols || y + 1 >= strength.rows) return center_px;
@@ -145,9 +145,9 @@ DirectedEdges::Sample DirectedEdges::at(int direction, const glm::dvec2& px) con
   const int x = static_cast<int>(u), y = static_cast<int>(v);
   const auto s = static_cast<float>(u - x), t = static_cast<float>(v - y);
   const float a = d(x, y), b = d(x + 1, y), c = d(x, y + 1), e = d(x + 1, y + 1);
-  return {((1 - t) * ((1 - s) * a + s * b) + t * ((1 - s) * c + s * e)) / kUnits,
-          glm::vec2((1 - t) * (b - a) + t * (e - c), (1 - s) * (c - a) + s * (e - b)) /
-              kUnits};
+  return {
+      ((1 - t) * ((1 - s) * a + s * b) + t * ((1 - s) * c + s * e)) / kUnits,
+      glm::vec2((1 - t) * (b - a) + t * (e - c), (1 - s) * (c - a) + s * (e - b)) / kUnits};
 }
 
 std::vector<ContourPoint> find_contours(const core::Image<float>& depth_m,
@@ -165,9 +165,8 @@ std::vector<ContourPoint> find_contours(const core::Image<float>& depth_m,
     const int x = a_is_near ? ax : bx, y = a_is_near ? ay : by;
     const double side = a_is_near ? 0.5 : -0.5;
     const glm::dvec2 px(x + 0.5 + (ay == by ? side : 0.0), y + 0.5 + (ay == by ? 0.0 : side));
-    points.push_back(
-        {glm::vec3(camera.back_project(px, std::min(a_m, b_m))),
-         DirectedEdges::direction_of(dx.at<float>(y, x), dy.at<float>(y, x))});
+    points.push_back({glm::vec3(camera.back_project(px, std::min(a_m, b_m))),
+                      DirectedEdges::direction_of(dx.at<float>(y, x), dy.at<float>(y, x))});
   };
   for (int y = 0; y < depth_m.height_px(); ++y) {
     int last = -1;

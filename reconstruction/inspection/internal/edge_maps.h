@@ -36,7 +36,7 @@ class DirectedEdges {
   [[nodiscard]] int height_px() const { return distance_[0].height_px(); }
 
   struct Sample {
-    float distance_px = -1.0F;      ///< At most kFarthest_px; < 0: outside of the picture.
+    float distance_px = -1.0F;  ///< At most kFarthest_px; < 0: outside of the picture.
     glm::vec2 gradient{0.0F};
   };
   /// Between four pixels.
