@@ -66,6 +66,13 @@ void add_rig_options(CLI::App& command, RecordingFlags& flags) {
       ->check(CLI::Range(0.01, 1000.0))
       ->type_name("HZ");
   command
+      .add_option(
+          "--rolling-shutter", flags.read_out_ms,
+          "How long the colour camera reads its rows, first to last, around an image's "
+          "time [ms]; negative: from below. Pictures are straightened by the poses")
+      ->check(CLI::Range(-specs::kLongestReadOut_ms, specs::kLongestReadOut_ms))
+      ->type_name("MS");
+  command
       .add_option("--sensor", flags.sensor,
                   "none | generic | kinect-v1 | tof | stereo | hololens: what measured depth; "
                   "depth then weighs by its error, and flying pixels of the time-of-flight "
@@ -100,6 +107,7 @@ specs::RigSpec RecordingFlags::rig() const {
     rig.pose_time = specs::parse_offset(pose_time_offset, "--pose-time-offset");
   }
   if (frame_rate_hz > 0.0) rig.frame_rate_hz = frame_rate_hz;
+  rig.read_out_ms = read_out_ms;
   rig.sensor = reconstruction::parse_depth_sensor(sensor, "--sensor");
   return rig;
 }

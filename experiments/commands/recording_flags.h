@@ -4,6 +4,7 @@
 /// Flags that say how a recording is to be read, where its layout does not say it.
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -22,6 +23,7 @@ struct RecordingFlags {
   std::string color_depth, depth_time_offset, pose_time_offset;  ///< As given.
   std::vector<double> gravity;                                   ///< Three numbers, or none.
   double floor_height_m = 0.0, depth_scale = 1.0, pose_scale = 1.0, frame_rate_hz = 0.0;
+  std::optional<double> read_out_ms;
   bool floor_given = false, invert_poses = false;
   bool poses_stated = false;  ///< A scale, or that poses are inverted, was given.
 

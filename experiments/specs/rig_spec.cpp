@@ -45,6 +45,7 @@ std::string RigSpec::text() const {
   }
   add("depth offset", depth_time);
   add("pose offset", pose_time);
+  if (read_out_ms) text << ", rolling shutter of " << *read_out_ms << " ms";
   if (frame_rate_hz) text << ", " << *frame_rate_hz << " frames a second";
   if (sensor != reconstruction::DepthSensor::kUnstated) {
     text << ", sensor " << reconstruction::words_of(sensor);
@@ -55,7 +56,8 @@ std::string RigSpec::text() const {
 void RigSpec::apply_to(reconstruction::SequenceOptions& options) const {
   if (!color_depth.empty())
     options.color_depth = reconstruction::read_color_depth(color_depth);
-  options.times = {frame_rate_hz, depth_time.seconds(), pose_time.seconds()};
+  options.times = {frame_rate_hz, depth_time.seconds(), pose_time.seconds(), {}};
+  if (read_out_ms) options.times.read_out_s = 1e-3 * *read_out_ms;
   options.sensor = sensor;
 }
 
@@ -77,6 +79,10 @@ RigSpec read_rig(const core::ConfigNode& source, const Variables& variables) {
   rig.pose_time = offset("pose_time_offset_ms");
   if (source.has("frame_rate_hz")) {
     rig.frame_rate_hz = support::number_within(source, "frame_rate_hz", 30.0, 0.01, 1000.0);
+  }
+  if (source.has("rolling_shutter_ms")) {
+    rig.read_out_ms = support::number_within(source, "rolling_shutter_ms", 0.0,
+                                             -kLongestReadOut_ms, kLongestReadOut_ms);
   }
   if (source.has("sensor")) {
     rig.sensor = reconstruction::parse_depth_sensor(source.text("sensor"),

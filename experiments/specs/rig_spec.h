@@ -25,7 +25,7 @@ struct RigSpec {
   bool estimate_color_depth = false;
   std::filesystem::path color_depth;  ///< A file; empty: depth is registered to colour.
   OffsetSpec depth_time, pose_time;
-  std::optional<double> frame_rate_hz;
+  std::optional<double> frame_rate_hz, read_out_ms;
   reconstruction::DepthSensor sensor = reconstruction::DepthSensor::kUnstated;
 
   [[nodiscard]] bool estimates() const {
@@ -37,6 +37,8 @@ struct RigSpec {
   /// @throws core::InputError for a broken file of color_depth.
   void apply_to(reconstruction::SequenceOptions& options) const;
 };
+
+inline constexpr double kLongestReadOut_ms = 200.0;
 
 /// "estimate", or a number of milliseconds, at most 10 s.
 /// @throws core::InputError for another word.

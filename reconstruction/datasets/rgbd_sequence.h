@@ -86,8 +86,11 @@ struct TimeOptions {
   std::optional<double> depth_offset_s;
   /// What is added to the stamps of poses.
   std::optional<double> pose_offset_s;
+  /// Rolling shutter: how long the colour camera reads its rows, first to last, around the
+  /// image's time; negative: from below. Pictures are straightened on loading.
+  std::optional<double> read_out_s;
 
-  [[nodiscard]] bool shifts() const { return depth_offset_s || pose_offset_s; }
+  [[nodiscard]] bool shifts() const { return depth_offset_s || pose_offset_s || read_out_s; }
 };
 
 struct SequenceOptions {

@@ -262,6 +262,37 @@ TEST(PoseTimeFit, FindsHowLatePosesAre) {
   EXPECT_THAT(findings(*sequence), Contains(HasSubstr("--pose-time-offset estimate")));
 }
 
+TEST(RollingShutter, PicturesAreStraightened) {
+  const TemporaryFolder folder("rig");
+  RoughWalk& walk = the_walk();
+  walk.read_out_s = 0.03;
+  walk.write(folder.path());
+  const auto differences = [&](const SequenceOptions& options) {
+    const auto sequence = open_sequence(folder.path(), options);
+    double sum = 0.0, count = 0.0;
+    for (std::size_t i = 4; i < sequence->frame_count(); i += 9) {
+      const RgbdFrame frame = sequence->load(i);
+      const core::Frame truth = walk.truth(walk.number_at(*sequence->time_s(i)));
+      for (std::size_t p = 0; p < truth.rgb.size(); ++p) {
+        if (!frame.valid.empty() && frame.valid.pixels()[p] == 0) continue;
+        const core::Rgb8 a = frame.rgb.pixels()[p], b = truth.rgb.pixels()[p];
+        sum += std::abs(a.g - b.g), count += 1.0;
+      }
+    }
+    EXPECT_GT(count, 0.9 * 320 * 240 * 6);
+    return sum / count;
+  };
+  SequenceOptions straight = level();
+  straight.times.read_out_s = walk.read_out_s;
+  const double as_is = differences(level()), better = differences(straight);
+  const Quality rolled = quality(walk, folder.path(), level());
+  const Quality unrolled = quality(walk, folder.path(), straight);
+  std::printf("grey levels off: %.2f and %.2f\n", as_is, better);
+  print("rolled", rolled), print("straightened", unrolled);
+  EXPECT_LT(better, 0.5 * as_is);
+  EXPECT_GT(unrolled.psnr_db, rolled.psnr_db);
+}
+
 TEST(DepthSensor, WeightsOfTheSensorMakeBetterSurfaces) {
   const TemporaryFolder folder("rig");
   RoughWalk& walk = the_walk();

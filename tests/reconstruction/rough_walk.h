@@ -129,11 +129,13 @@ class RoughWalk {
     const int rows = read_out_s > 0.0 ? 4 : c.height_px;
     for (int y0 = 0; y0 < c.height_px; y0 += rows) {
       const double share = (y0 + 0.5 * rows) / c.height_px - 0.5;
-      renderer_->render(pose(time_s(frame) + share * read_out_s), c, core::Channels::kRgb,
+      core::CameraIntrinsics band = c;
+      band.height_px = std::min(rows, c.height_px - y0), band.cy_px -= y0;
+      renderer_->render(pose(time_s(frame) + share * read_out_s), band, core::Channels::kRgb,
                         drawn);
       for (int y = y0; y < std::min(y0 + rows, c.height_px); ++y) {
         for (int x = 0; x < c.width_px; ++x) {
-          const core::Rgb8 p = drawn.rgb(x, y);
+          const core::Rgb8 p = drawn.rgb(x, y - y0);
           bgr.at<cv::Vec3b>(y, x) = {p.b, p.g, p.r};
         }
       }

@@ -13,6 +13,7 @@
 #include "reconstruction/datasets/internal/frame_times.h"
 #include "reconstruction/datasets/internal/place_world.h"
 #include "reconstruction/datasets/internal/pose_jumps.h"
+#include "reconstruction/datasets/internal/rolling_shutter.h"
 
 namespace segsim::reconstruction::internal {
 namespace {
@@ -201,11 +202,18 @@ class FileSequence final : public RgbdSequence {
                          parts_.intrinsics);
     }
     read_valid(files, frame);
-    if (!parts_.has_masks) return frame;
-    read_labels(files, frame);
-    frame.crowds = parts_.crowds;
-    expect_known(files.semantic, frame.semantic, known_classes_, "classes");
-    expect_known(files.instance, frame.instance, known_instances_, "instances");
+    if (parts_.has_masks) {
+      read_labels(files, frame);
+      frame.crowds = parts_.crowds;
+      expect_known(files.semantic, frame.semantic, known_classes_, "classes");
+      expect_known(files.instance, frame.instance, known_instances_, "instances");
+    }
+    if (parts_.times.read_out_s) {
+      straighten_rows(
+          row_motion(parts_.track, *files.time_s - parts_.times.pose_offset_s.value_or(0.0),
+                     *parts_.times.read_out_s, parts_.intrinsics.height_px),
+          parts_.intrinsics, frame);
+    }
     return frame;
   }
 

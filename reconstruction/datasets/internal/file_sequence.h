@@ -49,6 +49,7 @@ struct SequenceParts {
   /// Poses by time, if they were measured apart from the images; in the source's world until
   /// finish_sequence, which makes it of the frames' poses where these have times.
   PoseTrack track;
+  TimeOptions times;           ///< Those that frames had to follow.
   double depth_unit_m = 1e-3;  ///< Metres per count of a depth PNG.
   double depth_scale = 1.0;    ///< Of all depth; finish_sequence fills it in.
   /// Depth images are SequenceOptions::own_depth: metres, of the straight view.

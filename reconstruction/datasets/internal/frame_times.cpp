@@ -84,10 +84,11 @@ void apply_times(SequenceParts& parts, const TimeOptions& options) {
   }
   if (!options.shifts()) return;
   if (!timed || parts.track.empty()) {
-    throw InputError::expected(
-        options.depth_offset_s ? "--depth-time-offset" : "--pose-time-offset",
-        "a recording with time stamps (layout tum), or --frame-rate HZ",
-        parts.name + ", which has none");
+    throw InputError::expected(options.depth_offset_s  ? "--depth-time-offset"
+                               : options.pose_offset_s ? "--pose-time-offset"
+                                                       : "--rolling-shutter",
+                               "a recording with time stamps (layout tum), or --frame-rate HZ",
+                               parts.name + ", which has none");
   }
   const double pose_offset_s = options.pose_offset_s.value_or(0.0);
   const double depth_offset_s = options.depth_offset_s.value_or(0.0);
@@ -96,6 +97,12 @@ void apply_times(SequenceParts& parts, const TimeOptions& options) {
   std::erase_if(parts.frames, [&](FrameFiles& frame) {
     const auto T_world_color = parts.track.at(*frame.time_s - pose_offset_s);
     if (!T_world_color) return true;
+    for (const double half_s : {-0.5, 0.5}) {
+      if (!parts.track.at(*frame.time_s - pose_offset_s +
+                          half_s * options.read_out_s.value_or(0.0))) {
+        return true;
+      }
+    }
     frame.T_world_camera = *T_world_color;
     if (!options.depth_offset_s || !frame.depth_time_s) return false;
     const auto depth = nearest(files, *frame.time_s);
@@ -110,6 +117,11 @@ void apply_times(SequenceParts& parts, const TimeOptions& options) {
   if (parts.frames.empty()) {
     throw InputError::expected(parts.name, "frames with pose and depth at their times",
                                "none: are the offsets in milliseconds?");
+  }
+  parts.times = options;
+  if (options.read_out_s) {
+    parts.notes.push_back("rolling shutter of " + milliseconds(*options.read_out_s) +
+                          ": pictures straightened");
   }
   if (options.depth_offset_s) {
     parts.notes.push_back("depth images measured " + milliseconds(depth_offset_s) +
