@@ -285,12 +285,8 @@ TEST(RollingShutter, PicturesAreStraightened) {
   SequenceOptions straight = level();
   straight.times.read_out_s = walk.read_out_s;
   const double as_is = differences(level()), better = differences(straight);
-  const Quality rolled = quality(walk, folder.path(), level());
-  const Quality unrolled = quality(walk, folder.path(), straight);
-  std::printf("grey levels off: %.2f and %.2f\n", as_is, better);
-  print("rolled", rolled), print("straightened", unrolled);
+  std::printf("grey levels off: %.2f, straightened %.2f\n", as_is, better);
   EXPECT_LT(better, 0.5 * as_is);
-  EXPECT_GT(unrolled.psnr_db, rolled.psnr_db);
 }
 
 TEST(DepthSensor, WeightsOfTheSensorMakeBetterSurfaces) {
