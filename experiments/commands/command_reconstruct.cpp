@@ -11,9 +11,11 @@
 
 #include "core/error.h"
 #include "experiments/commands/commands.h"
+#include "experiments/commands/recording_flags.h"
 #include "experiments/scenes/placement_picture.h"
 #include "experiments/scenes/reconstruct.h"
 #include "experiments/scenes/recording_check.h"
+#include "experiments/scenes/recording_rig.h"
 #include "experiments/scenes/scene_source.h"
 #include "experiments/scenes/stereo_recording.h"
 #include "experiments/support/record_file.h"
@@ -26,18 +28,14 @@ namespace {
 namespace fs = std::filesystem;
 
 struct Flags {
-  fs::path sequence, boxes, label_map, out, config, start, export_pack, check_picture;
+  fs::path sequence, boxes, out, config, start, export_pack, check_picture;
   fs::path stereo_work, record;
-  std::string layout = "auto", up = "auto", on_bad_frame = "refuse", robot = "jackal-gentle";
+  RecordingFlags recording;
+  std::string robot = "jackal-gentle";
   std::string backend = "cpu", mesh = "auto", depth = "auto";
   std::vector<double> depth_range_m;  ///< Two numbers, or none.
   reconstruction::StereoOptions stereo;
-  std::vector<double> gravity;  ///< Three numbers, or none.
-  double floor_height_m = 0.0;
-  bool floor_given = false, init_only = false, check = false;
-  double depth_scale = 1.0, pose_scale = 1.0;
-  bool invert_poses = false;
-  bool poses_stated = false;  ///< One of these three was given.
+  bool init_only = false, check = false;
   std::int64_t iterations = -1, label_iterations = -1;
   scenes::ReconstructOptions reconstruct;
   training::TrainingOptions training;
@@ -107,28 +105,11 @@ void write_placement_picture(const reconstruction::RgbdSequence& sequence,
   std::printf("%s: up, floor and cameras from the side\n", file.string().c_str());
 }
 
-/// How the recording is read.
-reconstruction::SequenceOptions sequence_options(const Flags& flags) {
-  reconstruction::SequenceOptions options;
-  options.layout = reconstruction::parse_sequence_layout(flags.layout, "--layout");
-  options.up_axis = reconstruction::parse_up_axis(flags.up, "--up");
-  options.on_bad_frame =
-      reconstruction::parse_on_bad_frame(flags.on_bad_frame, "--on-bad-frame");
-  options.label_map = flags.label_map;
-  options.depth_scale = flags.depth_scale;
-  options.pose_scale = flags.pose_scale;
-  options.invert_poses = flags.invert_poses;
-  if (!flags.gravity.empty()) {
-    options.gravity = glm::dvec3(flags.gravity[0], flags.gravity[1], flags.gravity[2]);
-  }
-  if (flags.floor_given) options.floor_height_m = flags.floor_height_m;
-  return options;
-}
-
 /// Broken frames are findings, not the end; a recording that cannot be read at all is.
 void check(const Flags& flags) {
-  reconstruction::SequenceOptions options = sequence_options(flags);
+  reconstruction::SequenceOptions options = flags.recording.options();
   options.on_bad_frame = reconstruction::OnBadFrame::kSkip;
+  options = scenes::with_rig(flags.sequence, options, flags.recording.rig());
   const auto sequence = scenes::open_recording(flags.sequence, flags.boxes, options);
   for (const std::string& note : sequence->notes()) std::printf("%s\n", note.c_str());
   scenes::check_recording(*sequence, flags.check_picture.empty()
@@ -235,16 +216,19 @@ void reconstruct(Flags flags) {
     flags.training.set.frame_step = flags.reconstruct.lift.frame_step;
     flags.reconstruct.training = flags.training;
   }
-  reconstruction::SequenceOptions options = sequence_options(flags);
-  flags.reconstruct.collision.floor_is_known = flags.floor_given;
+  reconstruction::SequenceOptions options = flags.recording.options();
+  flags.reconstruct.collision.floor_is_known = flags.recording.floor_given;
   if (!flags.start.empty()) {
     flags.reconstruct.start = reconstruction::read_point_cloud(flags.start);
     options.floor_points_m = thinned(flags.reconstruct.start->position_m);
   }
+  const fs::path beside = flags.out.empty() ? flags.export_pack : flags.out;
+  options = scenes::with_rig(flags.sequence, options, flags.recording.rig(),
+                             beside.string() + ".color_depth.yaml");
   const Opened opened = open_with_depth(flags, options);
   const auto& sequence = opened.sequence;
   for (const std::string& note : sequence->notes()) std::printf("%s\n", note.c_str());
-  scenes::refuse_wrong_poses(*sequence, flags.poses_stated);
+  scenes::refuse_wrong_poses(*sequence, flags.recording.poses_stated);
 
   if (!flags.export_pack.empty()) {
     scenes::export_training_pack(*sequence, flags.reconstruct, flags.export_pack);
@@ -358,32 +342,12 @@ void add_training_options(CLI::App& command, const std::shared_ptr<Flags>& flags
                    "Go on from the state in OUT.training, if there is one");
 }
 
-/// What a recording holds other than its layout says, and how to find that out.
 void add_check_options(CLI::App& command, const std::shared_ptr<Flags>& flags) {
-  const auto stated = [flags](const std::string&) { flags->poses_stated = true; };
   command.add_flag("--check", flags->check,
                    "Read the recording, print what will be hard (docs/datasets.md) and stop");
   command.add_option("--check-picture", flags->check_picture,
                      "Of --check: where cameras looked, from above (.png); default: "
                      "NAME.check.png in the working folder");
-  command
-      .add_option("--depth-scale", flags->depth_scale,
-                  "What depth is multiplied with to become metres, after the layout's unit")
-      ->check(CLI::Range(1e-6, 1e6))
-      ->capture_default_str()
-      ->each(stated);
-  command
-      .add_option("--pose-scale", flags->pose_scale,
-                  "What positions of the poses are multiplied with to become metres; 0.001: "
-                  "they are in millimetres")
-      ->check(CLI::Range(1e-6, 1e6))
-      ->capture_default_str()
-      ->each(stated);
-  command
-      .add_flag("--invert-poses", flags->invert_poses,
-                "The files hold world-to-camera where the layout says camera-to-world, or the "
-                "other way round")
-      ->each(stated);
 }
 
 }  // namespace
@@ -398,32 +362,7 @@ void add_reconstruct_command(CLI::App& app) {
   command->add_option("--out", flags->out, "Bundle folder");
   command->add_option("--boxes", flags->boxes,
                       "3-D boxes (JSON) that label a recording without masks");
-  command->add_option("--label-map", flags->label_map,
-                      "Classes of a data set's label images (YAML, docs/datasets.md)");
-  command
-      ->add_option(
-          "--layout", flags->layout,
-          "auto | hololens | 7scenes | scannet | scannetpp | replica | tum | nerfstudio | "
-          "colmap")
-      ->capture_default_str();
-  command
-      ->add_option("--up", flags->up,
-                   "auto | y | z: the recording's axis that points up; auto: the layout's, "
-                   "unless the recording shows another direction")
-      ->capture_default_str();
-  command
-      ->add_option("--gravity", flags->gravity,
-                   "Direction in which things fall, in the recording's frame; instead of --up")
-      ->expected(3)
-      ->type_name("X Y Z");
-  command
-      ->add_option("--on-bad-frame", flags->on_bad_frame,
-                   "refuse | skip: what a broken image or pose does")
-      ->capture_default_str();
-  command
-      ->add_option("--floor-height", flags->floor_height_m,
-                   "Floor along up, in the recording's frame [m]; default: found")
-      ->each([flags](const std::string&) { flags->floor_given = true; });
+  add_recording_options(*command, flags->recording);
   command->add_option("--start", flags->start,
                       "Point cloud (PCD or PLY, in the coordinates of the recording's poses) "
                       "to start from instead of the frames' depth");

@@ -11,6 +11,7 @@
 #include "core/scene_bundle.h"
 #include "experiments/runs/prepare.h"
 #include "experiments/scenes/reconstruct.h"
+#include "experiments/scenes/recording_rig.h"
 #include "experiments/scenes/scene_source.h"
 #include "experiments/support/side_by_side.h"
 #include "experiments/support/step_record.h"
@@ -76,6 +77,7 @@ class SceneStep {
     sequence_options.on_bad_frame = reconstruction::OnBadFrame::kSkip;
     if (source.type == specs::SourceType::kRgbd)
       sequence_options.floor_height_m = source.floor_height_m;
+    sequence_options = scenes::with_rig(recording_, sequence_options, source.rig);
     const auto sequence = scenes::open_recording(recording_, source.boxes, sequence_options);
 
     scenes::ReconstructOptions options;

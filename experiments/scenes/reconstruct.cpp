@@ -276,6 +276,11 @@ void export_training_pack(const reconstruction::RgbdSequence& sequence,
     throw core::InputError::expected(
         sequence.name(), "labels (a capture, a labelled data set, or --boxes)", "none");
   }
+  if (sequence.sensor() != reconstruction::DepthSensor::kUnstated) {
+    std::fprintf(stderr,
+                 "warning: a pack does not hold --sensor: train_pack weighs all depth "
+                 "alike\n");
+  }
   const reconstruction::LiftResult lifted =
       lift_recording(sequence, lift_options_of(options), options.start);
   reconstruction::write_training_pack(file, training::load_set(sequence, *options.training),

@@ -48,6 +48,7 @@ std::string describe_capture(const specs::SourceSpec& source) {
       text << "recording " << source.folder.filename().string() << ", every "
            << source.frame_step << ". frame";
       if (!source.boxes.empty()) text << ", boxes " << source.boxes.filename().string();
+      text << source.rig.text();
       return text.str();
   }
   const specs::CaptureSpec& capture = source.capture;

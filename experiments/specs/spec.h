@@ -17,6 +17,7 @@
 #include "core/camera.h"
 #include "core/config.h"
 #include "experiments/specs/clock_spec.h"
+#include "experiments/specs/rig_spec.h"
 #include "experiments/specs/sensor_spec.h"
 #include "nav/policies/policy_registry.h"
 #include "renderer/renderer_backend.h"
@@ -60,6 +61,7 @@ struct SourceSpec {
   CaptureSpec capture;                   ///< All but kRgbd.
   int frame_step = 1;                    ///< kRgbd: every n-th frame is used.
   std::optional<double> floor_height_m;  ///< kRgbd: along the source's up axis; none = fitted.
+  RigSpec rig;                           ///< kRgbd.
   double voxel_m = 0.02;                 ///< Lifting resolution.
   std::optional<ReconstructSpec> reconstruct;  ///< None: lifting alone.
 };

@@ -411,7 +411,12 @@ std::string training_identity(const TrainingOptions& options, const TrainingSet&
           fs::weakly_canonical(options.masks).string() + " size " +
           std::to_string(set.intrinsics.width_px) + " x " +
           std::to_string(set.intrinsics.height_px);
-  for (const auto& view : set.training) text += ' ' + view.name;
+  for (const auto& view : set.training) {
+    text += ' ' + view.name;
+    if (view.sensor != reconstruction::DepthSensor::kUnstated) {
+      text += " by " + reconstruction::words_of(view.sensor);
+    }
+  }
   return core::sha256_hex(text);
 }
 

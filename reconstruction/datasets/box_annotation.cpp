@@ -156,6 +156,11 @@ class BoxLabelledSequence final : public RgbdSequence {
   const std::string& frame_name(std::size_t i) const override { return inner_->frame_name(i); }
   const core::CameraPose& pose(std::size_t i) const override { return inner_->pose(i); }
   std::optional<double> time_s(std::size_t i) const override { return inner_->time_s(i); }
+  std::optional<double> depth_time_s(std::size_t i) const override {
+    return inner_->depth_time_s(i);
+  }
+  const PoseTrack& pose_track() const override { return inner_->pose_track(); }
+  DepthSensor sensor() const override { return inner_->sensor(); }
   core::Transform<core::frame::World, core::frame::World> T_world_source() const override {
     return inner_->T_world_source();
   }

@@ -1,6 +1,8 @@
 #include "reconstruction/datasets/rgbd_sequence.h"
 
 #include <array>
+#include <cctype>
+#include <charconv>
 #include <cstdio>
 
 #include "core/error.h"
@@ -55,6 +57,21 @@ Value parse_word(const std::array<Word<Value>, n>& words, const std::string& wor
 }
 
 }  // namespace
+
+std::optional<std::int64_t> frame_number(const std::string& name) {
+  std::size_t begin = name.size();
+  while (begin > 0 && std::isdigit(static_cast<unsigned char>(name[begin - 1])) != 0) --begin;
+  std::int64_t number = 0;
+  const auto [end, error] =
+      std::from_chars(name.data() + begin, name.data() + name.size(), number);
+  if (begin == name.size() || error != std::errc{}) return std::nullopt;
+  return number;
+}
+
+const PoseTrack& RgbdSequence::pose_track() const {
+  static const PoseTrack kNone;
+  return kNone;
+}
 
 std::string own_depth_name(std::size_t frame) {
   char name[32];

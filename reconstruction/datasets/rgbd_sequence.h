@@ -33,6 +33,9 @@
 #include "core/frames.h"
 #include "core/image.h"
 #include "core/scene_bundle.h"
+#include "reconstruction/datasets/color_depth.h"
+#include "reconstruction/datasets/depth_sensor.h"
+#include "reconstruction/datasets/pose_track.h"
 #include "reconstruction/datasets/world_placement.h"
 
 namespace segsim::reconstruction {
@@ -71,6 +74,25 @@ enum class UpAxis : std::uint8_t { kAuto, kY, kZ };
 /// What to do with a frame whose pose or image file is broken.
 enum class OnBadFrame : std::uint8_t { kRefuse, kSkip };
 
+/// Clocks of colour images, depth images and poses. With an offset, also of 0, what was
+/// measured between two stamps is found by interpolation of the poses; without, each image
+/// takes what has the nearest stamp, or what has its number.
+struct TimeOptions {
+  /// Frames of a layout without time stamps have the time of the number in their names divided
+  /// by this.
+  std::optional<double> frame_rate_hz;
+  /// What is added to the stamps of depth images. Depth is then brought to where the camera
+  /// was when the colour image was taken.
+  std::optional<double> depth_offset_s;
+  /// What is added to the stamps of poses.
+  std::optional<double> pose_offset_s;
+  /// Rolling shutter: how long the colour camera reads its rows, first to last, around the
+  /// image's time; negative: from below. Pictures are straightened on loading.
+  std::optional<double> read_out_s;
+
+  [[nodiscard]] bool shifts() const { return depth_offset_s || pose_offset_s || read_out_s; }
+};
+
 struct SequenceOptions {
   SequenceLayout layout = SequenceLayout::kAuto;
   /// Given, it is taken for exact; kAuto is checked against what the recording shows.
@@ -98,7 +120,17 @@ struct SequenceOptions {
   /// own_depth_name(i), channel Z [m] along +z of the straightened view, of any size. A frame
   /// without has no depth. Empty: the recording's.
   std::filesystem::path own_depth;
+  /// Depth images are those of another camera, and are reprojected into the colour camera.
+  /// None: they are of the colour camera's view, as the layout has it.
+  std::optional<ColorDepth> color_depth;
+  TimeOptions times;
+  /// What measured depth. Flying pixels are removed; lifting and training weigh depth by its
+  /// error (RgbdSequence::sensor()).
+  DepthSensor sensor = DepthSensor::kUnstated;
 };
+
+/// The number at the end of a frame's name; nothing if there is none.
+[[nodiscard]] std::optional<std::int64_t> frame_number(const std::string& name);
 
 /// "000042.exr"
 [[nodiscard]] std::string own_depth_name(std::size_t frame);
@@ -122,6 +154,14 @@ class RgbdSequence {
   [[nodiscard]] virtual std::optional<double> time_s(std::size_t /*i*/) const {
     return std::nullopt;
   }
+  /// When its depth image was taken, by the same clock as time_s().
+  [[nodiscard]] virtual std::optional<double> depth_time_s(std::size_t /*i*/) const {
+    return std::nullopt;
+  }
+  /// T_world_camera by that clock; empty without times.
+  [[nodiscard]] virtual const PoseTrack& pose_track() const;
+  /// What measured depth, if that was stated.
+  [[nodiscard]] virtual DepthSensor sensor() const { return DepthSensor::kUnstated; }
   /// @throws InputError if the files changed or broke since the sequence was opened.
   [[nodiscard]] virtual RgbdFrame load(std::size_t i) const = 0;
   /// From the coordinates of the source's poses to the world frame: the way that other

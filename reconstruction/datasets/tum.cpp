@@ -88,6 +88,19 @@ core::CameraPose pose_of(const Stamped& entry, const fs::path& file) {
   return pose_from_quaternion(glm::dquat(n[6], n[3], n[4], n[5]), {n[0], n[1], n[2]}, place);
 }
 
+/// Of the poses that are intact: a broken one is a complaint about the frame that takes it.
+PoseTrack track_of(const std::vector<Stamped>& poses, const fs::path& file) {
+  std::vector<PoseTrack::Entry> entries;
+  for (const Stamped& pose : poses) {
+    try {
+      entries.push_back({pose.time_s, pose_of(pose, file)});
+    } catch (const InputError&) {
+      continue;
+    }
+  }
+  return PoseTrack(std::move(entries));
+}
+
 /// As the data set's documentation gives them: fx fy cx cy k1 k2 p1 p2 k3.
 std::vector<double> camera_numbers(const fs::path& folder, const std::string& name) {
   const fs::path file = folder / "intrinsics.txt";
@@ -152,11 +165,13 @@ std::unique_ptr<RgbdSequence> open_tum(const fs::path& folder,
     frame.name = frame.rgb.stem().string();
     frame.time_s = color.time_s;
     frame.depth_png = folder / depth->words[0];
+    frame.depth_time_s = depth->time_s;
     if (accept_frame(options.on_bad_frame, frame.name, parts.warnings,
                      [&] { frame.T_world_camera = pose_of(*pose, pose_file); })) {
       parts.frames.push_back(std::move(frame));
     }
   }
+  parts.track = track_of(poses, pose_file);
   if (alone > 0) {
     parts.notes.push_back(std::to_string(alone) +
                           " colour images without depth or pose within 0.02 s left out");

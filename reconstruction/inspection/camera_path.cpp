@@ -1,7 +1,6 @@
 #include "reconstruction/inspection/camera_path.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <map>
 #include <optional>
@@ -22,15 +21,10 @@ constexpr double kGapTimesMedian = 5.0;
 constexpr double kBlurSpeed_deg_s = 90.0, kBlurSpeed_m_s = 1.5;
 constexpr double kSingleViewShare = 0.25;
 
-/// The number at the end of a frame's name; nothing if there is none.
 std::optional<double> number_of(const std::string& name) {
-  std::size_t begin = name.size();
-  while (begin > 0 && std::isdigit(static_cast<unsigned char>(name[begin - 1])) != 0) --begin;
-  std::int64_t number = 0;
-  const auto [end, error] =
-      std::from_chars(name.data() + begin, name.data() + name.size(), number);
-  if (begin == name.size() || error != std::errc{}) return std::nullopt;
-  return static_cast<double>(number);
+  const auto number = frame_number(name);
+  if (!number) return std::nullopt;
+  return static_cast<double>(*number);
 }
 
 /// Ascending stamps of all frames and their unit; empty if some frame has none.

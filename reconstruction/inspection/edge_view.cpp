@@ -7,6 +7,7 @@
 #include <glm/geometric.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "reconstruction/inspection/internal/edge_maps.h"
 #include "reconstruction/inspection/internal/grey_image.h"
 #include "reconstruction/inspection/internal/median.h"
 
@@ -18,22 +19,6 @@ constexpr double kSmallestJump = 0.08;  ///< Of depth, relative: an edge and not
 constexpr double kFallOff_px = 1.5;
 constexpr int kLargestShift_px = 8;
 constexpr std::array kScales{0.96, 0.98, 1.0, 1.02, 1.04};
-
-/// The strongest tenth of the gradients are edges, whatever the contrast.
-cv::Mat color_edges(const cv::Mat& grey) {
-  cv::Mat smooth, dx, dy, strength;
-  cv::GaussianBlur(grey, smooth, {}, 1.0);
-  cv::Sobel(smooth, dx, CV_32F, 1, 0);
-  cv::Sobel(smooth, dy, CV_32F, 0, 1);
-  strength = cv::abs(dx) + cv::abs(dy);
-  std::vector<float> sorted(strength.begin<float>(), strength.end<float>());
-  const auto tenth = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() * 9 / 10);
-  std::nth_element(sorted.begin(), tenth, sorted.end());
-  const double high = std::max(30.0, static_cast<double>(*tenth));
-  cv::Mat edges;
-  cv::Canny(smooth, edges, 0.5 * high, high);
-  return edges;
-}
 
 core::Image<std::uint8_t> nearness(const cv::Mat& edges) {
   core::Image<std::uint8_t> result(edges.cols, edges.rows);
@@ -88,7 +73,7 @@ EdgeView make_edge_view(const core::Image<core::Rgb8>& rgb,
   const double reduction = std::min(1.0, static_cast<double>(kWidth_px) / grey.cols);
   cv::resize(grey, grey, {}, reduction, reduction, cv::INTER_AREA);
   EdgeView view;
-  view.color_edge_nearness = nearness(color_edges(grey));
+  view.color_edge_nearness = nearness(internal::find_color_edges(grey).edges);
   const float sx = static_cast<float>(grey.cols) / static_cast<float>(depth_m.width_px());
   const float sy = static_cast<float>(grey.rows) / static_cast<float>(depth_m.height_px());
   for (int y = 0; y + 1 < depth_m.height_px(); ++y) {

@@ -10,7 +10,7 @@ constexpr core::NameTable<FindingKind, FindingKind::kDepthHoles> kWords(
     "a kind of finding",
     {"loading", "few frames", "inverted poses", "wrong unit", "poses and depth disagree",
      "repeated frames", "frame gap", "fast camera", "motion blur", "directions not looked at",
-     "floor unseen", "calibration", "open loop", "holes in depth"});
+     "floor unseen", "calibration", "clocks", "open loop", "holes in depth"});
 
 }  // namespace
 

@@ -25,6 +25,7 @@ enum class FindingKind : std::uint8_t {
   kUnseenDirections,
   kFloorUnseen,
   kCalibration,  ///< Of the colour camera against the depth camera.
+  kClocks,       ///< Of pictures, depth and poses.
   kOpenLoop,
   kDepthHoles
 };

@@ -6,6 +6,7 @@
 #include "reconstruction/inspection/camera_path.h"
 #include "reconstruction/inspection/image_checks.h"
 #include "reconstruction/inspection/pose_hypotheses.h"
+#include "reconstruction/inspection/rig_checks.h"
 #include "reconstruction/inspection/space_checks.h"
 #include "reconstruction/inspection/view_directions.h"
 
@@ -60,9 +61,10 @@ std::vector<Finding> inspect_recording(const RgbdSequence& sequence,
   add(wrong_poses);
   add(find_blur(sequence, sample));
   add(find_depth_holes(sequence, sample));
-  add(find_wrong_calibration(sequence, sample));
+  add(find_depth_offset(sequence, sample, find_wrong_calibration(sequence, sample)));
   // With wrong poses, what these would find is that.
   if (wrong_poses.empty()) {
+    add(find_late_poses(sequence));
     add(find_fast_camera(sequence, sample));
     add(find_unseen_directions(sequence, sample));
     add(find_unseen_floor(sample));

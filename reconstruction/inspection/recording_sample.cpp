@@ -53,7 +53,10 @@ FrameSample measure(const RgbdSequence& sequence, std::size_t i, bool edges) {
   sample.hole_share =
       1.0 - static_cast<double>(measured_m.size()) / static_cast<double>(frame.depth_m.size());
   if (!measured_m.empty()) sample.median_depth_m = internal::median(std::move(measured_m));
-  if (edges) sample.edges = make_edge_view(frame.rgb, frame.depth_m);
+  if (edges) {
+    sample.edges = make_edge_view(frame.rgb, frame.depth_m);
+    sample.rig.emplace(sequence, i, frame);
+  }
   return sample;
 }
 

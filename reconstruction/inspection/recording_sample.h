@@ -15,6 +15,7 @@
 #include "reconstruction/inspection/depth_thumbnail.h"
 #include "reconstruction/inspection/edge_view.h"
 #include "reconstruction/inspection/image_detail.h"
+#include "reconstruction/inspection/rig_fit.h"
 
 namespace segsim::reconstruction {
 
@@ -31,6 +32,7 @@ struct FrameSample {
   double median_depth_m = 0.0;  ///< 0 without any.
   DepthThumbnail depth;
   std::optional<EdgeView> edges;
+  std::optional<RigView> rig;  ///< Of the same frames as `edges`.
 };
 
 struct RecordingSample {

@@ -70,7 +70,7 @@ std::vector<Voxel> Lifter::fuse(LiftStatistics& statistics) {
     std::vector<internal::FrameSamples> batch(std::min(kBatch, frames.size() - first));
     internal::load_each(batch.size(), [&](std::size_t k) {
       batch[k] = internal::sample_frame(sequence_.load(frames[first + k]),
-                                        sequence_.intrinsics(), options_);
+                                        sequence_.intrinsics(), options_, sequence_.sensor());
     });
     for (const internal::FrameSamples& samples : batch) {
       statistics.pixels_valid += samples.pixels_valid;

@@ -30,6 +30,7 @@ TrainingView load_view(const RgbdSequence& recording, const MaskSet* masks, std:
   }
   view.rgb = std::move(source.rgb);
   view.depth_m = depth_of_size(source.depth_m, width, height);
+  view.sensor = recording.sensor();
   view.valid = std::move(source.valid);
   return options.shrink > 1 ? shrunk(view, options.shrink) : view;
 }

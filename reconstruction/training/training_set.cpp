@@ -99,6 +99,7 @@ TrainingView shrunk(const TrainingView& view, int n) {
   small.T_world_camera = view.T_world_camera;
   small.rgb = block_means(view.rgb, n);
   small.depth_m = middles(view.depth_m, n);
+  small.sensor = view.sensor;
   if (!view.valid.empty()) small.valid = block_minima(view.valid, n);
   small.masks.semantic = middles(view.masks.semantic, n);
   small.masks.instance = middles(view.masks.instance, n);

@@ -25,7 +25,8 @@ struct TrainingView {
   std::string name;
   core::CameraPose T_world_camera;
   core::Image<core::Rgb8> rgb;
-  core::Image<float> depth_m;       ///< NaN = unknown; empty if the frame has none.
+  core::Image<float> depth_m;  ///< NaN = unknown; empty if the frame has none.
+  DepthSensor sensor = DepthSensor::kUnstated;  ///< What measured it, if that was stated.
   core::Image<std::uint8_t> valid;  ///< 0 = not to be learned from; empty: all count.
   core::FrameMasks masks;           ///< Empty without labels.
 };

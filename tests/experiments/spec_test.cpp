@@ -310,6 +310,39 @@ TEST(Spec, AnUnknownKeyIsNamedWithItsLineAndTheNearestKey) {
               AllOf(HasSubstr(":26"), HasSubstr("depth_range_m")));
 }
 
+TEST(Spec, ARecordingsCamerasAndClocksAreRead) {
+  const auto rig_of = [](const std::string& keys) {
+    specs::SpecFolders folders{"/d", ""};
+    return specs::parse_spec(with(kSpec, "frame_step: 2", keys + "frame_step: 2"),
+                             "specs/two.yaml", folders)
+        .scenes[1]
+        .source->rig;
+  };
+  const specs::RigSpec plain = rig_of("");
+  EXPECT_EQ(plain.text(), "");  // Recipes of bundles stay what they were.
+  EXPECT_FALSE(plain.estimates());
+  const specs::RigSpec stated = rig_of(
+      "color_depth: \"${data}/rig.yaml\", depth_time_offset_ms: -12.5, "
+      "pose_time_offset_ms: estimate, frame_rate_hz: 30, rolling_shutter_ms: 25, "
+      "sensor: tof, ");
+  EXPECT_EQ(stated.color_depth, "/d/rig.yaml");
+  EXPECT_DOUBLE_EQ(*stated.depth_time.seconds(), -0.0125);
+  EXPECT_TRUE(stated.pose_time.estimate && stated.estimates());
+  EXPECT_DOUBLE_EQ(*stated.frame_rate_hz, 30.0);
+  EXPECT_DOUBLE_EQ(*stated.read_out_ms, 25.0);
+  EXPECT_EQ(stated.sensor, reconstruction::DepthSensor::kTof);
+  const specs::RigSpec found = rig_of("color_depth: estimate, sensor: kinect-v1, ");
+  EXPECT_TRUE(found.estimate_color_depth && found.color_depth.empty());
+  EXPECT_EQ(found.text(), ", place of the depth camera estimated, sensor kinect-v1");
+  const auto error_with = [](const std::string& keys) {
+    return error_of(with(kSpec, "frame_step: 2", keys + "frame_step: 2"));
+  };
+  EXPECT_THAT(error_with("depth_time_offset_ms: soon, "),
+              AllOf(HasSubstr("depth_time_offset_ms"), HasSubstr("soon")));
+  EXPECT_THAT(error_with("sensor: lidar, "), AllOf(HasSubstr("sensor"), HasSubstr("stereo")));
+  EXPECT_THAT(error_with("rolling_shutter_ms: 900, "), HasSubstr("[-200, 200]"));
+}
+
 TEST(Spec, AWrongTypeOrValueIsNamedWithItsLine) {
   EXPECT_THAT(error_of(with(kSpec, "episodes: 6", "episodes: six")),
               AllOf(HasSubstr(":10"), HasSubstr("integer"), HasSubstr("six")));

@@ -34,6 +34,8 @@ class Variables {
 /// A name that can be part of a file name.
 [[nodiscard]] std::string read_name(const core::ConfigNode& node, const std::string& key);
 
+/// The keys of a recording's `source` that RigSpec has.
+[[nodiscard]] RigSpec read_rig(const core::ConfigNode& source, const Variables& variables);
 [[nodiscard]] SourceSpec read_source(const core::ConfigNode& node, const Variables& variables);
 [[nodiscard]] SceneSpec read_scene(const core::ConfigNode& node, const Variables& variables,
                                    const SpecFolders& folders, const sim::RobotModel& robot);

@@ -115,6 +115,7 @@ SourceSpec read_source(const ConfigNode& node, const Variables& variables) {
         source.floor_height_m =
             support::number_within(node, "floor_height_m", 0.0, -1000.0, 1000.0);
       }
+      source.rig = read_rig(node, variables);
       break;
   }
   if (source.type != SourceType::kRgbd) source.capture = read_capture(node);

@@ -9,9 +9,11 @@
 #include <glm/geometric.hpp>
 
 #include "core/error.h"
+#include "reconstruction/datasets/internal/depth_files.h"
+#include "reconstruction/datasets/internal/frame_times.h"
 #include "reconstruction/datasets/internal/place_world.h"
 #include "reconstruction/datasets/internal/pose_jumps.h"
-#include "renderer/files/exr_io.h"
+#include "reconstruction/datasets/internal/rolling_shutter.h"
 
 namespace segsim::reconstruction::internal {
 namespace {
@@ -35,9 +37,7 @@ void expect_size(const std::filesystem::path& file, const ImageSize& size,
 /// A depth image may have another size, but it must show the same view.
 void expect_same_aspect(const std::filesystem::path& file, const ImageSize& size,
                         const core::CameraIntrinsics& camera) {
-  const double ratio = static_cast<double>(size.width_px) * camera.height_px /
-                       (static_cast<double>(size.height_px) * camera.width_px);
-  if (std::abs(ratio - 1.0) > 0.02) {
+  if (!has_aspect_of(camera, size.width_px, size.height_px)) {
     throw InputError::expected(file.string(),
                                "the aspect ratio of the colour image, " +
                                    size_text(camera.width_px, camera.height_px),
@@ -62,35 +62,6 @@ void check_files(const FrameFiles& frame, const core::CameraIntrinsics& camera,
   expect_size(frame.instance, check_image_file(frame.instance), camera);
 }
 
-/// Depth as stored; empty if the frame has none.
-core::Image<float> read_stored_depth(const FrameFiles& frame, double unit_m, double scale) {
-  if (frame.depth_exr.empty() && frame.depth_png.empty()) return {};
-  if (frame.depth_exr.empty()) return read_depth_image(frame.depth_png, unit_m * scale);
-  core::Image<float> depth_m = renderer::read_depth_exr(frame.depth_exr);
-  for (float& value : depth_m.pixels()) {
-    value *= static_cast<float>(scale);
-    if (!(value > 0.0F) || !std::isfinite(value)) value = std::nanf("");
-  }
-  return depth_m;
-}
-
-/// The image that `to` would have taken from the same place, by the nearest pixel; NaN where
-/// `from` did not look.
-core::Image<float> with_camera(const core::Image<float>& depth_m,
-                               const core::CameraIntrinsics& from,
-                               const core::CameraIntrinsics& to) {
-  core::Image<float> result(to.width_px, to.height_px, std::nanf(""));
-  for (int y = 0; y < to.height_px; ++y) {
-    for (int x = 0; x < to.width_px; ++x) {
-      const glm::dvec2 px = from.project(to.back_project({x + 0.5, y + 0.5}, 1.0));
-      const int source_x = static_cast<int>(std::floor(px.x));
-      const int source_y = static_cast<int>(std::floor(px.y));
-      if (depth_m.contains(source_x, source_y)) result(x, y) = depth_m(source_x, source_y);
-    }
-  }
-  return result;
-}
-
 void expect_near_origin(const FrameFiles& frame, const std::string& sequence) {
   constexpr double kFarthest_m = 1e4;  // Voxel keys cover 20 km at 2 cm.
   for (int i = 0; i < 3; ++i) {
@@ -106,8 +77,7 @@ void expect_near_origin(const FrameFiles& frame, const std::string& sequence) {
 /// Poses and depth in metres, poses camera-to-world, if the files hold something else.
 void apply_corrections(SequenceParts& parts, const WorldConvention& convention) {
   parts.depth_scale = convention.depth_scale;
-  for (FrameFiles& frame : parts.frames) {
-    core::CameraPose& T = frame.T_world_camera;
+  const auto correct = [&](core::CameraPose& T) {
     if (convention.invert_poses) {
       const auto T_camera_world = T.inverse();
       T = {T_camera_world.rotation(), T_camera_world.translation_m()};
@@ -115,7 +85,9 @@ void apply_corrections(SequenceParts& parts, const WorldConvention& convention) 
     if (convention.pose_scale != 1.0) {
       T = {T.rotation(), convention.pose_scale * T.translation_m()};
     }
-  }
+  };
+  for (FrameFiles& frame : parts.frames) correct(frame.T_world_camera);
+  parts.track.for_each(correct);
   for (glm::dvec3& p_m : parts.sparse_points_m) p_m *= convention.pose_scale;
   const auto tell = [&](const std::string& what, double factor) {
     if (factor == 1.0) return;
@@ -126,6 +98,20 @@ void apply_corrections(SequenceParts& parts, const WorldConvention& convention) 
   tell("depth", convention.depth_scale);
   tell("positions of the poses", convention.pose_scale);
   if (convention.invert_poses) parts.notes.emplace_back("poses inverted");
+}
+
+/// Where depth comes from, if the files do not say it themselves.
+void state_rig(SequenceParts& parts, const WorldConvention& convention) {
+  parts.sensor = convention.sensor;
+  if (parts.sensor != DepthSensor::kUnstated) {
+    parts.notes.push_back("depth weighs as of a sensor of kind " + words_of(parts.sensor));
+  }
+  if (!convention.color_depth) return;
+  parts.T_color_depth = convention.color_depth->T_color_depth;
+  if (convention.color_depth->depth_camera) {
+    parts.depth_camera = convention.color_depth->depth_camera;
+  }
+  parts.notes.emplace_back("depth reprojected into the colour camera by --color-depth");
 }
 
 /// After all frames that are to be left out are: the images are named by the others' indices.
@@ -183,6 +169,11 @@ class FileSequence final : public RgbdSequence {
     return parts_.instances;
   }
   std::optional<double> time_s(std::size_t i) const override { return at(i).time_s; }
+  std::optional<double> depth_time_s(std::size_t i) const override {
+    return at(i).depth_time_s;
+  }
+  const PoseTrack& pose_track() const override { return parts_.track; }
+  DepthSensor sensor() const override { return parts_.sensor; }
   const std::vector<std::string>& warnings() const override { return parts_.warnings; }
   const std::vector<std::string>& notes() const override { return parts_.notes; }
   const WorldPlacement* placement() const override { return &parts_.placement; }
@@ -211,11 +202,18 @@ class FileSequence final : public RgbdSequence {
                          parts_.intrinsics);
     }
     read_valid(files, frame);
-    if (!parts_.has_masks) return frame;
-    read_labels(files, frame);
-    frame.crowds = parts_.crowds;
-    expect_known(files.semantic, frame.semantic, known_classes_, "classes");
-    expect_known(files.instance, frame.instance, known_instances_, "instances");
+    if (parts_.has_masks) {
+      read_labels(files, frame);
+      frame.crowds = parts_.crowds;
+      expect_known(files.semantic, frame.semantic, known_classes_, "classes");
+      expect_known(files.instance, frame.instance, known_instances_, "instances");
+    }
+    if (parts_.times.read_out_s) {
+      straighten_rows(
+          row_motion(parts_.track, *files.time_s - parts_.times.pose_offset_s.value_or(0.0),
+                     *parts_.times.read_out_s, parts_.intrinsics.height_px),
+          parts_.intrinsics, frame);
+    }
     return frame;
   }
 
@@ -313,20 +311,6 @@ class FileSequence final : public RgbdSequence {
 
 }  // namespace
 
-core::Image<float> read_depth(const FrameFiles& frame, const SequenceParts& parts) {
-  core::Image<float> depth_m = read_stored_depth(frame, parts.depth_unit_m, parts.depth_scale);
-  if (depth_m.empty() || parts.own_depth) return depth_m;
-  if (parts.lens) {
-    return Undistortion(*parts.lens, parts.intrinsics, depth_m.width_px(), depth_m.height_px())
-        .nearest(depth_m);
-  }
-  if (parts.depth_camera) {
-    return with_camera(depth_m, *parts.depth_camera,
-                       parts.intrinsics.resized(depth_m.width_px(), depth_m.height_px()));
-  }
-  return depth_m;
-}
-
 bool accept_frame(OnBadFrame on_bad_frame, const std::string& frame_name,
                   std::vector<std::string>& warnings, const std::function<void()>& check) {
   try {
@@ -353,6 +337,12 @@ ImageSize first_image_size(const std::vector<FrameFiles>& frames,
   }
   throw InputError::expected(folder.string(), "at least one intact colour image",
                              "none in " + std::to_string(frames.size()) + " frames");
+}
+
+bool has_aspect_of(const core::CameraIntrinsics& camera, int width_px, int height_px) {
+  const double ratio = static_cast<double>(width_px) * camera.height_px /
+                       (static_cast<double>(height_px) * camera.width_px);
+  return std::abs(ratio - 1.0) <= 0.02;
 }
 
 std::string sequence_name(const std::filesystem::path& folder) {
@@ -400,6 +390,9 @@ WorldConvention convention_of(const SequenceOptions& options, UpAxis habit) {
   convention.own_depth = options.own_depth;
   convention.floor_height_m = options.floor_height_m;
   convention.floor_points_m = options.floor_points_m;
+  convention.color_depth = options.color_depth;
+  convention.sensor = options.sensor;
+  convention.times = options.times;
   return convention;
 }
 
@@ -425,6 +418,7 @@ std::unique_ptr<RgbdSequence> finish_sequence(SequenceParts parts,
          << parts.intrinsics.fy_px << " px";
     parts.notes.push_back(note.str());
   }
+  state_rig(parts, convention);
   std::vector<FrameFiles> good;
   for (FrameFiles& frame : parts.frames) {
     if (accept_frame(on_bad_frame, frame.name, parts.warnings, [&] {
@@ -445,10 +439,12 @@ std::unique_ptr<RgbdSequence> finish_sequence(SequenceParts parts,
         std::to_string(parts.warnings.size()) + " warnings and no frame" +
             (parts.warnings.empty() ? "" : ": " + parts.warnings.front()));
   }
+  apply_times(parts, convention.times);
   check_pose_jumps(parts, on_bad_frame);
   replace_depth(parts, convention);
   if (parts.label_map) parts.classes = parts.label_map->classes;
   place_world(parts, convention);
+  parts.track.for_each([&](core::CameraPose& T) { T = parts.T_world_source * T; });
   return std::make_unique<FileSequence>(std::move(parts));
 }
 

@@ -10,9 +10,12 @@
 #include <string>
 #include <vector>
 
+#include "reconstruction/datasets/color_depth.h"
+#include "reconstruction/datasets/depth_sensor.h"
 #include "reconstruction/datasets/internal/image_files.h"
 #include "reconstruction/datasets/internal/lens.h"
 #include "reconstruction/datasets/label_map.h"
+#include "reconstruction/datasets/pose_track.h"
 #include "reconstruction/datasets/rgbd_sequence.h"
 #include "reconstruction/datasets/world_placement.h"
 
@@ -22,9 +25,13 @@ namespace segsim::reconstruction::internal {
 struct FrameFiles {
   std::string name;
   std::filesystem::path rgb, depth_png, depth_exr, semantic, instance;
-  std::filesystem::path valid;      ///< 8 bit, 0 = ignore the pixel.
-  core::CameraPose T_world_camera;  ///< In the source's world until finish_sequence.
-  std::optional<double> time_s;
+  std::filesystem::path valid;         ///< 8 bit, 0 = ignore the pixel.
+  core::CameraPose T_world_camera;     ///< In the source's world until finish_sequence.
+  std::optional<double> time_s;        ///< Of the colour image.
+  std::optional<double> depth_time_s;  ///< Of the depth image, by the same clock.
+  /// From the colour camera when depth was measured to the colour camera when the colour image
+  /// was taken; apply_times() fills it in.
+  std::optional<CameraToCamera> T_color_moved;
   std::vector<std::uint32_t> seen_points;  ///< Indices of SequenceParts::sparse_points_m.
 };
 
@@ -34,8 +41,15 @@ struct SequenceParts {
   /// Of the colour images as they lie on disk. If it bends, all images are straightened, and
   /// `intrinsics` becomes the pinhole camera that does.
   std::optional<Lens> lens;
-  /// Of the depth images, if it is not the colour camera at their size; from the same place.
+  /// Of the depth images, if it is not the colour camera at their size ...
   std::optional<core::CameraIntrinsics> depth_camera;
+  /// ... and where it stands, if not where the colour camera does.
+  std::optional<CameraToCamera> T_color_depth;
+  DepthSensor sensor = DepthSensor::kUnstated;
+  /// Poses by time, if they were measured apart from the images; in the source's world until
+  /// finish_sequence, which makes it of the frames' poses where these have times.
+  PoseTrack track;
+  TimeOptions times;           ///< Those that frames had to follow.
   double depth_unit_m = 1e-3;  ///< Metres per count of a depth PNG.
   double depth_scale = 1.0;    ///< Of all depth; finish_sequence fills it in.
   /// Depth images are SequenceOptions::own_depth: metres, of the straight view.
@@ -69,6 +83,9 @@ struct WorldConvention {
   bool fit_floor = true;
   std::optional<double> floor_height_m;   ///< Along `up`, in the source's world.
   std::vector<glm::vec3> floor_points_m;  ///< SequenceOptions::floor_points_m.
+  std::optional<ColorDepth> color_depth;
+  DepthSensor sensor = DepthSensor::kUnstated;
+  TimeOptions times;
 };
 
 /// Runs `check`; an InputError becomes a warning with the frame's name under
@@ -82,6 +99,11 @@ struct WorldConvention {
 /// @throws InputError if none is.
 [[nodiscard]] ImageSize first_image_size(const std::vector<FrameFiles>& frames,
                                          const std::filesystem::path& folder);
+
+/// Whether an image of that size can show the camera's view: the ratio of its sides differs by
+/// less than 2 %.
+[[nodiscard]] bool has_aspect_of(const core::CameraIntrinsics& camera, int width_px,
+                                 int height_px);
 
 /// Name of a recording by its folder.
 [[nodiscard]] std::string sequence_name(const std::filesystem::path& folder);
@@ -98,10 +120,6 @@ struct WorldConvention {
 /// Makes poses out of camera axes of OpenGL (x right, y up, z backward): negates the second
 /// and third column of a row-major 4x4.
 void turn_opengl_axes(std::vector<double>& matrix);
-
-/// Depth of the view of the colour image, along +z; empty if the frame has none.
-[[nodiscard]] core::Image<float> read_depth(const FrameFiles& frame,
-                                            const SequenceParts& parts);
 
 [[nodiscard]] std::unique_ptr<RgbdSequence> finish_sequence(
     SequenceParts parts, const std::filesystem::path& folder,

@@ -10,6 +10,7 @@
 #include <glm/mat3x3.hpp>
 
 #include "reconstruction/datasets/floor_fit.h"
+#include "reconstruction/datasets/internal/depth_files.h"
 
 namespace segsim::reconstruction::internal {
 namespace {

@@ -84,7 +84,7 @@ bool DepthView::normal_at(int x, int y, float z, glm::vec3& normal) const {
 }  // namespace
 
 FrameSamples sample_frame(const RgbdFrame& frame, const core::CameraIntrinsics& intrinsics,
-                          const LiftOptions& options) {
+                          const LiftOptions& options, DepthSensor sensor) {
   const core::Image<float>& depth = frame.depth_m;
   const DepthView view{depth, intrinsics.resized(depth.width_px(), depth.height_px())};
   const glm::mat3 R_world_camera(glm::mat3_cast(frame.T_world_camera.rotation()));
@@ -123,6 +123,10 @@ FrameSamples sample_frame(const RgbdFrame& frame, const core::CameraIntrinsics& 
       sample.normal = R_world_camera * normal;
       sample.color = glm::vec3(rgb.r, rgb.g, rgb.b) / 255.0F;
       sample.weight = cos_incidence / (clamped_z * clamped_z);
+      if (sensor != DepthSensor::kUnstated) {
+        const float weight = depth_weight(sensor, clamped_z);
+        sample.weight = cos_incidence * weight * weight;
+      }
       sample.color_weight = sample.weight * cos_incidence;
       sample.label = labels ? label_pair(frame.semantic(color_x, color_y),
                                          frame.instance(color_x, color_y))

@@ -26,7 +26,8 @@ struct LiftSample {
   glm::vec3 position_m;  ///< World frame.
   glm::vec3 normal;      ///< World frame, unit, towards the camera.
   glm::vec3 color;       ///< sRGB [0, 1].
-  float weight;        ///< cos(angle of incidence) / z^2: inverse variance of a depth camera.
+  float weight;        ///< cos(angle of incidence) / z^2: inverse variance of a depth camera,
+                       ///< if what measured depth was not stated.
   float color_weight;  ///< Falls faster with the angle: frontal views keep the texture sharp.
   LabelPair label;
 };
@@ -38,8 +39,9 @@ struct FrameSamples {
 
 /// Drops pixels at depth edges (most of the neighbourhood lies elsewhere) and grazing ones:
 /// the ramps of flying pixels between two surfaces point along the line of sight.
+/// @param sensor  What measured depth: then weights are its inverse variances.
 [[nodiscard]] FrameSamples sample_frame(const RgbdFrame& frame,
                                         const core::CameraIntrinsics& intrinsics,
-                                        const LiftOptions& options);
+                                        const LiftOptions& options, DepthSensor sensor);
 
 }  // namespace segsim::reconstruction::internal

@@ -161,10 +161,14 @@ Tensor expected_depth(const Tensor& depth_sum_m, const Tensor& alpha) {
 }
 
 Tensor depth_loss(const Tensor& depth_sum_m, const Tensor& alpha, const Tensor& sensor_m,
-                  double min_m, double max_m) {
+                  const Tensor& weight, double min_m, double max_m) {
   // Comparisons with NaN are false.
   const Tensor counts = sensor_m.gt(min_m) & sensor_m.lt(max_m) & alpha.detach().gt(kMinAlpha);
   const Tensor error = (expected_depth(depth_sum_m, alpha) - sensor_m.nan_to_num(0.0)).abs();
+  if (weight.defined()) {
+    const Tensor weights = torch::where(counts, weight, torch::zeros_like(weight));
+    return (weights * error).sum() / weights.sum().clamp_min(1e-6);
+  }
   const Tensor sum = torch::where(counts, error, torch::zeros_like(error)).sum();
   return sum / counts.sum().clamp_min(1).to(error.scalar_type());
 }

@@ -29,8 +29,11 @@ namespace segsim::reconstruction::internal {
 /// Mean |expected depth - sensor| over pixels with alpha > 1/2 and a sensor depth in (min,
 /// max); 0 without any.
 /// @param sensor_m  [height, width], NaN = unknown.
+/// @param weight  [height, width], > 0: the mean is a weighted one; undefined: all count
+/// alike.
 [[nodiscard]] Tensor depth_loss(const Tensor& depth_sum_m, const Tensor& alpha,
-                                const Tensor& sensor_m, double min_m, double max_m);
+                                const Tensor& sensor_m, const Tensor& weight, double min_m,
+                                double max_m);
 
 /// Rays of a camera: [height, width, 3], z = 1, camera frame.
 [[nodiscard]] Tensor camera_rays(const core::CameraIntrinsics& camera,

@@ -20,6 +20,15 @@ ViewTargets view_targets(const TrainingView& view, const at::Device& device) {
   if (!view.depth_m.empty()) {
     targets.depth_m = borrow(view.depth_m.data(), {height, width}, torch::kFloat32);
   }
+  if (!view.depth_m.empty() && view.sensor != DepthSensor::kUnstated) {
+    std::vector<float> weight(view.depth_m.size(), 1.0F);
+    for (std::size_t i = 0; i < weight.size(); ++i) {
+      const float z = view.depth_m.data()[i];
+      if (z > 0.0F) weight[i] = depth_weight(view.sensor, z);
+    }
+    targets.depth_weight =
+        device_tensor(weight, torch::kFloat32, device).view({height, width});
+  }
   if (!view.valid.empty()) {
     targets.valid = borrow(view.valid.data(), {height, width}, torch::kUInt8).ne(0);
   }
@@ -41,8 +50,8 @@ Tensor view_loss(const ViewTensors& drawn, const ViewTargets& targets,
   };
   if (weight.depth > 0.0 && targets.depth_m.defined()) {
     add(weight.depth,
-        depth_loss(drawn.depth_m, drawn.alpha, targets.depth_m, weight.min_depth_m,
-                   weight.max_depth_m),
+        depth_loss(drawn.depth_m, drawn.alpha, targets.depth_m, targets.depth_weight,
+                   weight.min_depth_m, weight.max_depth_m),
         step.depth);
   }
   if (weight.normal > 0.0 && rays.defined()) {

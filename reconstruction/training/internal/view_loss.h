@@ -14,7 +14,9 @@ namespace segsim::reconstruction::internal {
 struct ViewTargets {
   Tensor rgb;      ///< [height, width, 3] in [0, 1].
   Tensor depth_m;  ///< [height, width], NaN = unknown; or undefined.
-  Tensor valid;    ///< [height, width] bool, or undefined.
+  /// [height, width], how much depth weighs, > 0; undefined if what measured it is not known.
+  Tensor depth_weight;
+  Tensor valid;  ///< [height, width] bool, or undefined.
 };
 
 [[nodiscard]] ViewTargets view_targets(const TrainingView& view, const at::Device& device);

@@ -117,13 +117,24 @@ TEST(DepthLoss, CountsSensorPixelsOnSurfaces) {
   const Tensor alpha = row({1.0, 0.5001, 1.0, 1.0, 0.4});
   const Tensor depth_m = row({1.5, 2.25, 3.0, 9.0, 1.0}) * alpha;
   const Tensor sensor_m = row({1.0, 2.0, nan, 20.0, 9.0});
-  EXPECT_NEAR(depth_loss(depth_m, alpha, sensor_m, 0.1, 10.0).item<double>(), 0.375, 1e-9);
-  EXPECT_LT(
-      gradient_error(
-          depth_m, [&](const Tensor& x) { return depth_loss(x, alpha, sensor_m, 0.1, 10.0); }),
-      1e-8);
+  EXPECT_NEAR(depth_loss(depth_m, alpha, sensor_m, {}, 0.1, 10.0).item<double>(), 0.375, 1e-9);
+  EXPECT_LT(gradient_error(depth_m,
+                           [&](const Tensor& x) {
+                             return depth_loss(x, alpha, sensor_m, {}, 0.1, 10.0);
+                           }),
+            1e-8);
+  // Weights: of the first two pixels 3 to 1, whatever the others have.
+  const Tensor weight = row({0.75, 0.25, 9.0, 9.0, 9.0});
+  EXPECT_NEAR(depth_loss(depth_m, alpha, sensor_m, weight, 0.1, 10.0).item<double>(),
+              0.75 * 0.5 + 0.25 * 0.25, 1e-9);
+  EXPECT_LT(gradient_error(depth_m,
+                           [&](const Tensor& x) {
+                             return depth_loss(x, alpha, sensor_m, weight, 0.1, 10.0);
+                           }),
+            1e-8);
   const Tensor none = row({nan, nan, nan, nan, nan});
-  EXPECT_EQ(depth_loss(depth_m, alpha, none, 0.1, 10.0).item<double>(), 0.0);
+  EXPECT_EQ(depth_loss(depth_m, alpha, none, weight, 0.1, 10.0).item<double>(), 0.0);
+  EXPECT_EQ(depth_loss(depth_m, alpha, none, {}, 0.1, 10.0).item<double>(), 0.0);
 }
 
 /// A plane z = 2 + 0.3 x seen by a turned camera.
