@@ -35,7 +35,8 @@ ROOMS = {
     "worlds": ("mesh", "procedural", "capture", "surface", "masks"),
     "experiments": ("support", "specs", "drawing", "episodes", "records", "results", "reproducibility", "training", "scenes",
                     "detection", "benchmarks", "video", "trials", "runs", "films", "panoptic", "scripted_trials", "report",
-                    "web", "dashboard", "scene_labels", "commands/light", "commands", "commands/detection", "."),
+                    "web", "dashboard", "scene_labels", "commands/light", "commands", "commands/detection",
+                    "commands/scene", "."),
 }
 MOST_FILES = 25  # Of a folder; header and source of one class count once.
 LIBRARY_HOME = {  # library: the only folders that may include it
