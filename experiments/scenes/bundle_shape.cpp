@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "core/error.h"
 #include "core/progress.h"
@@ -32,14 +33,24 @@ SceneShape fuse_rendered_depth(core::Renderer& renderer,
   SceneShape shape;
   worlds::DepthFusion fusion(options.fusion);
   core::Progress progress("fuse depth", 2 * static_cast<std::int64_t>(poses.size()));
-  core::Frame frame;
   std::int64_t done = 0;
-  // Drawn twice instead of kept: hundreds of views do not fit everywhere.
+  // All are reserved before the first is added. Meanwhile they are kept, as far as memory
+  // goes, and drawn again where it does not.
+  constexpr std::size_t kKept_bytes = std::size_t{512} << 20U;
+  const std::size_t frame_bytes = static_cast<std::size_t>(camera.width_px) *
+                                  static_cast<std::size_t>(camera.height_px) *
+                                  (2 * sizeof(float) + sizeof(glm::vec3));  // With alpha.
+  std::vector<core::Frame> kept(std::min(poses.size(), kKept_bytes / frame_bytes));
+  core::Frame other;
   for (const bool adding : {false, true}) {
-    for (const core::CameraPose& pose : poses) {
-      renderer.render(pose, camera, core::Channels::kDepth | core::Channels::kNormal, frame);
-      const worlds::DepthView view{camera, pose, &frame.depth_m, &frame.normal};
-      adding ? fusion.add(view) : fusion.reserve(view);
+    for (std::size_t i = 0; i < poses.size(); ++i) {
+      core::Frame& frame = i < kept.size() ? kept[i] : other;
+      if (!adding || i >= kept.size()) {
+        renderer.render(poses[i], camera, core::Channels::kDepth | core::Channels::kNormal,
+                        frame);
+      }
+      const worlds::DepthView view{camera, poses[i], &frame.depth_m, &frame.normal};
+      adding ? fusion.add_reserved(view) : fusion.reserve(view);
       progress.update(++done);
     }
   }

@@ -233,7 +233,12 @@ TEST(DepthFusion, ReservedViewsCarveWhatAppearsLate) {
   DepthFusion fusion(options);
   for (const ShapeView& view : views) fusion.reserve(view.view());
   EXPECT_TRUE(fusion.surface().triangles.empty());
-  for (const ShapeView& view : views) fusion.add(view.view());
+  for (const ShapeView& view : views) fusion.add_reserved(view.view());
+  DepthFusion looking_again(options);
+  for (const ShapeView& view : views) looking_again.reserve(view.view());
+  for (const ShapeView& view : views) looking_again.add(view.view());
+  EXPECT_EQ(fusion.surface().positions_m, looking_again.surface().positions_m);
+  EXPECT_EQ(fusion.surface().triangles, looking_again.surface().triangles);
   // The part that all three saw through is gone; they did not see the outermost rim.
   EXPECT_LT(phantom(fusion.surface()), phantom(fused(views, options)) / 5);
 }

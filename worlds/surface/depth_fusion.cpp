@@ -178,6 +178,7 @@ struct DepthFusion::Volume {
   }
 
   void allocate(const PreparedView& view);
+  void integrate(const PreparedView& view);
   void integrate(const PreparedView& view, VoxelBlock& block) const;
   [[nodiscard]] bool may_see(const PreparedView& view, const VoxelBlock& block) const;
 
@@ -287,6 +288,13 @@ void DepthFusion::Volume::integrate(const PreparedView& view, VoxelBlock& block)
   }
 }
 
+void DepthFusion::Volume::integrate(const PreparedView& view) {
+  for_each(arena, field.blocks.size(), 64, [&](std::size_t i) {
+    VoxelBlock& block = field.blocks[i];
+    if (may_see(view, block)) integrate(view, block);
+  });
+}
+
 DepthFusion::DepthFusion(const DepthFusionOptions& options) {
   SEGSIM_CHECK(options.voxel_m > 0.0 && std::isfinite(options.voxel_m), "voxel_m");
   SEGSIM_CHECK(options.truncation_m >= 2.0 * options.voxel_m, "truncation_m");
@@ -309,13 +317,14 @@ void DepthFusion::reserve(const DepthView& view) {
 
 void DepthFusion::add(const DepthView& view) {
   check_view(view);
-  Volume& volume = *volume_;
-  const PreparedView ready = prepared(view, volume.options, volume.arena);
-  volume.allocate(ready);
-  for_each(volume.arena, volume.field.blocks.size(), 64, [&](std::size_t i) {
-    VoxelBlock& block = volume.field.blocks[i];
-    if (volume.may_see(ready, block)) volume.integrate(ready, block);
-  });
+  const PreparedView ready = prepared(view, volume_->options, volume_->arena);
+  volume_->allocate(ready);
+  volume_->integrate(ready);
+}
+
+void DepthFusion::add_reserved(const DepthView& view) {
+  check_view(view);
+  volume_->integrate(prepared(view, volume_->options, volume_->arena));
 }
 
 std::size_t DepthFusion::block_count() const { return volume_->field.blocks.size(); }

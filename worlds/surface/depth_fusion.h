@@ -72,6 +72,8 @@ class DepthFusion {
   /// @throws core::InputError if the surface needs more than max_blocks or lies more than
   ///     10 km from the origin; core::ContractViolation for images of another size.
   void add(const DepthView& view);
+  /// The same of a view that reserve() was told of: room is not looked for again.
+  void add_reserved(const DepthView& view);
 
   [[nodiscard]] std::size_t block_count() const;
   [[nodiscard]] std::size_t bytes() const;
