@@ -305,6 +305,7 @@ std::vector<trials::LoadedScene> load_scenes(const specs::ExperimentSpec& spec,
     });
   }
   std::vector<trials::LoadedScene> scenes;
+  scenes.reserve(loaded.size());
   for (std::optional<trials::LoadedScene>& scene : loaded) scenes.push_back(std::move(*scene));
   return scenes;
 }
