@@ -50,11 +50,9 @@ void SharedViews::render(const core::CameraPose& T_world_camera,
                 static_cast<std::uint64_t>(channels)};
   const auto known = frames_.find(key);
   if (known != frames_.end()) {
-    ++shared_;
     frame = known->second;
     return;
   }
-  ++drawn_;
   inner_.render(T_world_camera, intrinsics, channels, frame);
   const std::size_t size_bytes = bytes_of(frame);
   if (used_bytes_ + size_bytes > capacity_bytes_) return;

@@ -32,9 +32,6 @@ class SharedViews final : public core::Renderer {
   void render(const core::CameraPose& T_world_camera, const core::CameraIntrinsics& intrinsics,
               core::Channels channels, core::Frame& frame) override;
 
-  [[nodiscard]] std::size_t drawn() const { return drawn_; }    ///< Images, since the start.
-  [[nodiscard]] std::size_t shared() const { return shared_; }  ///< Those that were copied.
-
  private:
   /// Bits of rotation, translation, intrinsics and channels: equal inputs, equal images.
   using Key = std::array<std::uint64_t, 13>;
@@ -44,7 +41,7 @@ class SharedViews final : public core::Renderer {
 
   core::Renderer& inner_;
   std::size_t capacity_bytes_;
-  std::size_t used_bytes_ = 0, drawn_ = 0, shared_ = 0;
+  std::size_t used_bytes_ = 0;
   std::unordered_map<Key, core::Frame, Hash> frames_;
 };
 
