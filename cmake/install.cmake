@@ -68,7 +68,7 @@ install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/libsegsim-dev COM
 # Debian packages: `cpack -G DEB` in the build folder.
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME segsim)
-set(CPACK_PACKAGE_CONTACT "Fast-SegSim <https://github.com/>")
+set(CPACK_PACKAGE_CONTACT "Fast-SegSim <maintainers@fast-segsim.invalid>")
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "${PROJECT_DESCRIPTION}")
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_STRIP_FILES ON)

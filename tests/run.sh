@@ -34,7 +34,9 @@ build "$preset"
 # The GPU renderer compiles wherever there is a CUDA compiler; it is run where there is a GPU.
 # Machine code for compute capability 8.0 and 9.0, PTX for later ones.
 nvcc=$(command -v nvcc || echo /usr/local/cuda/bin/nvcc)
-if [[ -n $quick ]]; then
+if [[ -n $quick && -n ${SEGSIM_REQUIRE_GPU:-} && $SEGSIM_REQUIRE_GPU != 0 ]]; then
+  fail "SEGSIM_REQUIRE_GPU demands the GPU renderer's checks; the quick tier has none of them"
+elif [[ -n $quick ]]; then
   :
 elif [[ $preset == release && -x $nvcc ]]; then
   say "Compiling the GPU renderer ($nvcc)"

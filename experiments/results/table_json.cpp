@@ -163,6 +163,8 @@ std::string as_json(const ResultTable& table) {
   provenance["success_profile"] = table.run.success_profile;
   provenance["code_version"] = table.run.code_version;
   provenance["spec_sha256"] = table.run.spec_sha256;
+  const auto kernels = table.run.provenance.find("kernels");
+  if (kernels != table.run.provenance.end()) provenance["kernels"] = kernels->second;
   provenance["host"] = table.run.host;
   provenance["libraries"] = table.run.libraries;
   provenance["started"] = table.run.started;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "core/process/kernel_choice.h"
 #include "experiments/results/leakage.h"
 
 namespace segsim::experiments::results::internal {
@@ -185,6 +186,13 @@ void note_oracle(ResultTable& table) {
 void note_provenance(ResultTable& table) {
   const records::RunRow& run = table.run;
   table.notes.push_back("Success profile: " + run.success_profile + ".");
+  const auto kernels = run.provenance.find("kernels");
+  if (kernels != run.provenance.end() &&
+      kernels->second == core::to_string(core::KernelChoice::kFast)) {
+    table.notes.emplace_back(
+        "Made with fast kernels: another processor may get other numbers (segsim without --fast "
+        "computes the same bits everywhere).");
+  }
   std::string hashes;
   for (const records::SceneRow& scene : table.scene_rows) {
     hashes += (hashes.empty() ? "" : "; ") + scene.name + " scene " +
@@ -199,7 +207,8 @@ void note_provenance(ResultTable& table) {
       "Run " + std::to_string(run.run_id) + " of " + run.name + ", seed " +
       std::to_string(run.seed) + ", planned n " +
       (run.planned_n > 0 ? std::to_string(run.planned_n) : std::string("= all")) +
-      ", segsim " + run.code_version + ", spec " + run.spec_sha256.substr(0, 12) +
+      ", segsim " + run.code_version +
+      (kernels != run.provenance.end() ? ", " + kernels->second + " kernels" : "") + ", spec " + run.spec_sha256.substr(0, 12) +
       ", started " + run.started + " on " + run.host + ". " + hashes + ".");
 }
 

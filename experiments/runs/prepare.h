@@ -6,13 +6,12 @@
 /// on.
 
 #include <filesystem>
-#include <span>
-#include <string>
 #include <vector>
 
 #include "experiments/specs/spec.h"
 #include "experiments/support/stage_times.h"
 #include "experiments/trials/prepared_detectors.h"
+#include "experiments/trials/trial_runner.h"
 
 namespace segsim::experiments::runs {
 
@@ -25,23 +24,20 @@ std::filesystem::path prepare_scene(const specs::ExperimentSpec& spec,
                                     const specs::SceneSpec& scene,
                                     const std::filesystem::path& work);
 
-/// The same for all scenes of the spec, up to `workers` of them side by side. What comes out
-/// does not depend on how many.
-/// @return  A folder for each of spec.scenes, in that order.
-std::vector<std::filesystem::path> prepare_scenes(const specs::ExperimentSpec& spec,
-                                                  const std::filesystem::path& work,
-                                                  int workers, support::StageTimes& times);
+/// What the trials need.
+struct Inputs {
+  std::vector<trials::LoadedScene> scenes;  ///< As many as spec.scenes, in that order.
+  trials::PreparedDetectors detectors;
+};
 
-/// Makes the weights that the arms of the spec need: pre-training, then fine-tuning on views
-/// rendered from the bundles of `spec.detectors.finetune->scenes`, once for each
-/// reconstruction and seed. Up to `workers` / `finetune->threads` trainings run side by side;
-/// the result does not depend on how many.
-/// @param bundles  Result of prepare_scenes.
-/// @param starts  Of each of them.
-trials::PreparedDetectors prepare_detectors(const specs::ExperimentSpec& spec,
-                                            std::span<const std::filesystem::path> bundles,
-                                            std::span<const trials::Starts> starts,
-                                            const std::filesystem::path& work, int workers,
-                                            support::StageTimes& times);
+/// Makes what is missing, and loads it: scenes and their episodes, views of them, weights
+/// (those of a spec that fine-tunes once for each reconstruction and seed). Up to `workers`
+/// things are made side by side, each as soon as what it needs is there; what comes out does
+/// not depend on how many.
+/// @param spec  Outlives the result.
+/// @throws core::InputError if something is missing that nothing makes.
+[[nodiscard]] Inputs prepare_inputs(const specs::ExperimentSpec& spec,
+                                    const std::filesystem::path& work, int workers,
+                                    support::StageTimes& times);
 
 }  // namespace segsim::experiments::runs

@@ -24,7 +24,6 @@
 #include "experiments/runs/prepare.h"
 #include "experiments/runs/run_provenance.h"
 #include "experiments/support/folder_lock.h"
-#include "experiments/support/side_by_side.h"
 #include "experiments/support/step_record.h"
 #include "experiments/support/stop_signal.h"
 #include "experiments/trials/trial_runner.h"
@@ -278,73 +277,6 @@ void write_tables(const fs::path& work, const results::ResultTable& table,
 
 namespace {
 
-/// What the trials need.
-struct Inputs {
-  std::vector<trials::LoadedScene> scenes;
-  trials::PreparedDetectors detectors;
-};
-
-/// Loads scenes and makes their episodes: of first reconstructions first, as the others share
-/// theirs.
-std::vector<trials::LoadedScene> load_scenes(const specs::ExperimentSpec& spec,
-                                             const std::vector<fs::path>& bundles,
-                                             const fs::path& work, int workers,
-                                             support::StageTimes& times) {
-  support::StageTimes::Timer timer(times, "episodes");
-  std::vector<std::optional<trials::LoadedScene>> loaded(spec.scenes.size());
-  for (int r = 1; r <= spec.repetitions.reconstruct_seeds; ++r) {
-    std::vector<std::size_t> scenes;
-    for (std::size_t i = 0; i < spec.scenes.size(); ++i) {
-      if (spec.scenes[i].reconstruction == r) scenes.push_back(i);
-    }
-    support::side_by_side(scenes.size(), workers, [&](std::size_t k) {
-      const std::size_t i = scenes[k];
-      std::fprintf(stderr, "segsim: loading %s\n", spec.scenes[i].title.c_str());
-      loaded[i].emplace(trials::load_scene(spec, spec.scenes[i], bundles[i], work));
-      if (loaded[i]->episodes_made) timer.working();
-    });
-  }
-  std::vector<trials::LoadedScene> scenes;
-  scenes.reserve(loaded.size());
-  for (std::optional<trials::LoadedScene>& scene : loaded) scenes.push_back(std::move(*scene));
-  return scenes;
-}
-
-/// Names of episodes are names of trials; reconstructions share them on purpose.
-void check_episodes(const std::vector<trials::LoadedScene>& scenes, const fs::path& work) {
-  std::set<std::string> episode_ids;
-  for (const trials::LoadedScene& scene : scenes) {
-    if (scene.spec->reconstruction > 1) continue;
-    const episodes::EpisodeSet& set = scene.episodes;
-    for (const sim::Episode& episode : set.episodes) {
-      if (episode_ids.insert(episode.id).second) continue;
-      throw core::InputError::expected("episodes of scene " + scene.spec->name,
-                                       "names that no other episode of the spec has",
-                                       "\"" + episode.id + "\" again");
-    }
-    if (scene.spec->episode_file.empty() &&
-        static_cast<int>(set.episodes.size()) < scene.spec->episodes) {
-      std::fprintf(stderr, "segsim: note: %s has room for %zu of %d episodes (see %s)\n",
-                   scene.spec->title.c_str(), set.episodes.size(), scene.spec->episodes,
-                   (work / "episodes" / (scene.spec->name + ".jsonl")).c_str());
-    }
-  }
-}
-
-/// Makes what is missing, and loads it.
-Inputs load_inputs(const specs::ExperimentSpec& spec, const fs::path& work, int workers,
-                   support::StageTimes& times) {
-  const std::vector<fs::path> bundles = prepare_scenes(spec, work, workers, times);
-  Inputs inputs;
-  inputs.scenes = load_scenes(spec, bundles, work, workers, times);
-  check_episodes(inputs.scenes, work);
-  std::vector<trials::Starts> starts;
-  for (const trials::LoadedScene& scene : inputs.scenes)
-    starts.push_back(trials::starts_of(scene));
-  inputs.detectors = prepare_detectors(spec, bundles, starts, work, workers, times);
-  return inputs;
-}
-
 support::StepRecord preparation_of(const specs::ExperimentSpec& spec, const fs::path& work) {
   return {work / "prepared.step", "spec " + spec.sha256 + ", segsim " + core::version()};
 }
@@ -366,7 +298,7 @@ Inputs load_shared_inputs(const specs::ExperimentSpec& spec, const fs::path& wor
     lock.emplace(work, support::FolderLock::Kind::kExclusive,
                  support::FolderLock::IfTaken::kWait);
     if (!fs::exists(work / "prepared.step")) {
-      Inputs inputs = load_inputs(spec, work, workers, times);
+      Inputs inputs = prepare_inputs(spec, work, workers, times);
       preparation.mark_done();
       lock->share();
       return inputs;
@@ -376,7 +308,7 @@ Inputs load_shared_inputs(const specs::ExperimentSpec& spec, const fs::path& wor
   check_current();
   lock.emplace(work, support::FolderLock::Kind::kShared, support::FolderLock::IfTaken::kWait);
   check_current();
-  return load_inputs(spec, work, workers, times);
+  return prepare_inputs(spec, work, workers, times);
 }
 
 }  // namespace
@@ -416,7 +348,7 @@ RunReport run_experiment(const specs::ExperimentSpec& spec, const RunOptions& op
     shard_lock.emplace(results, Kind::kExclusive, IfTaken::kWait);
   } else {
     lock.emplace(work, Kind::kExclusive, IfTaken::kRefuse);
-    inputs = load_inputs(spec, work, options.workers, times);
+    inputs = prepare_inputs(spec, work, options.workers, times);
     preparation_of(spec, work).mark_done();
   }
 

@@ -68,11 +68,11 @@ struct TrialReplay::Impl {
     trials::PreparedDetectors detectors;
     if (needs_weights) {
       support::StageTimes times;
-      const std::vector<fs::path> bundles = prepare_scenes(spec, folders.work, 1, times);
-      std::vector<trials::Starts> starts;
-      for (const specs::SceneSpec& scene : spec.scenes)
-        starts.push_back(trials::starts_of(load(scene)));
-      detectors = prepare_detectors(spec, bundles, starts, folders.work, 1, times);
+      Inputs inputs = prepare_inputs(spec, folders.work, 1, times);
+      for (trials::LoadedScene& scene : inputs.scenes) {
+        scenes[scene.spec->name] = std::make_unique<trials::LoadedScene>(std::move(scene));
+      }
+      detectors = std::move(inputs.detectors);
     }
     runner = std::make_unique<trials::TrialRunner>(spec, detectors, scratch.path());
   }

@@ -12,31 +12,36 @@ namespace segsim::experiments::support {
 StageTimes::Timer::Timer(StageTimes& times, std::string stage)
     : times_(times), stage_(std::move(stage)) {
   const std::lock_guard<std::mutex> lock(times_.mutex_);
-  (void)times_.stage(stage_);
+  Stage& timed = times_.stage(stage_);
+  if (timed.timers++ == 0) timed.start = Clock::now();
 }
 
 StageTimes::Timer::~Timer() {
   const std::lock_guard<std::mutex> lock(times_.mutex_);
-  StageTime& time = times_.stage(stage_);
-  if (time.made) time.wall_s += std::chrono::duration<double>(Clock::now() - start_).count();
+  Stage& timed = times_.stage(stage_);
+  if (--timed.timers > 0 || !timed.time.made) return;
+  timed.time.wall_s += std::chrono::duration<double>(Clock::now() - timed.start).count();
 }
 
 void StageTimes::Timer::working() {
   const std::lock_guard<std::mutex> lock(times_.mutex_);
-  times_.stage(stage_).made = true;
+  times_.stage(stage_).time.made = true;
 }
 
-StageTime& StageTimes::stage(const std::string& name) {
-  const auto found = std::find_if(stages_.begin(), stages_.end(),
-                                  [&](const StageTime& time) { return time.stage == name; });
+StageTimes::Stage& StageTimes::stage(const std::string& name) {
+  const auto found = std::find_if(stages_.begin(), stages_.end(), [&](const Stage& known) {
+    return known.time.stage == name;
+  });
   if (found != stages_.end()) return *found;
-  stages_.push_back({name});
+  stages_.push_back({{name}, 0, {}});
   return stages_.back();
 }
 
 std::vector<StageTime> StageTimes::all() const {
   const std::lock_guard<std::mutex> lock(mutex_);
-  return stages_;
+  std::vector<StageTime> times;
+  for (const Stage& known : stages_) times.push_back(known.time);
+  return times;
 }
 
 std::string in_words(const StageTime& time) {

@@ -23,7 +23,8 @@ class StageTimes {
  public:
   using Clock = std::chrono::steady_clock;
 
-  /// Measures from its making to its end.
+  /// Measures from its making to its end. Several of a stage at a time measure from the first
+  /// one's making to the last one's end.
   class Timer {
    public:
     Timer(StageTimes& times, std::string stage);
@@ -37,17 +38,22 @@ class StageTimes {
    private:
     StageTimes& times_;
     std::string stage_;
-    Clock::time_point start_ = Clock::now();
   };
 
   /// In the order in which they began; repeated stages are one, with their times added.
   [[nodiscard]] std::vector<StageTime> all() const;
 
  private:
-  StageTime& stage(const std::string& name);
+  /// A stage, and whether it goes on.
+  struct Stage {
+    StageTime time;
+    int timers = 0;
+    Clock::time_point start;  ///< Of the first of these timers.
+  };
+  Stage& stage(const std::string& name);
 
   mutable std::mutex mutex_;
-  std::vector<StageTime> stages_;
+  std::vector<Stage> stages_;
 };
 
 /// "12.3 s", or "0 s (was there)".

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/check.h"
+#include "core/process/vector_clones.h"
 #include "nav/mapping/internal/set_bytes.h"
 
 namespace segsim::nav {
@@ -26,6 +27,7 @@ bool blended(const float* depth, std::ptrdiff_t step) {
 
 /// steep[x] = 1 where a pixel lies strictly between two neighbours that are far apart, and is
 /// apart from both. No branches, so that it vectorises; NaN compares false and drops out.
+SEGSIM_VECTOR_CLONES
 void find_steps(const float* __restrict depth, const float* __restrict before,
                 const float* __restrict after, std::size_t count,
                 std::uint8_t* __restrict steep) {
@@ -69,6 +71,7 @@ struct EndLimits {
 
 /// Heights and cells (indices into the window; -1: of no use) in which a row's pixels end.
 /// Only selections, no branches, so that it vectorises.
+SEGSIM_VECTOR_CLONES
 void find_ends(const float* __restrict depths, const float* __restrict columns_x,
                const float* __restrict columns_y, const float* __restrict columns_z,
                const glm::vec3& row, const EndLimits& limits, std::size_t count,
@@ -95,6 +98,7 @@ void find_ends(const float* __restrict depths, const float* __restrict columns_x
 
 /// Window indices of evenly spaced points of a ray, from the first one asked for. Whole
 /// numbers up to 2^24 are exact in floats, and these instructions exist for them everywhere.
+SEGSIM_VECTOR_CLONES
 void find_ray_cells(const glm::vec2& from_cells, const glm::vec2& step_cells, int side,
                     int first, int count, std::int32_t* __restrict cells) {
   const float from_x = from_cells.x, from_y = from_cells.y;

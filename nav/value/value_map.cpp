@@ -9,6 +9,7 @@
 #include <glm/mat3x3.hpp>
 
 #include "core/check.h"
+#include "core/process/vector_clones.h"
 #include "nav/mapping/depth_cleanup.h"
 
 namespace segsim::nav {
@@ -30,6 +31,7 @@ struct RowLimits {
 
 /// One row of depth updates each column's nearest depth in the band and farthest depth. Only
 /// selections, no branches, so that it vectorises; NaN compares false and drops out.
+SEGSIM_VECTOR_CLONES
 void take_row(const float* __restrict depths, const float* __restrict roll, float slope,
               const RowLimits& limits, std::size_t count, float* __restrict nearest,
               float* __restrict farthest) {

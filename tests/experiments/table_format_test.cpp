@@ -122,6 +122,26 @@ TEST(Table, JsonAndCsvAreComplete) {
   EXPECT_EQ(lines, 1U + 3U * 3U);  // Header; scene and two classes, three arms each.
 }
 
+/// Numbers of fast kernels may be another processor's others: every format says so.
+TEST(Table, FastKernelsAreTold) {
+  for (const char* kernels : {"fast", "reproducible"}) {
+    records::RunRow run = a_run(30);
+    run.provenance["kernels"] = kernels;
+    const results::ResultTable table =
+        results::summarise(run, kScenes, kArms, ten_episodes());
+    const bool fast = std::string(kernels) == "fast";
+    for (const auto format : {support::TableFormat::kText, support::TableFormat::kMarkdown,
+                              support::TableFormat::kLatex, support::TableFormat::kJson}) {
+      const std::string text = results::format_table(table, format);
+      EXPECT_THAT(text, HasSubstr(std::string(kernels) + " kernels"));
+      EXPECT_EQ(text.find("Made with fast kernels") != std::string::npos, fast) << text;
+    }
+    const auto json =
+        nlohmann::json::parse(results::format_table(table, support::TableFormat::kJson));
+    EXPECT_EQ(json.at("provenance").at("kernels"), kernels);
+  }
+}
+
 TEST(Table, MarkdownKeepsItsColumns) {
   const std::string text =
       results::format_table(results::summarise(a_run(30), kScenes, kArms, ten_episodes()),

@@ -39,11 +39,15 @@ def table_lines(records):
 
 def digests_in_words(digests):
     """Of the last stages: what departs earlier departs there, too. Trials are left out where they wait for a new run."""
-    weights = [s["sha256"][:12] for s in digests["stages"] if s["stage"] == "weights" and s["subject"] != "arm-before"]
+    weights = sorted((s["subject"].removeprefix("arm-"), s["sha256"][:12]) for s in digests["stages"]
+                     if s["stage"] == "weights" and s["subject"] != "arm-before")
     trials = [s["sha256"][:12] for s in digests["stages"] if s["stage"] == "trials"]
     ends = f"; trials {trials[0]}" if trials else ""
-    return (f"`{digests['experiment']}.yaml` as shipped ends in these digests: fine-tuned weights {', '.join(weights)}{ends} "
-            f"(found on: {', '.join(digests['confirmed_on'])}).")
+    name = digests["experiment"]
+    return (f"`{name}.yaml` as shipped ends in these digests: weights of "
+            f"{', '.join(f'`{arm}` {digest}' for arm, digest in weights)}{ends} "
+            f"(found on: {', '.join(digests['confirmed_on'])}). Those of all {len(digests['stages'])} stages are in "
+            f"`experiments/specs/digests/{name}.json`.")
 
 
 def in_words(record, digests):

@@ -4,36 +4,32 @@
 /// Data sets of views that a run's detectors are tuned on, chosen by, and judged with.
 
 #include <cstdint>
+#include <deque>
 #include <filesystem>
-#include <functional>
-#include <span>
+#include <mutex>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "core/camera.h"
-#include "experiments/detection/arm_weights.h"
+#include "core/progress.h"
+#include "experiments/records/held_out_precision.h"
+#include "experiments/runs/internal/scene_tasks.h"
 #include "experiments/specs/spec.h"
 #include "experiments/support/stage_times.h"
 #include "experiments/support/step_record.h"
-#include "experiments/trials/prepared_detectors.h"
+#include "experiments/support/task_graph.h"
+#include "perception/data/dataset.h"
 
 namespace segsim::experiments::runs::internal {
-
-/// A scene with what its views must keep away from.
-struct LabelScene {
-  const specs::SceneSpec* spec;
-  std::filesystem::path bundle;
-  trials::Starts starts_m;
-};
 
 /// Of the views that detectors are tuned on.
 [[nodiscard]] core::CameraIntrinsics view_camera(const specs::ExperimentSpec& spec);
 
 /// The scenes of one reconstruction that a fine-tuning takes its views from.
-/// @param bundles, starts  Of each scene of the spec.
-[[nodiscard]] std::vector<LabelScene> label_scenes_of(
+[[nodiscard]] std::vector<const SceneTask*> label_scenes_of(
     const specs::ExperimentSpec& spec, int reconstruction,
-    std::span<const std::filesystem::path> bundles, std::span<const trials::Starts> starts);
+    const std::deque<SceneTask>& scenes);
 
 /// How the views of a set are drawn.
 struct ViewRule {
@@ -42,41 +38,59 @@ struct ViewRule {
   double facing_share = 0.0;
 };
 
+/// The progress line of all views; begins with the first. By any thread.
+class ViewProgress {
+ public:
+  void expect(int views) { total_ += views; }
+  void drawn();
+  void were_there(int views);
+
+ private:
+  std::mutex mutex_;
+  std::int64_t total_ = 0, done_ = 0;
+  std::optional<core::Progress> line_;
+};
+
+/// What the tasks of all sets share.
+struct LabelWork {
+  const std::vector<std::string>& class_names;  ///< Known when `classes_known` has ended.
+  support::TaskGraph::Id classes_known;
+  ViewProgress& progress;
+  support::StageTimes& times;
+};
+
 /// One data set of views: of a training, or held out from all trainings of a reconstruction.
 class LabelSet {
  public:
-  /// @param scenes  Outlive this object.
-  LabelSet(const specs::ExperimentSpec& spec, const std::vector<LabelScene>& scenes,
+  /// @param spec  Outlives this object.
+  LabelSet(const specs::ExperimentSpec& spec, std::vector<const SceneTask*> scenes,
            const std::string& purpose, std::uint64_t seed, std::filesystem::path folder);
 
   [[nodiscard]] std::filesystem::path json() const;
-  [[nodiscard]] bool is_current() const;
-  /// Views at most, over all scenes.
-  [[nodiscard]] int views() const;
 
-  /// @param on_view  Called after each.
-  void make(const std::vector<std::string>& class_names,
-            const std::function<void()>& on_view) const;
+  /// Makes the set if it is not there: a task for each scene, which begins when the scene is
+  /// loaded, and one that puts their views together.
+  /// @param work  Outlives the run of the graph, as this object does.
+  void add_to(support::TaskGraph& graph, const LabelWork& work);
 
  private:
-  [[nodiscard]] std::string recipe() const;
+  void draw(std::size_t scene, const LabelWork& work);
+  void write() const;
+  /// Needs all scenes.
+  [[nodiscard]] support::StepRecord record() const;
 
   const specs::ExperimentSpec& spec_;
-  const std::vector<LabelScene>& scenes_;
+  std::vector<const SceneTask*> scenes_;
   ViewRule rule_;
   std::uint64_t seed_;
   std::filesystem::path folder_;
-  support::StepRecord record_;
+  bool is_current_ = false;
+  std::vector<perception::CocoDataset> drawn_;  ///< By scene.
 };
-
-/// Makes those that are not there, side by side.
-void make_label_sets(const std::vector<LabelSet>& sets,
-                     const std::vector<std::string>& class_names, int workers,
-                     support::StageTimes& times);
 
 /// How many views of a data set lie near a start.
 [[nodiscard]] records::StartLeak start_leak(const std::filesystem::path& train_json,
-                                            const std::vector<LabelScene>& scenes,
+                                            const std::vector<const SceneTask*>& scenes,
                                             double clearance_m);
 
 }  // namespace segsim::experiments::runs::internal
