@@ -73,7 +73,8 @@ HWY_INLINE std::uint64_t prepare_rows(const ScreenSurfel& s, float dx, float dy_
   const float nearest_column = std::floor(-dx) + 0.5F;
   std::uint64_t reached = 0;
   for (int row = 0; row < kTileSizePx; row += static_cast<int>(hn::Lanes(d))) {
-    const V dy = hn::Iota(d, dy_first + static_cast<float>(row));
+    // Rounded once, however many rows a vector has.
+    const V dy = hn::Add(hn::Iota(d, static_cast<float>(row)), hn::Set(d, dy_first));
     const V q_u = hn::MulAdd(hn::Set(d, s.m01), dy, hn::Set(d, s.m00 * dx));
     const V q_v = hn::MulAdd(hn::Set(d, s.m11), dy, hn::Set(d, s.m10 * dx));
     const V e = hn::NegMulAdd(hn::Set(d, s.g1), dy, hn::Set(d, 1.0F - s.g0 * dx));
