@@ -110,4 +110,13 @@ MachineRecord describe_machine() {
   return record;
 }
 
+std::string processor_in_words(const MachineRecord& machine) {
+  const auto has = [&](const char* feature) {
+    const auto found = machine.features.find(feature);
+    return found != machine.features.end() && found->second == "yes";
+  };
+  const char* vectors = has("avx512f") ? "AVX-512" : has("avx2") ? "AVX2" : "no AVX2";
+  return machine.processor + " (" + vectors + ")";
+}
+
 }  // namespace segsim::experiments::reproducibility

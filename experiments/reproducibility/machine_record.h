@@ -26,4 +26,8 @@ struct MachineRecord {
 /// Of this machine and process. Takes about a second: it computes the fingerprints.
 [[nodiscard]] MachineRecord describe_machine();
 
+/// The processor as records of digests name it: virtual machines call many generations by one
+/// name, and libraries choose by the widest vectors. "AMD EPYC (AVX-512)"
+[[nodiscard]] std::string processor_in_words(const MachineRecord& machine);
+
 }  // namespace segsim::experiments::reproducibility

@@ -326,7 +326,12 @@ reproducibility::DigestRecord digest_record(
     const specs::ExperimentSpec& spec,
     const std::vector<reproducibility::StageDigest>& stages) {
   const reproducibility::MachineRecord machine = reproducibility::describe_machine();
-  return {spec.name, spec.sha256, core::version(), machine, {machine.processor}, stages};
+  return {spec.name,
+          spec.sha256,
+          core::version(),
+          machine,
+          {reproducibility::processor_in_words(machine)},
+          stages};
 }
 
 }  // namespace

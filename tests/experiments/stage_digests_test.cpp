@@ -63,6 +63,15 @@ TEST(StageDigests, TheFirstStageThatDepartsAndTheLibraryBehindItAreNamed) {
   EXPECT_THAT(comparison.text, Not(HasSubstr("sums")));
 }
 
+TEST(StageDigests, ProcessorsAreToldApartByTheirVectors) {
+  reproducibility::MachineRecord machine;
+  machine.processor = "AMD EPYC";
+  machine.features = {{"avx2", "yes"}, {"avx512f", "no"}};
+  EXPECT_EQ(reproducibility::processor_in_words(machine), "AMD EPYC (AVX2)");
+  machine.features["avx512f"] = "yes";
+  EXPECT_EQ(reproducibility::processor_in_words(machine), "AMD EPYC (AVX-512)");
+}
+
 TEST(StageDigests, AMissingStageDeparts) {
   reproducibility::DigestRecord found = record("EPYC");
   found.stages.pop_back();
