@@ -112,22 +112,22 @@ scenes::ViewSamplerOptions sampler_options(const ViewLabelOptions& options) {
 /// Renders, judges and labels one view after another.
 class ViewLabeller {
  public:
-  ViewLabeller(const core::SceneBundle& bundle, const ViewLabelOptions& options,
+  ViewLabeller(const LabelledScene& scene, const ViewLabelOptions& options,
                const std::vector<core::SceneClass>& classes, const fs::path& folder)
-      : bundle_(bundle),
+      : bundle_(scene.bundle),
         options_(options),
         classes_(classes),
         folder_(folder),
-        scene_(load_labelled(bundle)),
-        renderer_(renderer::make_cpu_renderer(scene_.surfels, {}, scene_.labels)),
-        alone_(scene_.surfels),
-        consistency_(bundle.manifest),
+        renderer_(
+            renderer::make_cpu_renderer(scene.surfels.surfels, {}, scene.surfels.labels)),
+        alone_(scene.surfels.surfels),
+        consistency_(bundle_.manifest),
         T_robot_camera_(
             core::mast_camera(options.camera_height_m, options.camera_pitch_down_rad)) {
     dataset_.folder = folder;
     dataset_.class_names = options.class_names;
     dataset_.scenes = std::vector<perception::ImagedScene>{
-        {bundle.manifest.name, bundle.manifest.surfels.sha256}};
+        {bundle_.manifest.name, bundle_.manifest.surfels.sha256}};
   }
 
   /// False if the view is of no use. @param wanted_instance  That it must show; 0 = none.
@@ -159,15 +159,6 @@ class ViewLabeller {
   }
 
  private:
-  [[nodiscard]] static scenes::SceneSurfels load_labelled(const core::SceneBundle& bundle) {
-    scenes::SceneSurfels scene = scenes::load_scene_surfels(bundle);
-    if (!scene.surfels->has_labels()) {
-      throw core::InputError::expected(bundle.surfels_file().string(), "labelled surfels",
-                                       "no semantic_id property");
-    }
-    return scene;
-  }
-
   void append(const core::Pose2& pose, const std::map<std::uint16_t, int>& pixels) {
     perception::LabelView view{&frame_.semantic, &frame_.instance, &frame_.depth_m, {}};
     for (const auto& [id, visible] : pixels) {
@@ -202,7 +193,6 @@ class ViewLabeller {
   const ViewLabelOptions& options_;
   const std::vector<core::SceneClass>& classes_;
   const fs::path& folder_;
-  scenes::SceneSurfels scene_;
   std::unique_ptr<core::Renderer> renderer_;
   InstanceRenderers alone_;
   LabelConsistency consistency_;
@@ -232,20 +222,30 @@ void add_drives(const sim::World& world, const ViewLabelOptions& options,
 
 ViewLabels label_views(const core::SceneBundle& bundle, const sim::RobotModel& robot,
                        const ViewLabelOptions& options, const fs::path& folder) {
+  const sim::World world = sim::World::load(bundle, robot);
+  return label_views({bundle, world, scenes::load_scene_surfels(bundle)}, options, folder);
+}
+
+ViewLabels label_views(const LabelledScene& scene, const ViewLabelOptions& options,
+                       const fs::path& folder) {
   SEGSIM_CHECK(options.views > 0 || !options.drives.empty(), "neither views nor drives");
   SEGSIM_CHECK(!options.class_names.empty(), "no classes");
-  const sim::World world = sim::World::load(bundle, robot);
+  const core::SceneManifest& manifest = scene.bundle.manifest;
+  if (!scene.surfels.surfels->has_labels()) {
+    throw core::InputError::expected(scene.bundle.surfels_file().string(), "labelled surfels",
+                                     "no semantic_id property");
+  }
   ViewLabels labels;
   const std::vector<core::SceneClass> classes =
-      mapped_classes(bundle.manifest, options, labels.unmapped);
-  ViewLabeller labeller(bundle, options, classes, folder);
-  scenes::ViewSampler sampler(world, classes, options.class_names, sampler_options(options));
-  add_drives(world, options, sampler, labeller, labels);
+      mapped_classes(manifest, options, labels.unmapped);
+  ViewLabeller labeller(scene, options, classes, folder);
+  scenes::ViewSampler sampler(scene.world, classes, options.class_names,
+                              sampler_options(options));
+  add_drives(scene.world, options, sampler, labeller, labels);
 
   std::unique_ptr<core::Progress> progress;
   if (options.show_progress && options.views > 0) {
-    progress =
-        std::make_unique<core::Progress>("label " + bundle.manifest.name, options.views);
+    progress = std::make_unique<core::Progress>("label " + manifest.name, options.views);
   }
   const int max_tries = 60 * options.views;
   int added = 0;

@@ -15,11 +15,13 @@
 #include "core/camera.h"
 #include "core/scene_bundle.h"
 #include "experiments/detection/label_consistency.h"
+#include "experiments/scenes/scene_surfels.h"
 #include "experiments/scenes/view_sampler.h"
 #include "perception/data/box_labels.h"
 #include "perception/data/class_map.h"
 #include "perception/data/dataset.h"
 #include "sim/ground/robot.h"
+#include "sim/ground/world.h"
 
 namespace segsim::experiments::detection {
 
@@ -68,6 +70,18 @@ struct ViewLabels {
 /// leaves the robot's free space.
 [[nodiscard]] ViewLabels label_views(const core::SceneBundle& bundle,
                                      const sim::RobotModel& robot,
+                                     const ViewLabelOptions& options,
+                                     const std::filesystem::path& folder);
+
+/// A bundle that is in memory already; what it points to outlives the call.
+struct LabelledScene {
+  const core::SceneBundle& bundle;
+  const sim::World& world;  ///< For the robot.
+  scenes::SceneSurfels surfels;
+};
+
+/// The same without loading anything.
+[[nodiscard]] ViewLabels label_views(const LabelledScene& scene,
                                      const ViewLabelOptions& options,
                                      const std::filesystem::path& folder);
 

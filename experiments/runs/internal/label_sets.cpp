@@ -113,8 +113,11 @@ void LabelSet::draw(std::size_t k, const LabelWork& work) {
     options.avoid_m = trials::starts_of(*scenes_[k]->loaded);
     options.avoid_radius_m = spec_.detectors.finetune->start_clearance_m;
   }
-  drawn_[k] = detection::label_views(scenes_[k]->loaded->bundle, spec_.robot, options, folder_)
-                  .dataset;
+  const trials::LoadedScene& loaded = *scenes_[k]->loaded;
+  drawn_[k] =
+      detection::label_views({loaded.bundle, loaded.world, {loaded.surfels, loaded.labels}},
+                             options, folder_)
+          .dataset;
 }
 
 void LabelSet::write() const {
