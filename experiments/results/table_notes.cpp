@@ -190,7 +190,8 @@ void note_provenance(ResultTable& table) {
   if (kernels != run.provenance.end() &&
       kernels->second == core::to_string(core::KernelChoice::kFast)) {
     table.notes.emplace_back(
-        "Made with fast kernels: another processor may get other numbers (segsim without --fast "
+        "Made with fast kernels: another processor may get other numbers (segsim without "
+        "--fast "
         "computes the same bits everywhere).");
   }
   std::string hashes;
@@ -208,8 +209,9 @@ void note_provenance(ResultTable& table) {
       std::to_string(run.seed) + ", planned n " +
       (run.planned_n > 0 ? std::to_string(run.planned_n) : std::string("= all")) +
       ", segsim " + run.code_version +
-      (kernels != run.provenance.end() ? ", " + kernels->second + " kernels" : "") + ", spec " + run.spec_sha256.substr(0, 12) +
-      ", started " + run.started + " on " + run.host + ". " + hashes + ".");
+      (kernels != run.provenance.end() ? ", " + kernels->second + " kernels" : "") +
+      ", spec " + run.spec_sha256.substr(0, 12) + ", started " + run.started + " on " +
+      run.host + ". " + hashes + ".");
 }
 
 }  // namespace

@@ -141,7 +141,9 @@ TEST(TaskGraph, TasksBeginWhenWhatTheyNeedHasEnded) {
       task(4, {one, two});
       graph.run(at_once);
       EXPECT_THAT(ended, testing::UnorderedElementsAre(0, 1, 2, 3, 4));
-      if (at_once == 1) EXPECT_THAT(ended, testing::ElementsAre(0, 1, 2, 3, 4));
+      if (at_once == 1) {
+        EXPECT_THAT(ended, testing::ElementsAre(0, 1, 2, 3, 4));
+      }
     }
   }
 }

@@ -127,8 +127,7 @@ TEST(Table, FastKernelsAreTold) {
   for (const char* kernels : {"fast", "reproducible"}) {
     records::RunRow run = a_run(30);
     run.provenance["kernels"] = kernels;
-    const results::ResultTable table =
-        results::summarise(run, kScenes, kArms, ten_episodes());
+    const results::ResultTable table = results::summarise(run, kScenes, kArms, ten_episodes());
     const bool fast = std::string(kernels) == "fast";
     for (const auto format : {support::TableFormat::kText, support::TableFormat::kMarkdown,
                               support::TableFormat::kLatex, support::TableFormat::kJson}) {
