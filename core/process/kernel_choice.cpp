@@ -8,7 +8,18 @@ namespace {
 
 constexpr const char* kVariable = "SEGSIM_KERNELS";
 
-constexpr LibrarySetting kReproducible[] = {
+/// What OpenCV calls AVX512-SKX. To disable it where it is not there makes OpenCV complain.
+bool has_avx512_skx() {
+#ifdef __x86_64__
+  return __builtin_cpu_supports("avx512f") != 0 && __builtin_cpu_supports("avx512cd") != 0 &&
+         __builtin_cpu_supports("avx512bw") != 0 && __builtin_cpu_supports("avx512dq") != 0 &&
+         __builtin_cpu_supports("avx512vl") != 0;
+#else
+  return false;
+#endif
+}
+
+const LibrarySetting kReproducible[] = {
     {"ATEN_CPU_CAPABILITY", "avx2", false},  // libtorch's own kernels.
     {"ONEDNN_MAX_CPU_ISA", "AVX2", false},
     {"DNNL_MAX_CPU_ISA", "AVX2", false},  // The same for oneDNN inside older libtorch.
@@ -17,7 +28,7 @@ constexpr LibrarySetting kReproducible[] = {
     {"MKL_NUM_THREADS", "1", true},  // libtorch prefers it, also when it is built without MKL.
     {"OPENBLAS_CORETYPE", "Haswell", true},
     {"OPENBLAS_NUM_THREADS", "1", true},
-    {"OPENCV_CPU_DISABLE", "AVX512-SKX", true},
+    {"OPENCV_CPU_DISABLE", has_avx512_skx() ? "AVX512-SKX" : "", true},
     {"MKL_CBWR", "AVX2", false},  // A libtorch from elsewhere may come with MKL.
 };
 
