@@ -100,9 +100,10 @@ DetectorPreparation::DetectorPreparation(const specs::ExperimentSpec& spec,
                                          support::StageTimes& times)
     : spec_(spec), scenes_(scenes), work_(std::move(work)), times_(times) {
   const specs::DetectorSpec& detectors = spec.detectors;
-  if (!needs(specs::ArmDetector::kBefore) && !needs(specs::ArmDetector::kAfter)) return;
-  if (needs(specs::ArmDetector::kAfter) && !detectors.finetune &&
-      !fs::exists(detectors.after)) {
+  const bool needs_after = needs(specs::ArmDetector::kAfter);
+  wanted_ = needs_after || needs(specs::ArmDetector::kBefore);
+  if (!wanted_) return;
+  if (needs_after && !detectors.finetune && !fs::exists(detectors.after)) {
     throw core::InputError::expected(
         detectors.after.string(), "weights, or a detectors.finetune section that makes them",
         "none");
@@ -148,14 +149,17 @@ const DetectorPreparation::HeldOutViews& DetectorPreparation::held_out(
 }
 
 void DetectorPreparation::add_to(TaskGraph& graph) {
-  if (!needs(specs::ArmDetector::kBefore) && !needs(specs::ArmDetector::kAfter)) return;
+  const bool pretrains = wanted_ && !fs::exists(spec_.detectors.before);
+  if (!pretrains && sets_.empty()) return;
   std::vector<TaskGraph::Id> all_scenes;  // No hour of training for a scene that is refused.
-  if (!fs::exists(spec_.detectors.before)) {
+  if (pretrains) {
     for (const SceneTask& scene : scenes_) all_scenes.push_back(scene.task);
   }
   const TaskGraph::Id before = graph.add(
-      [this] {
-        if (!fs::exists(spec_.detectors.before)) pretrain();
+      [this, pretrains] {
+        if (pretrains) pretrain();
+        // Only what is tuned must be weights of ours; else any model file will do.
+        if (sets_.empty()) return;
         class_names_ = perception::read_weights(spec_.detectors.before).class_names;
       },
       all_scenes);
@@ -180,7 +184,7 @@ void DetectorPreparation::pretrain() {
 }
 
 trials::PreparedDetectors DetectorPreparation::finish(int workers) {
-  if (spec_.detectors.finetune && !sets_.empty()) return tuned(workers);
+  if (!sets_.empty()) return tuned(workers);
   trials::PreparedDetectors prepared;
   for (const specs::ArmSpec& arm : spec_.arms) {
     if (arm.detector == specs::ArmDetector::kBefore)

@@ -54,9 +54,10 @@ class DetectorPreparation {
   const std::deque<SceneTask>& scenes_;
   std::filesystem::path work_;
   support::StageTimes& times_;
+  bool wanted_ = false;  ///< Some arm runs 'before' or 'after'.
   std::vector<std::string> class_names_;
   ViewProgress progress_;
-  std::deque<LabelSet> sets_;
+  std::deque<LabelSet> sets_;            ///< Empty if nothing is tuned.
   std::optional<LabelWork> label_work_;  ///< Once tasks are added.
   std::vector<Training> trainings_;
   std::vector<std::filesystem::path> training_views_;  ///< By training.
