@@ -32,7 +32,9 @@ install_packages debian_packages.txt debian_test_packages.txt
 build "$preset"
 
 # The GPU renderer compiles wherever there is a CUDA compiler; it is run where there is a GPU.
-# Machine code for compute capability 8.0 and 9.0, PTX for later ones.
+# Machine code for the GPU that is here; where there is none, for compute capability 9.0.
+gpu=90
+if command -v nvidia-smi >/dev/null && nvidia-smi -L >/dev/null 2>&1; then gpu=native; fi
 nvcc=$(command -v nvcc || echo /usr/local/cuda/bin/nvcc)
 if [[ -n $quick && -n ${SEGSIM_REQUIRE_GPU:-} && $SEGSIM_REQUIRE_GPU != 0 ]]; then
   fail "SEGSIM_REQUIRE_GPU demands the GPU renderer's checks; the quick tier has none of them"
@@ -41,7 +43,7 @@ elif [[ -n $quick ]]; then
 elif [[ $preset == release && -x $nvcc ]]; then
   say "Compiling the GPU renderer ($nvcc)"
   cmake --preset cuda-minimal -DCMAKE_CUDA_COMPILER="$nvcc" \
-    "-DCMAKE_CUDA_ARCHITECTURES=80-real;90" >/dev/null || fail "cmake could not configure; see above"
+    "-DCMAKE_CUDA_ARCHITECTURES=$gpu" >/dev/null || fail "cmake could not configure; see above"
   cmake --build --preset cuda-minimal -j "$(build_jobs)" || fail "the build did not succeed; see above"
   build/cuda-minimal/tests/renderer/cuda_minimal/cuda_check || (($? == 2)) \
     || fail "the GPU renderer differs from the reference; see above"

@@ -3,26 +3,21 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 
 #include "core/check.h"
+#include "core/formatted.h"
 #include "experiments/benchmarks/render_bench.h"
 
 namespace segsim::experiments::benchmarks {
 namespace {
+
+using core::print;
 
 constexpr int kWidth_px = 640, kHeight_px = 480;
 constexpr std::array<std::array<int, 2>, 6> kSizes_px{
     {{320, 240}, {480, 360}, {640, 480}, {800, 600}, {960, 720}, {1280, 960}}};
 constexpr std::array<int, 5> kRooms{1, 2, 3, 5, 9};
 constexpr std::array<int, 8> kTopK{1, 2, 3, 4, 8, 12, 16, 24};
-
-template <class... Values>
-std::string print(const char* format, Values... values) {
-  char text[160];
-  std::snprintf(text, sizeof text, format, values...);
-  return text;
-}
 
 BenchCase case_of(const CurveOptions& options, int width_px, int height_px) {
   BenchCase setup;

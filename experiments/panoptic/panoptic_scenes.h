@@ -9,8 +9,8 @@
 ///         data: ScanNet                    # names the group of scenes that is averaged
 ///         source: {type: rgbd, folder: "${data}/scannet/scene0087_02", frame_step: 3}
 ///         label_map: ${spec}/../label_maps/scannet_0087_02.yaml     # optional
-///         masks: ${data}/scannet/scene0087_02/masks                 # optional: of a
-///         segmenter shrink: 2                        # optional: n x n pixels become one
+///         masks: ${data}/scannet/scene0087_02/masks  # optional: of a segmenter
+///         shrink: 2                                  # optional: n x n pixels become one
 ///
 /// `source` is that of an experiment (spec.h).
 

@@ -11,7 +11,6 @@
 namespace segsim::nav {
 namespace {
 
-constexpr double kMinTurn_radps = 0.15;  // Slower turns take for ever to end.
 constexpr double kTurnGain_per_s = 2.5;
 
 struct Range {

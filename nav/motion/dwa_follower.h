@@ -24,6 +24,8 @@
 
 namespace segsim::nav {
 
+inline constexpr double kMinTurn_radps = 0.15;  ///< Slower turns take for ever to end.
+
 struct DwaOptions {
   double max_forward_mps = 0.8, max_backward_mps = 0.0;
   double max_turn_radps = 1.2;

@@ -11,7 +11,6 @@ namespace segsim::nav {
 namespace {
 
 constexpr double kSimulationStep_s = 0.1;
-constexpr double kMinTurn_radps = 0.15;  // Slower turns take for ever to end.
 
 }  // namespace
 

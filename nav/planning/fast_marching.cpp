@@ -4,15 +4,12 @@
 #include <array>
 #include <cmath>
 #include <functional>
-#include <limits>
 #include <queue>
 
 #include "nav/planning/grid_planner.h"
 
 namespace segsim::nav {
 namespace {
-
-constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
 /// Ties are broken by cell index, so that equal maps give equal fields.
 struct Front {
@@ -36,7 +33,7 @@ float eikonal(float a, float b, float c) {
 core::Image<float> fast_marching_m(const CostMap& map, const std::vector<Cell>& goals) {
   const int width = map.frame().width_cells, height = map.frame().height_cells;
   const auto resolution = static_cast<float>(map.frame().resolution_m);
-  core::Image<float> arrival(width, height, kInfinity);
+  core::Image<float> arrival(width, height, kUnreachable_m);
   core::Image<std::uint8_t> fixed(width, height, 0);
   std::priority_queue<Front, std::vector<Front>, std::greater<>> front;
   for (const Cell& goal : goals) {
@@ -45,7 +42,7 @@ core::Image<float> fast_marching_m(const CostMap& map, const std::vector<Cell>& 
     front.push({0.0F, static_cast<std::uint32_t>(goal.y * width + goal.x)});
   }
   const auto at = [&](int x, int y) {
-    return arrival.contains(x, y) && fixed(x, y) != 0 ? arrival(x, y) : kInfinity;
+    return arrival.contains(x, y) && fixed(x, y) != 0 ? arrival(x, y) : kUnreachable_m;
   };
   constexpr std::array<std::array<int, 2>, 4> kSides{{{1, 0}, {-1, 0}, {0, 1}, {0, -1}}};
   while (!front.empty()) {

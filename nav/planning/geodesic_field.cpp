@@ -1,15 +1,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <limits>
+#include <numbers>
 
 #include "nav/planning/grid_planner.h"
 
 namespace segsim::nav {
 namespace {
 
-constexpr float kInfinity = std::numeric_limits<float>::infinity();
-constexpr float kSqrt2 = 1.41421356F;
 // Kept where no way leads: no more than any cost, so that the search never enters.
 constexpr float kNoWay = 0.0F;
 
@@ -71,7 +69,7 @@ void GeodesicField::spread_rows() {
         std::memchr(row + at, 0, static_cast<std::size_t>(width) + 1 - at));
     const int x0 = static_cast<int>(left + 1 - row), x1 = static_cast<int>(right - 1 - row);
     std::memset(reachable_.row(y) + x0, 1, static_cast<std::size_t>(x1 - x0 + 1));
-    std::fill(cost_m_.row(y) + x0, cost_m_.row(y) + x1 + 1, kInfinity);
+    std::fill(cost_m_.row(y) + x0, cost_m_.row(y) + x1 + 1, kUnreachable_m);
     box_.add(Cell(x0, y));
     box_.add(Cell(x1, y));
     runs.push_back({y, x0, x1});
@@ -110,7 +108,7 @@ bool GeodesicField::settled(const Cell& cell) const {
 }
 
 float GeodesicField::cost_m(int x, int y) const {
-  if (!reachable({x, y})) return kInfinity;
+  if (!reachable({x, y})) return kUnreachable_m;
   while (!settled({x, y}) && settle_more()) {
   }
   return cost_m_(x, y);
@@ -121,7 +119,7 @@ void GeodesicField::relax_around(std::uint32_t from) const {
   const std::ptrdiff_t stride = cost_m_.stride();
   const auto resolution = static_cast<float>(map_->frame().resolution_m);
   const float half_straight = resolution * 1.0F * 0.5F,
-              half_diagonal = resolution * kSqrt2 * 0.5F;
+              half_diagonal = resolution * std::numbers::sqrt2_v<float> * 0.5F;
   float* known = cost_m_.plane() + from;
   const float* costs = map_->length_costs().plane() + from;
   const float here = *known, cost_here = *costs;

@@ -4,7 +4,7 @@
 #include <array>
 #include <bit>
 #include <cmath>
-#include <limits>
+#include <numbers>
 #include <queue>
 #include <utility>
 
@@ -12,9 +12,6 @@
 
 namespace segsim::nav {
 namespace {
-
-constexpr float kInfinity = std::numeric_limits<float>::infinity();
-constexpr float kSqrt2 = 1.41421356F;
 
 struct Step {
   int dx, dy;
@@ -24,10 +21,10 @@ constexpr std::array<Step, 8> kSteps{{{1, 0, 1.0F},
                                       {-1, 0, 1.0F},
                                       {0, 1, 1.0F},
                                       {0, -1, 1.0F},
-                                      {1, 1, kSqrt2},
-                                      {1, -1, kSqrt2},
-                                      {-1, 1, kSqrt2},
-                                      {-1, -1, kSqrt2}}};
+                                      {1, 1, std::numbers::sqrt2_v<float>},
+                                      {1, -1, std::numbers::sqrt2_v<float>},
+                                      {-1, 1, std::numbers::sqrt2_v<float>},
+                                      {-1, -1, std::numbers::sqrt2_v<float>}}};
 
 /// Queue entry; ties are broken by cell index, so that equal maps give equal paths.
 struct Open {
@@ -154,7 +151,7 @@ std::optional<Cell> nearest_traversable(const CostMap& map, const Cell& from, do
   const int reach = static_cast<int>(limit_m / map.frame().resolution_m) + 1;
   const CellBox window = CellBox{from - reach, from + reach}.clipped_to(map.active());
   const int width = window.width();
-  core::Image<float> distance(width, window.height(), kInfinity);
+  core::Image<float> distance(width, window.height(), kUnreachable_m);
   const auto at_cell = [&](std::uint32_t index) {
     return window.low + Cell(static_cast<int>(index) % width, static_cast<int>(index) / width);
   };
@@ -205,7 +202,8 @@ std::optional<std::vector<Cell>> astar_cells(const CostMap& map, const Cell& sta
   const auto heuristic = [&](const Cell& cell) {
     const auto dx = static_cast<float>(std::abs(cell.x - goal.x));
     const auto dy = static_cast<float>(std::abs(cell.y - goal.y));
-    return 0.9999F * resolution * (std::max(dx, dy) + (kSqrt2 - 1.0F) * std::min(dx, dy));
+    return 0.9999F * resolution *
+           (std::max(dx, dy) + (std::numbers::sqrt2_v<float> - 1.0F) * std::min(dx, dy));
   };
   struct Neighbour {
     std::ptrdiff_t offset;

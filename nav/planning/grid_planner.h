@@ -5,6 +5,7 @@
 /// from the robot that frontier choice needs. The cost of a step is its length times the mean
 /// of the two cells' CostMap::length_cost.
 
+#include <limits>
 #include <optional>
 #include <vector>
 
@@ -12,6 +13,9 @@
 #include "nav/planning/cost_map.h"
 
 namespace segsim::nav {
+
+/// What a way to a cell costs to which none leads.
+inline constexpr float kUnreachable_m = std::numeric_limits<float>::infinity();
 
 struct Path {
   std::vector<glm::dvec2> points_m;  ///< From the start to the goal, Odom.

@@ -28,7 +28,6 @@ namespace {
 
 using internal::Voxel;
 
-constexpr std::size_t kBatch = 8;         ///< Frames in memory at once.
 constexpr std::size_t kFewestVoxels = 4;  ///< Three span a plane; four have a normal.
 constexpr double kSmallestSeenShare = 0.01;
 constexpr int kViews = 3;  ///< Of which a colour is the mean.
@@ -200,8 +199,8 @@ std::vector<Voxel> CloudStart::thin() const {
 std::vector<Sights> CloudStart::look(const std::vector<glm::vec3>& points_m) const {
   std::vector<Sights> sights(points_m.size());
   const std::size_t frame_count = frames_.used.size();
-  for (std::size_t first = 0; first < frame_count; first += kBatch) {
-    const std::size_t count = std::min(kBatch, frame_count - first);
+  for (std::size_t first = 0; first < frame_count; first += internal::kFramesInMemory) {
+    const std::size_t count = std::min(internal::kFramesInMemory, frame_count - first);
     std::vector<RgbdFrame> frames(count);
     std::vector<std::optional<CloudView>> views(count);
     internal::load_each(count, [&](std::size_t k) {

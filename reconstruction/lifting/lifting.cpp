@@ -21,7 +21,6 @@ namespace {
 
 using internal::Voxel;
 
-constexpr std::size_t kBatch = 8;  ///< Frames in memory at once.
 constexpr int kThinRounds = 2;
 constexpr std::size_t kSmallestIsland = 40;  ///< Voxels; 160 cm2 at 2 cm.
 
@@ -66,8 +65,9 @@ class Lifter {
 std::vector<Voxel> Lifter::fuse(LiftStatistics& statistics) {
   internal::VoxelFusion fusion(voxel_m_);
   const std::vector<std::size_t>& frames = frames_.used;
-  for (std::size_t first = 0; first < frames.size(); first += kBatch) {
-    std::vector<internal::FrameSamples> batch(std::min(kBatch, frames.size() - first));
+  for (std::size_t first = 0; first < frames.size(); first += internal::kFramesInMemory) {
+    std::vector<internal::FrameSamples> batch(
+        std::min(internal::kFramesInMemory, frames.size() - first));
     internal::load_each(batch.size(), [&](std::size_t k) {
       batch[k] = internal::sample_frame(sequence_.load(frames[first + k]),
                                         sequence_.intrinsics(), options_, sequence_.sensor());

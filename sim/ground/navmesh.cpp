@@ -24,12 +24,9 @@
 namespace segsim::sim {
 namespace {
 
-using Xyz = std::array<float, 3>;  ///< In the libraries' axes: y up.
-
-Xyz to_y_up(const glm::dvec3& p) {
-  return {static_cast<float>(p.x), static_cast<float>(p.z), static_cast<float>(-p.y)};
-}
-glm::dvec3 to_z_up(const float* p) { return {p[0], -p[2], p[1]}; }
+using internal::to_y_up;
+using internal::to_z_up;
+using internal::Xyz;
 
 template <class T, void (*Free)(T*)>
 struct Deleter {
@@ -46,7 +43,7 @@ using DetailPtr =
 using NavMeshPtr = std::unique_ptr<dtNavMesh, Deleter<dtNavMesh, dtFreeNavMesh>>;
 using QueryPtr = std::unique_ptr<dtNavMeshQuery, Deleter<dtNavMeshQuery, dtFreeNavMeshQuery>>;
 
-constexpr int kMaxNodes = 8192;  ///< Polygons a search may visit.
+constexpr int kMaxSearchNodes = 8192;  ///< Polygons a search may visit.
 constexpr int kMaxPath = 1024;
 
 void require(bool done, const char* step) {
@@ -190,7 +187,7 @@ struct Navmesh::Impl {
       require(false, "tile");
     }
     query.reset(dtAllocNavMeshQuery());
-    require(dtStatusSucceed(query->init(mesh.get(), kMaxNodes)), "query");
+    require(dtStatusSucceed(query->init(mesh.get(), kMaxSearchNodes)), "query");
     filter.setIncludeFlags(0xffff);
     find_islands();
   }

@@ -15,19 +15,16 @@
 namespace segsim::sim {
 namespace {
 
-using Xyz = std::array<float, 3>;  ///< In Detour's axes: y up.
+using internal::to_y_up;
+using internal::to_z_up;
+using internal::Xyz;
 
-constexpr int kMaxNodes = 512;  ///< Polygons that one step may touch.
+constexpr int kMaxStepNodes = 512;  ///< Polygons that one step may touch.
 constexpr int kMaxVisited = 64;
 constexpr double kShorter_m2 = 1e-5;  ///< hl: the filter "collided".
 /// A point on an edge is kept this far inside, or the next step could begin behind a wall
 /// without thickness.
 constexpr double kInside_m = 1e-4;
-
-Xyz to_y_up(const glm::dvec3& p) {
-  return {static_cast<float>(p.x), static_cast<float>(p.z), static_cast<float>(-p.y)};
-}
-glm::dvec3 to_z_up(const Xyz& p) { return {p[0], -p[2], p[1]}; }
 
 struct FreeQuery {
   void operator()(dtNavMeshQuery* query) const { dtFreeNavMeshQuery(query); }
@@ -87,7 +84,7 @@ struct NavmeshWalker::Impl {
     float height_m = 0.0F;
     if (dtStatusSucceed(query->getPolyHeight(at, p.data(), &height_m))) p[1] = height_m;
     polygon = at;
-    position_m = to_z_up(p);
+    position_m = to_z_up(p.data());
   }
 };
 
@@ -101,7 +98,7 @@ std::optional<NavmeshWalker> NavmeshWalker::place(const Navmesh& navmesh,
   auto impl = std::make_unique<Impl>();
   impl->query.reset(dtAllocNavMeshQuery());
   const dtNavMesh& mesh = internal::NavmeshAccess::mesh(navmesh);
-  if (dtStatusFailed(impl->query->init(&mesh, kMaxNodes))) {
+  if (dtStatusFailed(impl->query->init(&mesh, kMaxStepNodes))) {
     throw core::InputError("navigation mesh: query failed");
   }
   impl->filter.setIncludeFlags(0xffff);

@@ -17,6 +17,7 @@
 #include "reconstruction/datasets/mask_files.h"
 #include "segsim_process.h"
 #include "tests/experiments/tiny_scene.h"
+#include "tests/experiments/tiny_spec.h"
 #include "tests/perception/tiny_models.h"
 
 namespace segsim {
@@ -178,6 +179,29 @@ TEST_F(PerceptionCli, MasksOfModelsAreWhatAReconstructionReads) {
 
   expect_input_error(run_segsim(detect + " --prompt \"couch.\""), "masks");  // Not twice.
   expect_input_error(run_segsim(detect + " --overwrite --prompt \"unicorn.\""), "--prompt");
+}
+
+TEST_F(PerceptionCli, ARunDrivesWithAModelOfOthersWhereNothingIsTuned) {
+  experiments::TinyScene().write(folder_.path() / "tiny");
+  (void)perception::write_yolo(folder_.path(), "{0: 'couch', 1: 'chair'}");
+  experiments::TinySpec spec{.arms = "  - {name: before, detector: before}\n",
+                             .time_limit_s = 2.0,
+                             .more = "detectors: {before: \"" + at("yolo.onnx") + "\"}\n"};
+  std::ofstream(at("spec.yaml")) << spec.text();
+  const std::string run =
+      "run " + at("spec.yaml") + " --data " + folder_.path().string() + " --workers 1 --work ";
+  const ProcessOutput driven = run_segsim(run + at("work"));
+  expect_success(driven);
+  EXPECT_THAT(driven.text, HasSubstr("before"));
+
+  // What is tuned must be weights of ours.
+  spec.arms = "  - {name: after, detector: after}\n";
+  spec.more = "detectors: {before: \"" + at("yolo.onnx") +
+              "\", finetune: {views_per_scene: 10, steps: 1}}\n";
+  std::ofstream(at("tuning.yaml")) << spec.text();
+  expect_input_error(run_segsim("run " + at("tuning.yaml") + " --data " +
+                                folder_.path().string() + " --work " + at("tuned")),
+                     "yolo.onnx");
 }
 
 TEST_F(PerceptionCli, BoxesBecomeMasksAndTheSceneIsMeasured) {

@@ -21,6 +21,9 @@ using LabelPair = std::uint32_t;
   return (static_cast<LabelPair>(class_id) << 16U) | instance_id;
 }
 
+/// So many frames are read and lifted at once.
+inline constexpr std::size_t kFramesInMemory = 8;
+
 /// What one depth pixel says about the surface.
 struct LiftSample {
   glm::vec3 position_m;  ///< World frame.

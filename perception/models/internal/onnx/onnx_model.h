@@ -49,6 +49,9 @@ struct Graph;
 class NodeCall;
 using OperatorFunction = Values (*)(const NodeCall& call);
 
+/// The meanings of operators that are known.
+inline constexpr int kFirstOpset = 7, kLastOpset = 22;
+
 /// One line of the table of operators.
 struct Operator {
   const char* name;

@@ -120,22 +120,21 @@ Values split_to_sequence(const NodeCall& call) {
   return {Value(std::move(parts))};
 }
 
-constexpr int kLast = 22;
-constexpr Operator kOperators[] = {
-    {"ConcatFromSequence", 11, kLast, 1, 1, "axis new_axis", concat_from_sequence},
-    {"If", 1, kLast, 1, 1, "then_branch else_branch", branch},
-    {"Loop", 1, kLast, 2, -1, "body", loop},
-    {"SequenceAt", 11, kLast, 2, 2, "", sequence_at},
-    {"SequenceConstruct", 11, kLast, 1, -1, "", sequence_construct},
-    {"SequenceEmpty", 11, kLast, 0, 0, "dtype", sequence_empty},
-    {"SequenceErase", 11, kLast, 1, 2, "", sequence_erase},
-    {"SequenceInsert", 11, kLast, 2, 3, "", sequence_insert},
-    {"SequenceLength", 11, kLast, 1, 1, "", sequence_length},
-    {"SplitToSequence", 11, kLast, 1, 2, "axis keepdims", split_to_sequence},
+constexpr Operator kFlowOperators[] = {
+    {"ConcatFromSequence", 11, kLastOpset, 1, 1, "axis new_axis", concat_from_sequence},
+    {"If", 1, kLastOpset, 1, 1, "then_branch else_branch", branch},
+    {"Loop", 1, kLastOpset, 2, -1, "body", loop},
+    {"SequenceAt", 11, kLastOpset, 2, 2, "", sequence_at},
+    {"SequenceConstruct", 11, kLastOpset, 1, -1, "", sequence_construct},
+    {"SequenceEmpty", 11, kLastOpset, 0, 0, "dtype", sequence_empty},
+    {"SequenceErase", 11, kLastOpset, 1, 2, "", sequence_erase},
+    {"SequenceInsert", 11, kLastOpset, 2, 3, "", sequence_insert},
+    {"SequenceLength", 11, kLastOpset, 1, 1, "", sequence_length},
+    {"SplitToSequence", 11, kLastOpset, 1, 2, "axis keepdims", split_to_sequence},
 };
 
 }  // namespace
 
-std::span<const Operator> flow_operators() { return kOperators; }
+std::span<const Operator> flow_operators() { return kFlowOperators; }
 
 }  // namespace segsim::perception::graph

@@ -195,22 +195,21 @@ Values top_k(const NodeCall& call) {
   return {at::gather(x, -1, index).transpose(axis, -1), index.transpose(axis, -1)};
 }
 
-constexpr int kLast = 22;
-constexpr Operator kOperators[] = {
-    {"Compress", 9, kLast, 2, 2, "axis", compress},
-    {"Gather", 1, kLast, 2, 2, "axis", gather},
-    {"GatherElements", 11, kLast, 2, 2, "axis", gather_elements},
-    {"GatherND", 11, kLast, 2, 2, "batch_dims", gather_nd},
-    {"NonZero", 9, kLast, 1, 1, "", non_zero},
-    {"OneHot", 9, kLast, 3, 3, "axis", one_hot},
-    {"Scatter", 9, kLast, 3, 3, "axis", scatter_elements},
-    {"ScatterElements", 11, kLast, 3, 3, "axis reduction", scatter_elements},
-    {"ScatterND", 11, kLast, 3, 3, "reduction", scatter_nd},
-    {"TopK", 1, kLast, 1, 2, "axis k largest sorted", top_k},
+constexpr Operator kIndexOperators[] = {
+    {"Compress", 9, kLastOpset, 2, 2, "axis", compress},
+    {"Gather", 1, kLastOpset, 2, 2, "axis", gather},
+    {"GatherElements", 11, kLastOpset, 2, 2, "axis", gather_elements},
+    {"GatherND", 11, kLastOpset, 2, 2, "batch_dims", gather_nd},
+    {"NonZero", 9, kLastOpset, 1, 1, "", non_zero},
+    {"OneHot", 9, kLastOpset, 3, 3, "axis", one_hot},
+    {"Scatter", 9, kLastOpset, 3, 3, "axis", scatter_elements},
+    {"ScatterElements", 11, kLastOpset, 3, 3, "axis reduction", scatter_elements},
+    {"ScatterND", 11, kLastOpset, 3, 3, "reduction", scatter_nd},
+    {"TopK", 1, kLastOpset, 1, 2, "axis k largest sorted", top_k},
 };
 
 }  // namespace
 
-std::span<const Operator> index_operators() { return kOperators; }
+std::span<const Operator> index_operators() { return kIndexOperators; }
 
 }  // namespace segsim::perception::graph

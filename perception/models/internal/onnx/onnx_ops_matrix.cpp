@@ -91,19 +91,18 @@ Values matmul_integer(const NodeCall& call) {
               .to(at::kInt)};
 }
 
-constexpr int kLast = 22;
-constexpr Operator kOperators[] = {
+constexpr Operator kMatrixOperators[] = {
     {"DequantizeLinear", 10, 20, 2, 3, "axis", dequantize},
-    {"DynamicQuantizeLinear", 11, kLast, 1, 1, "", quantize_dynamically},
-    {"Einsum", 12, kLast, 1, -1, "equation", einsum},
-    {"Gemm", 7, kLast, 2, 3, "alpha beta transA transB", gemm},
-    {"MatMul", 1, kLast, 2, 2, "", matmul},
-    {"MatMulInteger", 10, kLast, 2, 4, "", matmul_integer},
+    {"DynamicQuantizeLinear", 11, kLastOpset, 1, 1, "", quantize_dynamically},
+    {"Einsum", 12, kLastOpset, 1, -1, "equation", einsum},
+    {"Gemm", 7, kLastOpset, 2, 3, "alpha beta transA transB", gemm},
+    {"MatMul", 1, kLastOpset, 2, 2, "", matmul},
+    {"MatMulInteger", 10, kLastOpset, 2, 4, "", matmul_integer},
     {"QuantizeLinear", 10, 20, 2, 3, "axis saturate", quantize},
 };
 
 }  // namespace
 
-std::span<const Operator> matrix_operators() { return kOperators; }
+std::span<const Operator> matrix_operators() { return kMatrixOperators; }
 
 }  // namespace segsim::perception::graph

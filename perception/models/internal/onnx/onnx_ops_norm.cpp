@@ -149,24 +149,24 @@ Tensor hardmax(const Tensor& x, std::int64_t axis) {
   return at::zeros_like(x).scatter(axis, at::argmax(x, axis, true), 1);
 }
 
-constexpr int kLast = 22;
-constexpr Operator kOperators[] = {
-    {"BatchNormalization", 7, kLast, 5, 5, "epsilon momentum spatial training_mode",
+constexpr Operator kNormOperators[] = {
+    {"BatchNormalization", 7, kLastOpset, 5, 5, "epsilon momentum spatial training_mode",
      batch_normalization},
-    {"GroupNormalization", 18, kLast, 3, 3, "epsilon num_groups stash_type",
+    {"GroupNormalization", 18, kLastOpset, 3, 3, "epsilon num_groups stash_type",
      group_normalization},
-    {"Hardmax", 1, kLast, 1, 1, "axis", along_axis<hardmax>},
-    {"InstanceNormalization", 6, kLast, 3, 3, "epsilon", instance_normalization},
-    {"LRN", 1, kLast, 1, 1, "alpha beta bias size", local_response},
-    {"LayerNormalization", 17, kLast, 2, 3, "axis epsilon stash_type", layer_normalization},
-    {"LogSoftmax", 1, kLast, 1, 1, "axis", along_axis<log_softmax>},
-    {"LpNormalization", 1, kLast, 1, 1, "axis p", lp_normalization},
-    {"MeanVarianceNormalization", 9, kLast, 1, 1, "axes", mean_variance},
-    {"Softmax", 1, kLast, 1, 1, "axis", along_axis<softmax>},
+    {"Hardmax", 1, kLastOpset, 1, 1, "axis", along_axis<hardmax>},
+    {"InstanceNormalization", 6, kLastOpset, 3, 3, "epsilon", instance_normalization},
+    {"LRN", 1, kLastOpset, 1, 1, "alpha beta bias size", local_response},
+    {"LayerNormalization", 17, kLastOpset, 2, 3, "axis epsilon stash_type",
+     layer_normalization},
+    {"LogSoftmax", 1, kLastOpset, 1, 1, "axis", along_axis<log_softmax>},
+    {"LpNormalization", 1, kLastOpset, 1, 1, "axis p", lp_normalization},
+    {"MeanVarianceNormalization", 9, kLastOpset, 1, 1, "axes", mean_variance},
+    {"Softmax", 1, kLastOpset, 1, 1, "axis", along_axis<softmax>},
 };
 
 }  // namespace
 
-std::span<const Operator> norm_operators() { return kOperators; }
+std::span<const Operator> norm_operators() { return kNormOperators; }
 
 }  // namespace segsim::perception::graph

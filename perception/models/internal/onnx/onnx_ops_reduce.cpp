@@ -79,26 +79,25 @@ Values cumulative_sum(const NodeCall& call) {
   return {reverse ? at::flip(sums, {axis}) : sums};
 }
 
-constexpr int kLast = 22;
 constexpr const char* kReduce = "axes keepdims noop_with_empty_axes";
-constexpr Operator kOperators[] = {
-    {"ArgMax", 1, kLast, 1, 1, "axis keepdims select_last_index", arg_best<true>},
-    {"ArgMin", 1, kLast, 1, 1, "axis keepdims select_last_index", arg_best<false>},
-    {"CumSum", 11, kLast, 2, 2, "exclusive reverse", cumulative_sum},
-    {"ReduceL1", 1, kLast, 1, 2, kReduce, reduce<absolute_sum>},
-    {"ReduceL2", 1, kLast, 1, 2, kReduce, reduce<length>},
-    {"ReduceLogSum", 1, kLast, 1, 2, kReduce, reduce<log_sum>},
-    {"ReduceLogSumExp", 1, kLast, 1, 2, kReduce, reduce<log_sum_exp>},
-    {"ReduceMax", 1, kLast, 1, 2, kReduce, reduce<largest>},
-    {"ReduceMean", 1, kLast, 1, 2, kReduce, reduce<mean>},
-    {"ReduceMin", 1, kLast, 1, 2, kReduce, reduce<smallest>},
-    {"ReduceProd", 1, kLast, 1, 2, kReduce, reduce<product>},
-    {"ReduceSum", 1, kLast, 1, 2, kReduce, reduce<sum>},
-    {"ReduceSumSquare", 1, kLast, 1, 2, kReduce, reduce<square_sum>},
+constexpr Operator kReduceOperators[] = {
+    {"ArgMax", 1, kLastOpset, 1, 1, "axis keepdims select_last_index", arg_best<true>},
+    {"ArgMin", 1, kLastOpset, 1, 1, "axis keepdims select_last_index", arg_best<false>},
+    {"CumSum", 11, kLastOpset, 2, 2, "exclusive reverse", cumulative_sum},
+    {"ReduceL1", 1, kLastOpset, 1, 2, kReduce, reduce<absolute_sum>},
+    {"ReduceL2", 1, kLastOpset, 1, 2, kReduce, reduce<length>},
+    {"ReduceLogSum", 1, kLastOpset, 1, 2, kReduce, reduce<log_sum>},
+    {"ReduceLogSumExp", 1, kLastOpset, 1, 2, kReduce, reduce<log_sum_exp>},
+    {"ReduceMax", 1, kLastOpset, 1, 2, kReduce, reduce<largest>},
+    {"ReduceMean", 1, kLastOpset, 1, 2, kReduce, reduce<mean>},
+    {"ReduceMin", 1, kLastOpset, 1, 2, kReduce, reduce<smallest>},
+    {"ReduceProd", 1, kLastOpset, 1, 2, kReduce, reduce<product>},
+    {"ReduceSum", 1, kLastOpset, 1, 2, kReduce, reduce<sum>},
+    {"ReduceSumSquare", 1, kLastOpset, 1, 2, kReduce, reduce<square_sum>},
 };
 
 }  // namespace
 
-std::span<const Operator> reduce_operators() { return kOperators; }
+std::span<const Operator> reduce_operators() { return kReduceOperators; }
 
 }  // namespace segsim::perception::graph

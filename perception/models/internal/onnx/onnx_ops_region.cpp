@@ -78,10 +78,9 @@ Values region_align(const NodeCall& call) {
   return {roi_align(x, boxes, call.indices(call.input(2), x.size(0)), rule)};
 }
 
-constexpr int kLast = 22;
-constexpr Operator kOperators[] = {
-    {"NonMaxSuppression", 10, kLast, 2, 5, "center_point_box", non_max_suppression},
-    {"RoiAlign", 10, kLast, 3, 3,
+constexpr Operator kRegionOperators[] = {
+    {"NonMaxSuppression", 10, kLastOpset, 2, 5, "center_point_box", non_max_suppression},
+    {"RoiAlign", 10, kLastOpset, 3, 3,
      "coordinate_transformation_mode mode output_height output_width sampling_ratio "
      "spatial_scale",
      region_align},
@@ -89,6 +88,6 @@ constexpr Operator kOperators[] = {
 
 }  // namespace
 
-std::span<const Operator> region_operators() { return kOperators; }
+std::span<const Operator> region_operators() { return kRegionOperators; }
 
 }  // namespace segsim::perception::graph

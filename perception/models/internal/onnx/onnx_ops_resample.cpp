@@ -263,10 +263,9 @@ Values grid_sample(const NodeCall& call) {
                            call.attribute_or("align_corners", 0) != 0)};
 }
 
-constexpr int kLast = 22;
-constexpr Operator kOperators[] = {
-    {"GridSample", 16, kLast, 2, 2, "align_corners mode padding_mode", grid_sample},
-    {"Resize", 10, kLast, 2, 4,
+constexpr Operator kResampleOperators[] = {
+    {"GridSample", 16, kLastOpset, 2, 2, "align_corners mode padding_mode", grid_sample},
+    {"Resize", 10, kLastOpset, 2, 4,
      "antialias axes coordinate_transformation_mode cubic_coeff_a exclude_outside "
      "extrapolation_value keep_aspect_ratio_policy mode nearest_mode",
      resize},
@@ -275,6 +274,6 @@ constexpr Operator kOperators[] = {
 
 }  // namespace
 
-std::span<const Operator> resample_operators() { return kOperators; }
+std::span<const Operator> resample_operators() { return kResampleOperators; }
 
 }  // namespace segsim::perception::graph

@@ -339,33 +339,32 @@ Values space_to_depth(const NodeCall& call) {
       x.reshape({n, c, h, b, w, b}).permute({0, 3, 5, 1, 2, 4}).reshape({n, c * b * b, h, w})};
 }
 
-constexpr int kLast = 22;
-constexpr Operator kOperators[] = {
-    {"Concat", 4, kLast, 1, -1, "axis", concat},
-    {"Constant", 1, kLast, 0, 0, "value value_int value_ints value_float value_floats",
+constexpr Operator kShapeOperators[] = {
+    {"Concat", 4, kLastOpset, 1, -1, "axis", concat},
+    {"Constant", 1, kLastOpset, 0, 0, "value value_int value_ints value_float value_floats",
      constant},
-    {"ConstantOfShape", 9, kLast, 1, 1, "value", constant_of_shape},
-    {"DepthToSpace", 1, kLast, 1, 1, "blocksize mode", depth_to_space},
-    {"Expand", 8, kLast, 2, 2, "", expand},
-    {"EyeLike", 9, kLast, 1, 1, "dtype k", eye_like},
-    {"Flatten", 1, kLast, 1, 1, "axis", flatten},
-    {"Pad", 2, kLast, 1, 4, "mode pads value", pad},
-    {"Range", 11, kLast, 3, 3, "", range},
-    {"Reshape", 5, kLast, 2, 2, "allowzero", reshape},
-    {"Shape", 1, kLast, 1, 1, "start end", shape},
-    {"Size", 1, kLast, 1, 1, "", size},
-    {"Slice", 1, kLast, 1, 5, "starts ends axes", slice},
-    {"SpaceToDepth", 1, kLast, 1, 1, "blocksize", space_to_depth},
-    {"Split", 2, kLast, 1, 2, "axis split num_outputs", split},
-    {"Squeeze", 1, kLast, 1, 2, "axes", squeeze},
-    {"Tile", 6, kLast, 2, 2, "", tile},
-    {"Transpose", 1, kLast, 1, 1, "perm", transpose},
-    {"Trilu", 14, kLast, 1, 2, "upper", trilu},
-    {"Unsqueeze", 1, kLast, 1, 2, "axes", unsqueeze},
+    {"ConstantOfShape", 9, kLastOpset, 1, 1, "value", constant_of_shape},
+    {"DepthToSpace", 1, kLastOpset, 1, 1, "blocksize mode", depth_to_space},
+    {"Expand", 8, kLastOpset, 2, 2, "", expand},
+    {"EyeLike", 9, kLastOpset, 1, 1, "dtype k", eye_like},
+    {"Flatten", 1, kLastOpset, 1, 1, "axis", flatten},
+    {"Pad", 2, kLastOpset, 1, 4, "mode pads value", pad},
+    {"Range", 11, kLastOpset, 3, 3, "", range},
+    {"Reshape", 5, kLastOpset, 2, 2, "allowzero", reshape},
+    {"Shape", 1, kLastOpset, 1, 1, "start end", shape},
+    {"Size", 1, kLastOpset, 1, 1, "", size},
+    {"Slice", 1, kLastOpset, 1, 5, "starts ends axes", slice},
+    {"SpaceToDepth", 1, kLastOpset, 1, 1, "blocksize", space_to_depth},
+    {"Split", 2, kLastOpset, 1, 2, "axis split num_outputs", split},
+    {"Squeeze", 1, kLastOpset, 1, 2, "axes", squeeze},
+    {"Tile", 6, kLastOpset, 2, 2, "", tile},
+    {"Transpose", 1, kLastOpset, 1, 1, "perm", transpose},
+    {"Trilu", 14, kLastOpset, 1, 2, "upper", trilu},
+    {"Unsqueeze", 1, kLastOpset, 1, 2, "axes", unsqueeze},
 };
 
 }  // namespace
 
-std::span<const Operator> shape_operators() { return kOperators; }
+std::span<const Operator> shape_operators() { return kShapeOperators; }
 
 }  // namespace segsim::perception::graph

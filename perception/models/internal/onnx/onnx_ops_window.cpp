@@ -270,22 +270,21 @@ Values global_max_pool(const NodeCall& call) {
   return {at::amax(x, spatial_axes(x), true)};
 }
 
-constexpr int kLast = 22;
-constexpr Operator kOperators[] = {
-    {"AveragePool", 7, kLast, 1, 1,
+constexpr Operator kWindowOperators[] = {
+    {"AveragePool", 7, kLastOpset, 1, 1,
      "auto_pad ceil_mode count_include_pad dilations kernel_shape pads strides", average_pool},
-    {"Conv", 1, kLast, 2, 3, "auto_pad dilations group kernel_shape pads strides", conv},
-    {"ConvTranspose", 1, kLast, 2, 3,
+    {"Conv", 1, kLastOpset, 2, 3, "auto_pad dilations group kernel_shape pads strides", conv},
+    {"ConvTranspose", 1, kLastOpset, 2, 3,
      "auto_pad dilations group kernel_shape output_padding output_shape pads strides",
      conv_transpose},
-    {"GlobalAveragePool", 1, kLast, 1, 1, "", global_average_pool},
-    {"GlobalMaxPool", 1, kLast, 1, 1, "", global_max_pool},
-    {"MaxPool", 1, kLast, 1, 1,
+    {"GlobalAveragePool", 1, kLastOpset, 1, 1, "", global_average_pool},
+    {"GlobalMaxPool", 1, kLastOpset, 1, 1, "", global_max_pool},
+    {"MaxPool", 1, kLastOpset, 1, 1,
      "auto_pad ceil_mode dilations kernel_shape pads storage_order strides", max_pool},
 };
 
 }  // namespace
 
-std::span<const Operator> window_operators() { return kOperators; }
+std::span<const Operator> window_operators() { return kWindowOperators; }
 
 }  // namespace segsim::perception::graph

@@ -15,7 +15,6 @@ namespace {
 namespace fs = std::filesystem;
 using core::InputError;
 
-constexpr int kFirstOpset = 7, kLastOpset = 22;
 constexpr int kMaxDepth = 16;  ///< Of graphs inside graphs.
 
 struct Source {
