@@ -297,7 +297,8 @@ class Runs(Files):
         self.assertIn("| Flat 9 | 40 % [25, 75] | **80 % [25, 75]** | +40 [+10, +70] | 0.012 | 100 % | 40 %, 80 %, 100 % |", text)
         words = " ".join(text.split())
         self.assertIn("7, 9 of 10 episodes succeed, before 4: 2 of 2 trainings are better, the median gain is +40 points", words)
-        self.assertIn("goes from 10 to 20 ... 30 (median 25). 5 training views lie near a start", words)
+        self.assertIn("goes from 10 to 20 ... 30 (median 25). `flat.yaml` as shipped makes those with seed 2: 7 of 10 "
+                      "episodes. 5 training views lie near a start", words)
         self.assertIn("trials cdcdcdcdcdcd (found on: AMD EPYC)", words)
 
 

@@ -50,6 +50,19 @@ def digests_in_words(digests):
             f"`experiments/specs/digests/{name}.json`.")
 
 
+def shipped_in_words(record, digests):
+    """What the spec as shipped prints: the trainings of the record with its seeds, `.sN` in names of repeated arms."""
+    name, trainings = digests["experiment"], rows_of(record, TRAININGS)
+    tuned = [s["subject"] for s in digests["stages"] if s["stage"] == "weights" and s["subject"] != "arm-before"]
+    repeated = sorted(int(subject.rpartition(".s")[2]) for subject in tuned if ".s" in subject)
+    cases = [next(iter(trainings)), *(f"seed {seed}" for seed in repeated)]
+    if len(cases) == len(trainings):
+        return ""
+    counts = [trainings[case]["after"]["count"] for case in cases]
+    return (f"`{name}.yaml` as shipped makes those with {', '.join(cases)}: "
+            f"{', '.join(str(found) for found, _ in counts)} of {counts[0][1]} episodes. ")
+
+
 def in_words(record, digests):
     scenes = [title for title in rows_of(record, SUCCESS) if title != "All scenes"]
     trainings = list(rows_of(record, TRAININGS).values())
@@ -66,7 +79,7 @@ def in_words(record, digests):
            f"{sum(gain > 0 for gain in gains)} of {len(trainings)} trainings are better, the median gain is "
            f"{100 * statistics.median(gains) / trials:+.0f} points. AP50 on held-out views goes from "
            f"{whole(trainings[0]['AP50 before']['value'])} to {whole(ap50[0])} ... {whole(ap50[-1])} (median "
-           f"{whole(statistics.median(ap50))}). {near} training views lie near a start of an episode. Success: "
+           f"{whole(statistics.median(ap50))}). {shipped_in_words(record, digests)}{near} training views lie near a start of an episode. Success: "
            f"{facts['Success rule']}; the strict rule is {facts['Strict rule']} (STOP within 0.1 m of a view point).")
     yield (f"`{record['command']}`, commit {record['commit']}, {record['machine']['processor']}, {facts['Kernels']} kernels, "
            f"{record['date']}. {digests_in_words(digests)}")

@@ -1,6 +1,7 @@
 """The record of a finished `segsim run`, from its table.json and digests.json."""
 import os
 import re
+import statistics
 
 from record import SCHEMA, BadRecord, read_json
 
@@ -128,6 +129,15 @@ def detector_values(name, arm):
             yield value(word, "%", figures(100 * held_out[key]), **place)
 
 
+def spread_values(table):
+    place = {"table": "Spread of the trainings"}
+    yield value("standard deviation of the success rate between trainings", "points",
+                hundredths(100 * table["training_rate_sd"]), **place)
+    gains = [(t["only_after"] - t["only_before"]) / t["episodes"] for t in table["trainings"]]
+    yield value("trainings that are better than before", "trainings", sum(gain > 0 for gain in gains), **place)
+    yield value("median gain of a training", "points", hundredths(100 * statistics.median(gains)), **place)
+
+
 def values_of(table):
     scenes = table["scenes"]
     groups = scenes + ([table["all"]] if table.get("all") else [])
@@ -136,8 +146,7 @@ def values_of(table):
         yield from strict_values(table, group)
     for training in table["trainings"]:
         yield from training_values(table, training)
-    yield value("standard deviation of the success rate between trainings", "points",
-                hundredths(100 * table["training_rate_sd"]), table="Spread of the trainings")
+    yield from spread_values(table)
     for group in table["classes"]:
         yield from success_values(table, group, CLASSES)
     arms = arms_of(table, scenes)
