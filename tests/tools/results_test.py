@@ -174,6 +174,20 @@ class Pages(Files):
         self.put(allowed + "docs/b.md: 87.5 % (speed/frames)\n", "results", "specified_figures.txt")
         self.assertEqual(self.faults(), "")
 
+    def test_a_record_of_what_nobody_can_check_out_is_named(self):
+        def recorded(commit):
+            write_record(self.path("results", "speed", "frames.json"), {**RECORD, "commit": commit})
+            self.quiet(TOOL.write)
+            return self.faults()
+
+        self.assertIn("frames.json: commit: expected one of this history", recorded("0123abc-dirty"))
+        self.assertEqual(recorded("0123abc"), "")  # No history to look in.
+        for arguments in (["init", "-q"], ["add", "-A"],
+                          ["-c", "user.name=n", "-c", "user.email=n@e", "commit", "-q", "-m", "first"]):
+            self.assertEqual(TOOL.git(self.root, *arguments).returncode, 0)
+        self.assertIn("with nothing changed after it, found 0123abc", recorded("0123abc"))
+        self.assertEqual(recorded(TOOL.git(self.root, "rev-parse", "--short", "HEAD").stdout.strip()), "")
+
     def test_what_was_written_is_accepted_and_written_again_alike(self):
         before = self.text("docs", "results", "speed.md")
         self.quiet(TOOL.write)

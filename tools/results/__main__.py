@@ -1,8 +1,8 @@
 """Records of measurements, and every page that is made from them.
 
   python3 tools/results write ROOT                  makes docs/results.md, docs/results/, docs/goals.md, and the tables in other pages
-  python3 tools/results check ROOT                  exit code 1 if a page says something else than its records, or a page of
-                                                    docs/ has a figure without a record
+  python3 tools/results check ROOT                  exit code 1 if a page says something else than its records, a page of docs/
+                                                    has a figure without a record, or a record a commit that is none
   python3 tools/results run WORK RECORD COMMAND     the record of a finished `segsim run`, and the command that makes it
   python3 tools/results take NEW... RECORD          puts newly measured records, joined, in place of RECORD, whose title, note
                                                     and goals stay; prints which figures have changed
@@ -12,6 +12,7 @@ tables of several runs between <!-- records: NAME... --> and <!-- end of records
 """
 import os
 import re
+import subprocess
 import sys
 
 import headline
@@ -94,12 +95,30 @@ def left_over(root, wanted):
     return [f"docs/results/{name}" for name in there if f"docs/results/{name}" not in wanted]
 
 
+def git(root, *arguments):
+    return subprocess.run(["git", "-C", root, *arguments], capture_output=True, text=True)
+
+
+def strange_commits(root):
+    """Records of what nobody can check out. Without the whole history, only uncommitted changes are seen."""
+    shallow = git(root, "rev-parse", "--is-shallow-repository")
+    history = shallow.returncode == 0 and shallow.stdout.strip() == "false"
+    for subject in read_index(root)[0]:
+        for name, record in subject.records.items():
+            commit = record["commit"]
+            if commit and (commit.endswith("-dirty")
+                           or history and git(root, "cat-file", "-e", commit + "^{commit}").returncode != 0):
+                yield (f"results/{subject.name}/{name}.json: commit: expected one of this history, "
+                       f"with nothing changed after it, found {commit}")
+
+
 def check(root):
     wanted = wanted_pages(root)
     faults = [f"{page}: not what its records say; run python3 tools/results write {root}"
               for page, text in wanted.items() if text_of(os.path.join(root, page)) != text]
     faults += [f"{page}: no subject of results/ has this page" for page in left_over(root, wanted)]
     faults += figures_without_record(root, prose_pages(root, whole_pages([], [])))
+    faults += strange_commits(root)
     if faults:
         sys.exit("\n".join(faults))
 

@@ -8,7 +8,7 @@ that are made from records, and code, are not looked at.
 import os
 import re
 
-UNIT = r"(?:ms|us|dB|FPS|frames/s|images/s|steps/s|GFLOP/s|GB/s|%)"
+UNIT = r"(?:ms|us|dB|FPS|frames/s|images/s|MB|GB|min|points|steps/s|GFLOP/s|GB/s|%)"
 NUMBER = r"(?:\d{1,3}(?: \d{3})+|\d+)(?:\.\d+)?"
 FIGURE = re.compile(rf"(?<![\w.-]){NUMBER}\s{UNIT}(?![\w/])|\bPQ \d+(?:\.\d+)?")
 MADE_BLOCK = re.compile(r"<!-- records?: .*?<!-- end of records? -->", re.DOTALL)
