@@ -21,19 +21,8 @@ target_compile_options(segsim_build_flags INTERFACE
   # GLM 0.9.9.8 reads CUDA_VERSION without including cuda.h; #20012 is noise from it.
   "$<$<COMPILE_LANGUAGE:CUDA>:SHELL:-include cuda.h --diag-suppress=20012>"
   "$<$<COMPILE_LANGUAGE:CUDA>:SHELL:-Xcompiler -Wall,-Wextra>")
-# With unity builds eight source files are compiled as one, which parses the headers once for all
-# eight: GCC takes what it includes there for headers and warns of their unnamed namespaces. CMake
-# includes them by absolute paths, which must not get into the program.
-set(segsim_unity_options -Wno-subobject-linkage -fmacro-prefix-map=${PROJECT_SOURCE_DIR}/=)
-target_compile_options(segsim_build_flags INTERFACE
-  "$<$<AND:$<COMPILE_LANG_AND_ID:CXX,GNU>,$<BOOL:$<TARGET_PROPERTY:UNITY_BUILD>>>:${segsim_unity_options}>")
 target_compile_definitions(segsim_build_flags INTERFACE
   $<$<COMPILE_LANGUAGE:CUDA>:GLM_FORCE_CUDA>)
-
-# Files with names in unnamed namespaces that others of their library have too.
-function(segsim_compile_alone)  # segsim_compile_alone(<file>...)
-  set_source_files_properties(${ARGN} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
-endfunction()
 
 # Headers of other projects are included as system headers: their warnings are not ours.
 function(segsim_link_third_party target)
