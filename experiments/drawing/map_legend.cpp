@@ -78,8 +78,7 @@ const std::vector<LegendEntry>& legend() {
   return entries;
 }
 
-constexpr double kLegendLetter = 10.0, kRow = 30.0, kSymbol = 30.0,
-                 kSpace = 56.0;  // At scale 1.
+constexpr double kLetter = 10.0, kRow = 30.0, kSymbol = 30.0, kSpace = 56.0;  // At scale 1.
 
 /// Calls `place(entry, x, row)` for each entry. @return  Number of rows.
 template <class Place>
@@ -87,7 +86,7 @@ int lay_out(int width_px, double scale, const Place& place) {
   double x = 0.0;
   int row = 0;
   for (const LegendEntry& entry : legend()) {
-    const double width = text_width_px(entry.word, kLegendLetter * scale) + kSpace * scale;
+    const double width = text_width_px(entry.word, kLetter * scale) + kSpace * scale;
     if (x > 0.0 && x + width > width_px) {
       x = 0.0;
       ++row;
@@ -141,8 +140,8 @@ void draw_map_legend(cv::Mat& image, const cv::Point& corner, int width_px, doub
     const int y = corner.y + static_cast<int>((row + 0.5) * kRow * scale);
     const int left = corner.x + static_cast<int>(x);
     draw_symbol(image, entry, {left + static_cast<int>(12.0 * scale), y}, scale);
-    draw_text(image, entry.word, {left + kSymbol * scale, y + 0.5 * kLegendLetter * scale},
-              kLegendLetter * scale, ink::kText);
+    draw_text(image, entry.word, {left + kSymbol * scale, y + 0.5 * kLetter * scale},
+              kLetter * scale, ink::kText);
   });
 }
 

@@ -14,7 +14,7 @@ namespace {
 
 constexpr int kOversampling = 2;
 // Sizes in pixels of the finished picture, times the oversampling.
-constexpr int kPictureMargin = 24 * kOversampling;
+constexpr int kMargin = 24 * kOversampling;
 constexpr int kHeader = 92 * kOversampling;
 constexpr int kMinWidth = 760 * kOversampling;
 
@@ -38,22 +38,21 @@ std::string figures(const sim::TrialResult& result) {
 
 void draw_header(cv::Mat& image, const TrialScene& scene, const sim::TrialResult& result) {
   const double title_px = 19.0 * kOversampling, text_px = 12.0 * kOversampling;
-  const double base_1 = kPictureMargin + title_px;
+  const double base_1 = kMargin + title_px;
   const double base_2 = base_1 + 40.0 * kOversampling;
   const std::string title = "Find a " + scene.episode->class_name;
-  draw_text(image, title, {1.0 * kPictureMargin, base_1}, title_px, ink::kText, true);
-  draw_text(
-      image, scene.scene_title + "  /  " + scene.episode->id,
-      {kPictureMargin + text_width_px(title, title_px, true) + 18.0 * kOversampling, base_1},
-      text_px, ink::kFaint);
+  draw_text(image, title, {1.0 * kMargin, base_1}, title_px, ink::kText, true);
+  draw_text(image, scene.scene_title + "  /  " + scene.episode->id,
+            {kMargin + text_width_px(title, title_px, true) + 18.0 * kOversampling, base_1},
+            text_px, ink::kFaint);
   const std::string arm = "detector: " + scene.arm;
   const double arm_px = text_width_px(arm, text_px, true) + 1.4 * text_px;
-  draw_pill(image, arm, {image.cols - kPictureMargin - arm_px, base_1}, text_px, ink::kText);
+  draw_pill(image, arm, {image.cols - kMargin - arm_px, base_1}, text_px, ink::kText);
 
   const cv::Scalar color = result.success ? ink::kGoal : ink::kRecover;
   const std::string why = scene.cause.empty() ? std::string() : ": " + scene.cause;
   const double end = draw_pill(image, outcome_words(result.outcome) + why,
-                               {1.0 * kPictureMargin, base_2}, text_px, color);
+                               {1.0 * kMargin, base_2}, text_px, color);
   draw_text(image, figures(result), {end + 14.0 * kOversampling, base_2}, text_px, ink::kText);
 }
 
@@ -77,20 +76,19 @@ core::Image<core::Rgb8> draw_trial(const TrialScene& scene, const sim::TrialResu
   for (const TrialMark& mark : scene.marks) map.draw_mark(mark.position_m, mark.text);
   map.draw_scale_bar();
 
-  const int width = std::max(kMinWidth, map.image().cols + 2 * kPictureMargin);
-  const int legend_width = width - kPictureMargin - kPictureMargin / 2;
+  const int width = std::max(kMinWidth, map.image().cols + 2 * kMargin);
+  const int legend_width = width - kMargin - kMargin / 2;
   const int legend_px = map_legend_height_px(legend_width, kOversampling);
-  const int height = kPictureMargin + kHeader + map.image().rows + kPictureMargin / 2 +
-                     legend_px + kPictureMargin / 2;
+  const int height =
+      kMargin + kHeader + map.image().rows + kMargin / 2 + legend_px + kMargin / 2;
   cv::Mat page(height, width, CV_8UC3, cv::Scalar(255, 255, 255));
   draw_header(page, scene, result);
-  const cv::Rect place((width - map.image().cols) / 2, kPictureMargin + kHeader,
-                       map.image().cols, map.image().rows);
+  const cv::Rect place((width - map.image().cols) / 2, kMargin + kHeader, map.image().cols,
+                       map.image().rows);
   map.image().copyTo(page(place));
   cv::rectangle(page, place, ink::kFaint, kOversampling);
-  draw_map_legend(
-      page, {kPictureMargin, kPictureMargin + kHeader + map.image().rows + kPictureMargin / 2},
-      legend_width, kOversampling);
+  draw_map_legend(page, {kMargin, kMargin + kHeader + map.image().rows + kMargin / 2},
+                  legend_width, kOversampling);
 
   cv::Mat reduced;
   cv::resize(page, reduced, cv::Size(width / kOversampling, height / kOversampling), 0, 0,

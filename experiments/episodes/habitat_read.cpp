@@ -13,9 +13,9 @@ namespace segsim::experiments::episodes {
 namespace {
 
 namespace fs = std::filesystem;
-using ParsedJson = nlohmann::json;
+using Json = nlohmann::json;
 
-glm::dvec3 vector_from(const ParsedJson& json) {
+glm::dvec3 vector_from(const Json& json) {
   if (json.size() != 3) throw std::runtime_error("a position must have 3 numbers");
   const glm::dvec3 p_m{json[0].get<double>(), json[1].get<double>(), json[2].get<double>()};
   if (!std::isfinite(p_m.x + p_m.y + p_m.z))
@@ -24,7 +24,7 @@ glm::dvec3 vector_from(const ParsedJson& json) {
 }
 
 /// Files have x, y, z, w. The numbers are rounded, so the length is made 1 again.
-glm::dquat rotation_from(const ParsedJson& json) {
+glm::dquat rotation_from(const Json& json) {
   if (json.size() != 4) throw std::runtime_error("a rotation must have 4 numbers");
   const glm::dquat R{json[3].get<double>(), json[0].get<double>(), json[1].get<double>(),
                      json[2].get<double>()};
@@ -34,23 +34,23 @@ glm::dquat rotation_from(const ParsedJson& json) {
   return R / length;
 }
 
-std::optional<double> optional_number(const ParsedJson& json, const char* key) {
+std::optional<double> optional_number(const Json& json, const char* key) {
   const auto found = json.find(key);
   if (found == json.end() || !found->is_number()) return std::nullopt;
   return found->get<double>();
 }
 
-HabitatGoal goal_from(const ParsedJson& json) {
+HabitatGoal goal_from(const Json& json) {
   HabitatGoal goal;
   // Object ids are numbers in HM3D and text in some older sets.
-  const ParsedJson& id = json.at("object_id");
+  const Json& id = json.at("object_id");
   goal.object_id = id.is_string() ? std::stoi(id.get<std::string>()) : id.get<int>();
   if (json.contains("object_name") && json["object_name"].is_string()) {
     goal.object_name = json["object_name"];
   }
   goal.p_habitat_m = vector_from(json.at("position"));
-  for (const ParsedJson& point : json.at("view_points")) {
-    const ParsedJson& state = point.at("agent_state");
+  for (const Json& point : json.at("view_points")) {
+    const Json& state = point.at("agent_state");
     goal.view_points.push_back({vector_from(state.at("position")),
                                 rotation_from(state.at("rotation")),
                                 optional_number(point, "iou").value_or(0.0)});
@@ -58,9 +58,9 @@ HabitatGoal goal_from(const ParsedJson& json) {
   return goal;
 }
 
-std::vector<HabitatGoal> goals_from(const ParsedJson& json) {
+std::vector<HabitatGoal> goals_from(const Json& json) {
   std::vector<HabitatGoal> goals;
-  for (const ParsedJson& goal : json) goals.push_back(goal_from(goal));
+  for (const Json& goal : json) goals.push_back(goal_from(goal));
   return goals;
 }
 
@@ -68,9 +68,9 @@ std::string scene_file_name(const std::string& scene_id) {
   return fs::path(scene_id).filename().string();
 }
 
-HabitatEpisode episode_from(const ParsedJson& json, int index) {
+HabitatEpisode episode_from(const Json& json, int index) {
   HabitatEpisode episode;
-  const ParsedJson& id = json.at("episode_id");
+  const Json& id = json.at("episode_id");
   episode.episode_id = id.is_string() ? id.get<std::string>() : id.dump();
   episode.index = index;
   episode.sha256 = core::sha256_hex(json.dump());
@@ -91,12 +91,12 @@ class FileReader {
   FileReader(const fs::path& file, std::map<std::string, HabitatScene>& scenes)
       : file_(file), scenes_(scenes) {}
 
-  void read(const ParsedJson& root) {
-    const ParsedJson& episodes = at("the top", root, "episodes");
-    const ParsedJson& by_category =
+  void read(const Json& root) {
+    const Json& episodes = at("the top", root, "episodes");
+    const Json& by_category =
         root.contains("goals_by_category") ? root["goals_by_category"] : none_;
     int index = 0;
-    for (const ParsedJson& json : episodes) {
+    for (const Json& json : episodes) {
       const std::string place = "episodes[" + std::to_string(index) + "]";
       guarded(place, [&] { add(json, index, by_category); });
       ++index;
@@ -113,13 +113,13 @@ class FileReader {
                                        "an ObjectNav episode of Habitat", error.what());
     }
   }
-  const ParsedJson& at(const std::string& place, const ParsedJson& json, const char* key) {
+  const Json& at(const std::string& place, const Json& json, const char* key) {
     if (json.is_object() && json.contains(key)) return json[key];
     throw core::InputError::expected(file_.string() + ": " + place,
                                      std::string("the key \"") + key + "\"", "none");
   }
 
-  void add(const ParsedJson& json, int index, const ParsedJson& by_category) {
+  void add(const Json& json, int index, const Json& by_category) {
     HabitatEpisode episode = episode_from(json, index);
     const std::string scene_file = scene_file_name(episode.scene_id);
     HabitatScene& scene = scenes_[scene_file];
@@ -132,9 +132,8 @@ class FileReader {
       const std::string key = scene_file + "_" + episode.category;
       // Older files keep the goals inside the episodes; the first of a category has them.
       const bool inside = !by_category.contains(key);
-      std::vector<HabitatGoal> goals =
-          inside ? goals_from(json.value("goals", ParsedJson::array()))
-                 : goals_from(by_category[key]);
+      std::vector<HabitatGoal> goals = inside ? goals_from(json.value("goals", Json::array()))
+                                              : goals_from(by_category[key]);
       if (goals.empty()) throw std::runtime_error("no goal under \"" + key + "\"");
       scene.goals[episode.category] = std::move(goals);
     }
@@ -143,13 +142,13 @@ class FileReader {
 
   const fs::path& file_;
   std::map<std::string, HabitatScene>& scenes_;
-  const ParsedJson none_ = ParsedJson::object();
+  const Json none_ = Json::object();
 };
 
-ParsedJson parse_gzip(const fs::path& file) {
+Json parse_gzip(const fs::path& file) {
   const std::string text = support::read_gzip(file);
   try {
-    return ParsedJson::parse(text);
+    return Json::parse(text);
   } catch (const std::exception& error) {
     throw core::InputError::expected(file.string(), "JSON", error.what());
   }

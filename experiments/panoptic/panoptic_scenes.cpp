@@ -13,7 +13,7 @@ namespace {
 namespace fs = std::filesystem;
 using core::InputError;
 
-constexpr const char* kScenesSchema = "segsim.table1/1";
+constexpr const char* kSchema = "segsim.table1/1";
 constexpr const char* kWhere = "--scenes";
 constexpr const char* kPaperScenes =
     "the paper's scenes: ScanNet 0087_02, 0088_00, 0420_01, 0628_02; ScanNet++ 5748ce6f01, "
@@ -130,8 +130,8 @@ void add_scene(PanopticScene scene, PanopticScenes& list) {
 
 PanopticScenes scenes_of_file(const fs::path& file, const fs::path& data) {
   const core::ConfigNode root = core::ConfigNode::load(file);
-  if (root.text("schema") != kScenesSchema) {
-    root.child("schema").fail(kScenesSchema, "\"" + root.text("schema") + "\"");
+  if (root.text("schema") != kSchema) {
+    root.child("schema").fail(kSchema, "\"" + root.text("schema") + "\"");
   }
   specs::SpecFolders folders;
   // A place that no file has: scenes that need data are then missing, not an error.

@@ -16,7 +16,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 using Figures = std::vector<std::pair<std::string, double>>;
 
-constexpr const char* kFiguresSchema = "segsim.table1.scene/1";
+constexpr const char* kSchema = "segsim.table1.scene/1";
 
 /// Names and members, in the order of the file.
 constexpr std::pair<const char*, double RuleFigures::*> kMembers[] = {
@@ -155,7 +155,7 @@ double SceneFigures::mask_figure(const std::string& name) const {
 }
 
 void write_scene_figures(const std::filesystem::path& file, const SceneFigures& figures) {
-  Json json{{"schema", kFiguresSchema},
+  Json json{{"schema", kSchema},
             {"scene", figures.scene},
             {"title", figures.title},
             {"data", figures.data},
@@ -176,8 +176,8 @@ void write_scene_figures(const std::filesystem::path& file, const SceneFigures& 
 
 SceneFigures read_scene_figures(const std::filesystem::path& file) {
   const Json json = Json::parse(core::read_file(file), nullptr, false);
-  if (!json.is_object() || json.value("schema", "") != kFiguresSchema) {
-    throw core::InputError::expected(file.string(), std::string("JSON of ") + kFiguresSchema,
+  if (!json.is_object() || json.value("schema", "") != kSchema) {
+    throw core::InputError::expected(file.string(), std::string("JSON of ") + kSchema,
                                      "something else");
   }
   try {

@@ -12,32 +12,32 @@ namespace segsim::experiments::scripted_trials {
 namespace {
 
 namespace fs = std::filesystem;
-using ParsedJson = nlohmann::json;
+using Json = nlohmann::json;
 
 /// What a file holds of paths.
 struct Found {
-  std::vector<ParsedJson> lines;  ///< Coordinates of each LineString.
-  ParsedJson points = ParsedJson::array();
+  std::vector<Json> lines;  ///< Coordinates of each LineString.
+  Json points = Json::array();
 };
 
-void collect(const ParsedJson& json, Found& found) {
+void collect(const Json& json, Found& found) {
   const std::string type = json.at("type").get<std::string>();
   if (type == "FeatureCollection") {
-    for (const ParsedJson& feature : json.at("features")) collect(feature, found);
+    for (const Json& feature : json.at("features")) collect(feature, found);
   } else if (type == "Feature") {
     if (!json.at("geometry").is_null()) collect(json.at("geometry"), found);
   } else if (type == "GeometryCollection") {
-    for (const ParsedJson& part : json.at("geometries")) collect(part, found);
+    for (const Json& part : json.at("geometries")) collect(part, found);
   } else if (type == "LineString") {
     found.lines.push_back(json.at("coordinates"));
   } else if (type == "Point") {
     found.points.push_back(json.at("coordinates"));
   } else if (type == "MultiPoint") {
-    for (const ParsedJson& point : json.at("coordinates")) found.points.push_back(point);
+    for (const Json& point : json.at("coordinates")) found.points.push_back(point);
   }
 }
 
-sim::GeodeticPoint position_from(const ParsedJson& json, const fs::path& file) {
+sim::GeodeticPoint position_from(const Json& json, const fs::path& file) {
   const auto longitude = json.at(0).get<double>(), latitude = json.at(1).get<double>();
   const bool on_globe = std::abs(latitude) <= 90.0 && std::abs(longitude) <= 180.0;
   if (!on_globe) {
@@ -54,13 +54,13 @@ std::vector<sim::GeodeticPoint> read_geojson_path(const fs::path& file) {
   std::vector<sim::GeodeticPoint> path;
   const std::string text = core::read_file(file);
   try {
-    collect(ParsedJson::parse(text), found);
+    collect(Json::parse(text), found);
     if (found.lines.size() <= 1) {
-      for (const ParsedJson& position : found.lines.empty() ? found.points : found.lines[0]) {
+      for (const Json& position : found.lines.empty() ? found.points : found.lines[0]) {
         path.push_back(position_from(position, file));
       }
     }
-  } catch (const ParsedJson::exception& error) {
+  } catch (const Json::exception& error) {
     throw core::InputError::expected(file.string(), "GeoJSON", error.what());
   }
   if (found.lines.size() > 1) {

@@ -19,7 +19,7 @@ namespace fs = std::filesystem;
 using core::ConfigNode;
 using internal::Variables;
 
-CameraSpec camera_section(const ConfigNode& root) {
+CameraSpec read_camera(const ConfigNode& root) {
   CameraSpec camera;
   const std::optional<ConfigNode> node = root.optional_child("camera");
   if (!node) return camera;
@@ -182,7 +182,7 @@ SourceSpec read_source_spec(const ConfigNode& node, const SpecFolders& folders,
   return internal::read_source(node, Variables(folders, file));
 }
 
-CameraSpec read_camera_spec(const ConfigNode& root) { return camera_section(root); }
+CameraSpec read_camera_spec(const ConfigNode& root) { return read_camera(root); }
 
 sim::CollisionMode read_collision_mode(const ConfigNode& root) {
   if (!root.has("collision")) return sim::CollisionMode::kFootprint;
@@ -236,7 +236,7 @@ ExperimentSpec parse_spec(const std::string& text, const fs::path& origin,
   spec.time_limit_s =
       support::number_within(root, "time_limit_s", spec.time_limit_s, 1.0, 100000.0);
   internal::read_repetitions(root, spec);
-  spec.camera = camera_section(root);
+  spec.camera = read_camera(root);
   spec.success = read_success(root);
   spec.planned_n = support::count_within(root, "planned_n", 0, 0, 1000000);
   if (root.has("videos")) spec.videos = read_recorded(root, "videos");

@@ -6,13 +6,13 @@
 namespace segsim::nav {
 namespace {
 
-constexpr double kStillForward_mps = 0.02, kStillTurn_radps = 0.05;  // Less is no motion.
+constexpr double kMinForward_mps = 0.02, kMinTurn_radps = 0.05;  // Less is no motion.
 
 }  // namespace
 
 void StuckDetector::add(const core::Pose2& pose, const core::VelocityCommand& command) {
-  if (std::abs(command.forward_mps) < kStillForward_mps &&
-      std::abs(command.turn_radps) < kStillTurn_radps) {
+  if (std::abs(command.forward_mps) < kMinForward_mps &&
+      std::abs(command.turn_radps) < kMinTurn_radps) {
     window_.clear();
     return;
   }

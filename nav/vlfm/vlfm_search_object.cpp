@@ -18,7 +18,7 @@ constexpr double kInside_m = 0.15;      // A place this much nearer than a radiu
 constexpr double kBeyondWeight = 1000.0;
 constexpr double kObjectRadius_m = 0.8;  // The cloud holds all objects of the class.
 constexpr double kBehind_m = 0.6;        // An object that begins this far behind is elsewhere.
-constexpr double kSameObject_m = 0.3;
+constexpr double kSamePlace_m = 0.3;
 constexpr core::TimeNs kPostpone_ns = 15 * core::kNsPerSecond;
 
 }  // namespace
@@ -108,7 +108,7 @@ core::VelocityCommand VlfmSearch::approach(const Now& now, const glm::dvec3& obj
     refresh_cost_map();
     const auto place_m = approach_place(now, at_m);
     // The best place changes a little with every view; a neighbour of the old one is no news.
-    if (!place_m || !target_m_ || glm::distance(*target_m_, *place_m) > kSameObject_m ||
+    if (!place_m || !target_m_ || glm::distance(*target_m_, *place_m) > kSamePlace_m ||
         !field_.reachable(cost_.frame().cell_at(*target_m_))) {
       target_m_ = place_m;
     }

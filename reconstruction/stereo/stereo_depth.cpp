@@ -36,7 +36,7 @@ using internal::MatchedView;
 using internal::SourceViews;
 using internal::WorkingView;
 
-constexpr double kNearestPlane_m = 0.3, kFarthestAtLeast_m = 6.0, kBeyondCameras_m = 4.0;
+constexpr double kNearest_m = 0.3, kFarthestAtLeast_m = 6.0, kBeyondCameras_m = 4.0;
 constexpr int kCompared = 8;
 constexpr int kCoarseWidth_px = 80;
 constexpr std::size_t kFewestSources = 2;
@@ -168,7 +168,7 @@ void Matcher::find_whole_range() {
       whole_.near_m = 0.5 * core::quantile(depths_m, 0.005, core::Between::kNearest);
       whole_.far_m = 1.5 * core::quantile(depths_m, 0.995, core::Between::kNearest);
     } else {
-      whole_.near_m = kNearestPlane_m;
+      whole_.near_m = kNearest_m;
       whole_.far_m = std::max(kFarthestAtLeast_m, extent_m(poses_) + kBeyondCameras_m);
     }
   }

@@ -27,9 +27,9 @@ constexpr double kTallWall_m = 0.4;
 constexpr double kMostPassing = 0.35;
 constexpr double kAgreement = 0.25;  // Share of the walls that end where a floor is guessed.
 
-using FloorCell = std::pair<std::int64_t, std::int64_t>;
+using Cell = std::pair<std::int64_t, std::int64_t>;
 
-FloorCell cell_of(const glm::dvec3& p_m, double size_m) {
+Cell cell_of(const glm::dvec3& p_m, double size_m) {
   return {static_cast<std::int64_t>(std::floor(p_m.x / size_m)),
           static_cast<std::int64_t>(std::floor(p_m.y / size_m))};
 }
@@ -63,7 +63,7 @@ std::vector<LevelPlane> level_planes(std::span<const SurfaceElement> elements) {
       if (end - first > most) most = end - first, best = first;
     }
     std::vector<double> heights_m;
-    std::set<FloorCell> cells;
+    std::set<Cell> cells;
     for (std::size_t i = best; i < best + most; ++i) {
       heights_m.push_back(left[i]->position_m.z);
       cells.insert(cell_of(left[i]->position_m, kElement_m));
@@ -83,7 +83,7 @@ std::vector<LevelPlane> level_planes(std::span<const SurfaceElement> elements) {
 
 /// Lower ends of the tall columns of wall.
 std::vector<double> wall_ends(std::span<const SurfaceElement> elements) {
-  std::map<FloorCell, std::vector<double>> columns;
+  std::map<Cell, std::vector<double>> columns;
   for (const SurfaceElement& e : elements) {
     if (std::abs(e.normal.z) < kUpright) {
       columns[cell_of(e.position_m, kColumn_m)].push_back(e.position_m.z);

@@ -174,7 +174,7 @@ Estimate fit_normals(const std::vector<Vector3d>& normals, const Vector3d& start
 
 /// The strongest heights of level elements, 0.15 m apart or more.
 std::vector<double> level_heights(const std::vector<double>& heights_m) {
-  constexpr double kBin_m = 0.04, kLevelsApart_m = 0.15;
+  constexpr double kBin_m = 0.04, kApart_m = 0.15;
   constexpr std::size_t kMost = 4, kBins = 5000;
   if (heights_m.empty()) return {};
   const double lowest = *std::min_element(heights_m.begin(), heights_m.end());
@@ -191,7 +191,7 @@ std::vector<double> level_heights(const std::vector<double>& heights_m) {
     found.push_back(height);
     for (std::size_t i = 0; i < bins.size(); ++i) {
       const double here = lowest + (static_cast<double>(i) + 0.5) * kBin_m;
-      if (std::abs(here - height) < kLevelsApart_m) bins[i] = 0.0;
+      if (std::abs(here - height) < kApart_m) bins[i] = 0.0;
     }
   }
   return found;

@@ -11,8 +11,8 @@
 namespace segsim::renderer {
 namespace {
 
-constexpr std::string_view kEditsMagic = "SEGSIMLE";
-constexpr std::uint32_t kEditsVersion = 1;
+constexpr std::string_view kMagic = "SEGSIMLE";
+constexpr std::uint32_t kVersion = 1;
 
 using Entry = SparseScores::Entry;
 
@@ -168,14 +168,13 @@ void write_label_edits(const std::filesystem::path& file, const LabelEdits& edit
     out.put(move.from);
     out.put(move.to);
   }
-  internal::write_checked_file(file, kEditsMagic, kEditsVersion, out.bytes);
+  internal::write_checked_file(file, kMagic, kVersion, out.bytes);
 }
 
 LabelEdits read_label_edits(const std::filesystem::path& file, std::size_t surfels) {
   const std::string place = file.string();
   const std::string payload =
-      internal::read_checked_file(file, kEditsMagic, "labels set by hand", kEditsVersion)
-          .payload;
+      internal::read_checked_file(file, kMagic, "labels set by hand", kVersion).payload;
   internal::ByteReader in(payload, place);
   const auto of = in.take<std::uint32_t>();
   if (of != surfels) {

@@ -16,8 +16,8 @@ using core::InputError;
 using internal::ByteReader;
 using internal::ByteWriter;
 
-constexpr std::string_view kFieldMagic = "SEGSIMLD";
-constexpr std::uint32_t kFieldVersion = 1;
+constexpr std::string_view kMagic = "SEGSIMLD";
+constexpr std::uint32_t kVersion = 1;
 constexpr std::uint32_t kMostIds = 65536;
 constexpr std::uint32_t kMostEntries = 1024;  // Of a row: bounds memory.
 
@@ -103,14 +103,13 @@ void write_panoptic_field(const std::filesystem::path& file, const PanopticField
     put_row(field.classes, s, out);
     put_row(field.instances, s, out);
   }
-  internal::write_checked_file(file, kFieldMagic, kFieldVersion, out.bytes);
+  internal::write_checked_file(file, kMagic, kVersion, out.bytes);
 }
 
 PanopticField read_panoptic_field(const std::filesystem::path& file, std::size_t surfels) {
   const std::string place = file.string();
   const std::string payload =
-      internal::read_checked_file(file, kFieldMagic, "label distributions", kFieldVersion)
-          .payload;
+      internal::read_checked_file(file, kMagic, "label distributions", kVersion).payload;
   ByteReader in(payload, place);
   const auto count = in.take<std::uint32_t>();
   if (count != surfels) {

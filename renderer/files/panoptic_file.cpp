@@ -11,8 +11,8 @@ namespace {
 using core::InputError;
 using internal::ByteReader;
 
-constexpr std::string_view kPanopticMagic = "SEGSIMPF";
-constexpr std::uint32_t kPanopticVersion = 2;
+constexpr std::string_view kMagic = "SEGSIMPF";
+constexpr std::uint32_t kVersion = 2;
 
 std::string payload_of(const PanopticModel& model) {
   internal::ByteWriter out;
@@ -100,12 +100,12 @@ PanopticModel model_of(const std::string& payload, std::uint32_t version,
 
 void write_panoptic_model(const std::filesystem::path& file, const PanopticModel& model) {
   check_panoptic_model(model);
-  internal::write_checked_file(file, kPanopticMagic, kPanopticVersion, payload_of(model));
+  internal::write_checked_file(file, kMagic, kVersion, payload_of(model));
 }
 
 PanopticModel read_panoptic_model(const std::filesystem::path& file) {
   const internal::CheckedFile read =
-      internal::read_checked_file(file, kPanopticMagic, "a panoptic model", kPanopticVersion);
+      internal::read_checked_file(file, kMagic, "a panoptic model", kVersion);
   return model_of(read.payload, read.version, file.string());
 }
 

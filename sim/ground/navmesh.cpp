@@ -43,7 +43,7 @@ using DetailPtr =
 using NavMeshPtr = std::unique_ptr<dtNavMesh, Deleter<dtNavMesh, dtFreeNavMesh>>;
 using QueryPtr = std::unique_ptr<dtNavMeshQuery, Deleter<dtNavMeshQuery, dtFreeNavMeshQuery>>;
 
-constexpr int kMaxSearchNodes = 8192;  ///< Polygons a search may visit.
+constexpr int kMaxNodes = 8192;  ///< Polygons a search may visit.
 constexpr int kMaxPath = 1024;
 
 void require(bool done, const char* step) {
@@ -187,7 +187,7 @@ struct Navmesh::Impl {
       require(false, "tile");
     }
     query.reset(dtAllocNavMeshQuery());
-    require(dtStatusSucceed(query->init(mesh.get(), kMaxSearchNodes)), "query");
+    require(dtStatusSucceed(query->init(mesh.get(), kMaxNodes)), "query");
     filter.setIncludeFlags(0xffff);
     find_islands();
   }

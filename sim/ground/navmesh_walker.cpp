@@ -19,7 +19,7 @@ using internal::to_y_up;
 using internal::to_z_up;
 using internal::Xyz;
 
-constexpr int kMaxStepNodes = 512;  ///< Polygons that one step may touch.
+constexpr int kMaxNodes = 512;  ///< Polygons that one step may touch.
 constexpr int kMaxVisited = 64;
 constexpr double kShorter_m2 = 1e-5;  ///< hl: the filter "collided".
 /// A point on an edge is kept this far inside, or the next step could begin behind a wall
@@ -98,7 +98,7 @@ std::optional<NavmeshWalker> NavmeshWalker::place(const Navmesh& navmesh,
   auto impl = std::make_unique<Impl>();
   impl->query.reset(dtAllocNavMeshQuery());
   const dtNavMesh& mesh = internal::NavmeshAccess::mesh(navmesh);
-  if (dtStatusFailed(impl->query->init(&mesh, kMaxStepNodes))) {
+  if (dtStatusFailed(impl->query->init(&mesh, kMaxNodes))) {
     throw core::InputError("navigation mesh: query failed");
   }
   impl->filter.setIncludeFlags(0xffff);

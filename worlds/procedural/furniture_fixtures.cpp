@@ -11,6 +11,11 @@
 #include "worlds/procedural/internal/furniture_makers.h"
 
 namespace segsim::worlds::internal {
+namespace {
+
+constexpr float kTwoPi = 2.0F * std::numbers::pi_v<float>;
+
+}  // namespace
 void make_tv(Workshop& w) {  // Origin on what it stands on.
   Dice& dice = w.dice;
   const float width = dice.between(0.98F, 1.28F), height = 0.57F * width, foot = 0.07F;
@@ -88,7 +93,7 @@ void make_toilet(Workshop& w) {
         turned_matrix({0, y + 0.5F * length - 0.04F, rim + 0.02F}, {1, 0, 0}, 1.45F));
     std::vector<glm::vec2> outline;
     for (int i = 0; i < 20; ++i) {
-      const float angle = 2.0F * std::numbers::pi_v<float> * static_cast<float>(i) / 20.0F;
+      const float angle = kTwoPi * static_cast<float>(i) / 20.0F;
       outline.emplace_back(r * std::cos(angle),
                            0.46F * length * std::sin(angle) + 0.46F * length);
     }

@@ -13,7 +13,7 @@ namespace segsim::experiments::dashboard::internal {
 namespace {
 
 namespace fs = std::filesystem;
-using ParsedJson = nlohmann::json;
+using Json = nlohmann::json;
 
 constexpr double kForgottenAfter_s = 120.0;
 constexpr std::uintmax_t kLargestFile = 16U << 20U;
@@ -32,7 +32,7 @@ std::string bytes_of(const fs::path& file) {
   return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
 }
 
-bool is_live_header(const ParsedJson& json) {
+bool is_live_header(const Json& json) {
   return json.is_object() && json.value("schema", "") == trials::kLiveSchema &&
          json.contains("parts") && json["parts"].is_array();
 }
@@ -76,7 +76,7 @@ std::vector<LiveFile> read_live_files(const std::vector<fs::path>& folders) {
     std::ifstream in(file, std::ios::binary);
     std::string header;
     if (error || !std::getline(in, header)) continue;
-    if (!is_live_header(ParsedJson::parse(header, nullptr, false))) continue;
+    if (!is_live_header(Json::parse(header, nullptr, false))) continue;
     live.push_back({worker, std::max(0.0, age_s), std::move(header)});
   }
   return live;
@@ -91,10 +91,10 @@ std::optional<std::string> read_live_part(const std::vector<fs::path>& folders,
   const std::string bytes = bytes_of(found->second);
   const std::size_t line = bytes.find('\n');
   if (line == std::string::npos) return std::nullopt;
-  const ParsedJson header = ParsedJson::parse(bytes.substr(0, line), nullptr, false);
+  const Json header = Json::parse(bytes.substr(0, line), nullptr, false);
   if (!is_live_header(header)) return std::nullopt;
   std::size_t at = line + 1;
-  for (const ParsedJson& entry : header["parts"]) {
+  for (const Json& entry : header["parts"]) {
     if (!entry.is_array() || entry.size() != 2 || !entry[0].is_string() ||
         !entry[1].is_number_unsigned()) {
       return std::nullopt;

@@ -209,7 +209,7 @@ Values dropout(const NodeCall& call) {
   return {call.input(0), at::ones_like(call.input(0), at::kBool)};
 }
 
-constexpr Operator kElementwiseOperators[] = {
+constexpr Operator kOperators[] = {
     {"Abs", 6, kLastOpset, 1, 1, "", unary<abs>},
     {"Acos", 7, kLastOpset, 1, 1, "", unary<acos>},
     {"Acosh", 9, kLastOpset, 1, 1, "", unary<acosh>},
@@ -284,6 +284,6 @@ constexpr Operator kElementwiseOperators[] = {
 
 }  // namespace
 
-std::span<const Operator> elementwise_operators() { return kElementwiseOperators; }
+std::span<const Operator> elementwise_operators() { return kOperators; }
 
 }  // namespace segsim::perception::graph

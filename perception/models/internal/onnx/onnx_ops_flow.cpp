@@ -120,7 +120,7 @@ Values split_to_sequence(const NodeCall& call) {
   return {Value(std::move(parts))};
 }
 
-constexpr Operator kFlowOperators[] = {
+constexpr Operator kOperators[] = {
     {"ConcatFromSequence", 11, kLastOpset, 1, 1, "axis new_axis", concat_from_sequence},
     {"If", 1, kLastOpset, 1, 1, "then_branch else_branch", branch},
     {"Loop", 1, kLastOpset, 2, -1, "body", loop},
@@ -135,6 +135,6 @@ constexpr Operator kFlowOperators[] = {
 
 }  // namespace
 
-std::span<const Operator> flow_operators() { return kFlowOperators; }
+std::span<const Operator> flow_operators() { return kOperators; }
 
 }  // namespace segsim::perception::graph

@@ -195,7 +195,7 @@ Values top_k(const NodeCall& call) {
   return {at::gather(x, -1, index).transpose(axis, -1), index.transpose(axis, -1)};
 }
 
-constexpr Operator kIndexOperators[] = {
+constexpr Operator kOperators[] = {
     {"Compress", 9, kLastOpset, 2, 2, "axis", compress},
     {"Gather", 1, kLastOpset, 2, 2, "axis", gather},
     {"GatherElements", 11, kLastOpset, 2, 2, "axis", gather_elements},
@@ -210,6 +210,6 @@ constexpr Operator kIndexOperators[] = {
 
 }  // namespace
 
-std::span<const Operator> index_operators() { return kIndexOperators; }
+std::span<const Operator> index_operators() { return kOperators; }
 
 }  // namespace segsim::perception::graph

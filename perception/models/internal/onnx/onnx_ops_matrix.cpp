@@ -91,7 +91,7 @@ Values matmul_integer(const NodeCall& call) {
               .to(at::kInt)};
 }
 
-constexpr Operator kMatrixOperators[] = {
+constexpr Operator kOperators[] = {
     {"DequantizeLinear", 10, 20, 2, 3, "axis", dequantize},
     {"DynamicQuantizeLinear", 11, kLastOpset, 1, 1, "", quantize_dynamically},
     {"Einsum", 12, kLastOpset, 1, -1, "equation", einsum},
@@ -103,6 +103,6 @@ constexpr Operator kMatrixOperators[] = {
 
 }  // namespace
 
-std::span<const Operator> matrix_operators() { return kMatrixOperators; }
+std::span<const Operator> matrix_operators() { return kOperators; }
 
 }  // namespace segsim::perception::graph

@@ -149,7 +149,7 @@ Tensor hardmax(const Tensor& x, std::int64_t axis) {
   return at::zeros_like(x).scatter(axis, at::argmax(x, axis, true), 1);
 }
 
-constexpr Operator kNormOperators[] = {
+constexpr Operator kOperators[] = {
     {"BatchNormalization", 7, kLastOpset, 5, 5, "epsilon momentum spatial training_mode",
      batch_normalization},
     {"GroupNormalization", 18, kLastOpset, 3, 3, "epsilon num_groups stash_type",
@@ -167,6 +167,6 @@ constexpr Operator kNormOperators[] = {
 
 }  // namespace
 
-std::span<const Operator> norm_operators() { return kNormOperators; }
+std::span<const Operator> norm_operators() { return kOperators; }
 
 }  // namespace segsim::perception::graph

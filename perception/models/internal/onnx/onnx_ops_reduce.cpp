@@ -80,7 +80,7 @@ Values cumulative_sum(const NodeCall& call) {
 }
 
 constexpr const char* kReduce = "axes keepdims noop_with_empty_axes";
-constexpr Operator kReduceOperators[] = {
+constexpr Operator kOperators[] = {
     {"ArgMax", 1, kLastOpset, 1, 1, "axis keepdims select_last_index", arg_best<true>},
     {"ArgMin", 1, kLastOpset, 1, 1, "axis keepdims select_last_index", arg_best<false>},
     {"CumSum", 11, kLastOpset, 2, 2, "exclusive reverse", cumulative_sum},
@@ -98,6 +98,6 @@ constexpr Operator kReduceOperators[] = {
 
 }  // namespace
 
-std::span<const Operator> reduce_operators() { return kReduceOperators; }
+std::span<const Operator> reduce_operators() { return kOperators; }
 
 }  // namespace segsim::perception::graph

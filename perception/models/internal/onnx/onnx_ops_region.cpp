@@ -78,7 +78,7 @@ Values region_align(const NodeCall& call) {
   return {roi_align(x, boxes, call.indices(call.input(2), x.size(0)), rule)};
 }
 
-constexpr Operator kRegionOperators[] = {
+constexpr Operator kOperators[] = {
     {"NonMaxSuppression", 10, kLastOpset, 2, 5, "center_point_box", non_max_suppression},
     {"RoiAlign", 10, kLastOpset, 3, 3,
      "coordinate_transformation_mode mode output_height output_width sampling_ratio "
@@ -88,6 +88,6 @@ constexpr Operator kRegionOperators[] = {
 
 }  // namespace
 
-std::span<const Operator> region_operators() { return kRegionOperators; }
+std::span<const Operator> region_operators() { return kOperators; }
 
 }  // namespace segsim::perception::graph

@@ -263,7 +263,7 @@ Values grid_sample(const NodeCall& call) {
                            call.attribute_or("align_corners", 0) != 0)};
 }
 
-constexpr Operator kResampleOperators[] = {
+constexpr Operator kOperators[] = {
     {"GridSample", 16, kLastOpset, 2, 2, "align_corners mode padding_mode", grid_sample},
     {"Resize", 10, kLastOpset, 2, 4,
      "antialias axes coordinate_transformation_mode cubic_coeff_a exclude_outside "
@@ -274,6 +274,6 @@ constexpr Operator kResampleOperators[] = {
 
 }  // namespace
 
-std::span<const Operator> resample_operators() { return kResampleOperators; }
+std::span<const Operator> resample_operators() { return kOperators; }
 
 }  // namespace segsim::perception::graph

@@ -339,7 +339,7 @@ Values space_to_depth(const NodeCall& call) {
       x.reshape({n, c, h, b, w, b}).permute({0, 3, 5, 1, 2, 4}).reshape({n, c * b * b, h, w})};
 }
 
-constexpr Operator kShapeOperators[] = {
+constexpr Operator kOperators[] = {
     {"Concat", 4, kLastOpset, 1, -1, "axis", concat},
     {"Constant", 1, kLastOpset, 0, 0, "value value_int value_ints value_float value_floats",
      constant},
@@ -365,6 +365,6 @@ constexpr Operator kShapeOperators[] = {
 
 }  // namespace
 
-std::span<const Operator> shape_operators() { return kShapeOperators; }
+std::span<const Operator> shape_operators() { return kOperators; }
 
 }  // namespace segsim::perception::graph

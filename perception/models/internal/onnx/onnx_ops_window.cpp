@@ -270,7 +270,7 @@ Values global_max_pool(const NodeCall& call) {
   return {at::amax(x, spatial_axes(x), true)};
 }
 
-constexpr Operator kWindowOperators[] = {
+constexpr Operator kOperators[] = {
     {"AveragePool", 7, kLastOpset, 1, 1,
      "auto_pad ceil_mode count_include_pad dilations kernel_shape pads strides", average_pool},
     {"Conv", 1, kLastOpset, 2, 3, "auto_pad dilations group kernel_shape pads strides", conv},
@@ -285,6 +285,6 @@ constexpr Operator kWindowOperators[] = {
 
 }  // namespace
 
-std::span<const Operator> window_operators() { return kWindowOperators; }
+std::span<const Operator> window_operators() { return kOperators; }
 
 }  // namespace segsim::perception::graph
