@@ -81,6 +81,8 @@ class Records(Files):
                 (lambda r: r.update(commit="main"), "a hash of 7 to 40 digits or null, found \"main\""),
                 (lambda r: r.update(date="yesterday"), "YYYY-MM-DD or null"),
                 (lambda r: r["machine"].update(cores=0), "machine.cores"),
+                (lambda r: r.update(not_recorded={"note": "It was lost."}), "a sentence for some of command, commit"),
+                (lambda r: r.update(not_recorded={"machine": ""}), "not_recorded: expected a sentence"),
                 (lambda r: r["values"][0].pop("unit"), "values[0]: expected \"unit\""),
                 (lambda r: r["values"][1].update(value=[1]), "values[1].value: expected a number"),
                 (lambda r: r["values"][0].update(held=True), "values[0]: expected the keys"),
@@ -108,13 +110,15 @@ class Records(Files):
     def test_a_new_measurement_keeps_words_and_goals(self):
         new = copy.deepcopy(RECORD)
         new.update(title="as the program calls it", note=[], commit="fffffff")
+        old = {**RECORD, "commit": None, "not_recorded": {"commit": "It was lost."}}
         new["values"] = [{"case": "small", "name": "median", "unit": "ms", "value": 9}]
-        write_record(self.path("old.json"), RECORD)
+        write_record(self.path("old.json"), old)
         write_record(self.path("new.json"), new)
         with contextlib.redirect_stdout(io.StringIO()) as out:
             TOOL.take([self.path("new.json")], self.path("old.json"))
         taken = read_record(self.path("old.json"))
         self.assertEqual((taken["title"], taken["note"], taken["commit"]), ("Frames", ["What it means."], "fffffff"))
+        self.assertNotIn("not_recorded", taken)
         self.assertEqual(taken["values"], [{**new["values"][0], "goal": {"at_most": 4}}])
         self.assertIn("small: median: 9 ms", out.getvalue())
         self.assertIn("large: median: gone, and its goal with it\n", out.getvalue())
@@ -188,6 +192,26 @@ class Pages(Files):
         self.assertIn("with nothing changed after it, found 0123abc", recorded("0123abc"))
         self.assertEqual(recorded(TOOL.git(self.root, "rev-parse", "--short", "HEAD").stdout.strip()), "")
 
+    def test_what_was_not_recorded_needs_a_sentence(self):
+        def found(**change):
+            write_record(self.path("results", "speed", "frames.json"), {**RECORD, **change})
+            self.quiet(TOOL.write)
+            return self.faults()
+
+        place = "results/speed/frames.json: not_recorded: expected a sentence for each of "
+        cores_alone = {"processor": None, "cores": 2, "gpu": None}
+        for change, lacking in (({"command": None}, "command"), ({"commit": None}, "commit"), ({"date": None}, "date"),
+                                ({"machine": cores_alone}, "machine")):
+            with self.subTest(lacking):
+                self.assertEqual(found(**change), f"{place}['{lacking}'], found []")
+                self.assertEqual(found(**change, not_recorded={lacking: "It was lost."}), "")
+        self.assertEqual(found(not_recorded={"commit": "It was lost."}), f"{place}[], found ['commit']")
+        self.assertEqual(found(machine={**cores_alone, "gpu": "GPU"}), "")
+        columns = [{"case": "large", "name": name, "unit": "", "value": "A"} for name in ("commit", "machine")]
+        self.assertEqual(found(commit=None, machine=cores_alone, values=RECORD["values"] + columns), "")
+        self.assertIn("Commits in the table; 2026-01-02; machines in the table, 2 cores.",
+                      self.text("docs", "results", "speed.md"))
+
     def test_what_was_written_is_accepted_and_written_again_alike(self):
         before = self.text("docs", "results", "speed.md")
         self.quiet(TOOL.write)
@@ -224,6 +248,8 @@ class Pages(Files):
         text = pages.record_section(record, 2)
         self.assertIn("Commit not recorded; date not recorded; machine not recorded.", text)
         self.assertIn("The command was not recorded.", text)
+        text = pages.record_section({**record, "not_recorded": {"command": "It was lost.", "date": "Nobody knew."}}, 2)
+        self.assertIn("The command was not recorded. It was lost. Nobody knew.", " ".join(text.split()))
 
     def test_a_record_that_no_index_names_is_refused(self):
         write_record(self.path("results", "speed", "other.json"), RECORD)

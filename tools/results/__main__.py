@@ -2,7 +2,8 @@
 
   python3 tools/results write ROOT                  makes docs/results.md, docs/results/, docs/goals.md, and the tables in other pages
   python3 tools/results check ROOT                  exit code 1 if a page says something else than its records, a page of docs/
-                                                    has a figure without a record, or a record a commit that is none
+                                                    has a figure without a record, or a record has a commit that is
+                                                    none, or no sentence about what was not recorded
   python3 tools/results run WORK RECORD COMMAND     the record of a finished `segsim run`, and the command that makes it
   python3 tools/results take NEW... RECORD          puts newly measured records, joined, in place of RECORD, whose title, note
                                                     and goals stay; prints which figures have changed
@@ -18,7 +19,7 @@ import sys
 import headline
 import pages
 from figures import figures_without_record
-from record import BadRecord, read_record, read_index, write_atomically, write_record
+from record import BadRecord, lacking, read_record, read_index, write_atomically, write_record
 from run_record import joined, keep_words, run_record
 
 HEADLINE = re.compile(r"(<!-- records: ([a-z ]+) -->\n).*?(<!-- end of records -->)", re.DOTALL)
@@ -112,6 +113,16 @@ def strange_commits(root):
                        f"with nothing changed after it, found {commit}")
 
 
+def unexplained(root):
+    """Records that do not say why their command, commit, date or machine is missing."""
+    for subject in read_index(root)[0]:
+        for name, record in subject.records.items():
+            reasons = record.get("not_recorded", {})
+            if set(reasons) != set(lacking(record)):
+                yield (f"results/{subject.name}/{name}.json: not_recorded: expected a sentence for each of "
+                       f"{lacking(record)}, found {list(reasons)}")
+
+
 def check(root):
     wanted = wanted_pages(root)
     faults = [f"{page}: not what its records say; run python3 tools/results write {root}"
@@ -119,6 +130,7 @@ def check(root):
     faults += [f"{page}: no subject of results/ has this page" for page in left_over(root, wanted)]
     faults += figures_without_record(root, prose_pages(root, whole_pages([], [])))
     faults += strange_commits(root)
+    faults += unexplained(root)
     if faults:
         sys.exit("\n".join(faults))
 

@@ -2,7 +2,7 @@
 import decimal
 import textwrap
 
-from record import is_held, is_number, reaches_aim
+from record import in_table, is_held, is_number, reaches_aim
 
 WIDTH = 120
 MADE = "<!-- Made from results/{} by `python3 tools/results write .`: change the records, not this page. -->"
@@ -149,8 +149,9 @@ def paragraphs(note):
     return text.lstrip("\n")
 
 
-def machine_text(machine):
-    parts = [machine["gpu"], machine["processor"]]
+def machine_text(record):
+    machine = record["machine"]
+    parts = [machine["gpu"], machine["processor"] or ("machines in the table" if in_table(record, "machine") else None)]
     if machine["cores"]:
         parts.append(f"{machine['cores']} cores" if machine["cores"] > 1 else "1 core")
     parts.append(machine.get("conditions"))
@@ -158,9 +159,10 @@ def machine_text(machine):
 
 
 def provenance_text(record, more=""):
-    in_table = any(value["name"] == "commit" for value in record["values"])
-    commit = f"Commit {record['commit']}" if record["commit"] else "Commits in the table" if in_table else "Commit not recorded"
-    text = f"{commit}; {record['date'] or 'date not recorded'}; {machine_text(record['machine'])}."
+    commit = "Commits in the table" if in_table(record, "commit") else "Commit not recorded"
+    if record["commit"]:
+        commit = f"Commit {record['commit']}"
+    text = f"{commit}; {record['date'] or 'date not recorded'}; {machine_text(record)}."
     if record["command"] is None:
         text += " The command was not recorded."
     return wrapped(text + more)
@@ -171,7 +173,7 @@ def record_section(record, level):
     if record["command"] is not None:
         commands = record["command"] if isinstance(record["command"], list) else [record["command"]]
         parts.append("\n".join("    " + command for command in commands))
-    parts.append(provenance_text(record))
+    parts.append(provenance_text(record, "".join(f" {why}" for why in record.get("not_recorded", {}).values())))
     if record.get("note"):
         parts.append(paragraphs(record["note"]))
     parts += record_tables(record, level + 1)

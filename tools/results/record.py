@@ -8,7 +8,8 @@ import statistics
 
 SCHEMA = "segsim.record/1"
 SUBJECT_SCHEMA = "segsim.subject/1"
-FIELDS = {"schema", "title", "command", "commit", "date", "machine", "note", "facts", "values"}
+ORIGIN = ("command", "commit", "date", "machine")
+FIELDS = {"schema", "title", *ORIGIN, "note", "not_recorded", "facts", "values"}
 MACHINE_FIELDS = {"processor", "cores", "gpu", "conditions"}
 VALUE_FIELDS = {"table", "case", "name", "unit", "value", "interval95", "range", "count", "runs", "goal"}
 GOAL_FIELDS = {"at_most", "at_least", "is", "aim"}
@@ -94,7 +95,7 @@ def check_value(place, value):
 
 
 def check_record(place, record):
-    expect_fields(place, record, FIELDS, ("schema", "title", "command", "commit", "date", "machine", "values"))
+    expect_fields(place, record, FIELDS, ("schema", "title", *ORIGIN, "values"))
     expect(record["schema"] == SCHEMA, f"{place}: schema", SCHEMA, record["schema"])
     expect(is_text(record["title"]), f"{place}: title", "text", record["title"])
     command = record["command"]
@@ -113,6 +114,9 @@ def check_record(place, record):
     expect(machine["cores"] is None or isinstance(machine["cores"], int) and machine["cores"] > 0,
            f"{place}: machine.cores", "a number of cores or null", machine["cores"])
     expect_paragraphs(f"{place}: note", record.get("note", []))
+    reasons = record.get("not_recorded", {})
+    expect(isinstance(reasons, dict) and all(key in ORIGIN and is_text(why) for key, why in reasons.items()),
+           f"{place}: not_recorded", "a sentence for some of " + ", ".join(ORIGIN), reasons)
     facts = record.get("facts", {})
     expect(isinstance(facts, dict) and all(is_text(fact) for fact in facts.values()), f"{place}: facts", "texts by name", facts)
     expect(isinstance(record["values"], list) and record["values"], f"{place}: values", "a list of values",
@@ -123,6 +127,17 @@ def check_record(place, record):
         key = (value.get("table"), value.get("case"), value["name"])
         expect(key not in seen, f"{place}: values[{i}]", "another table, case or name than every value before", key)
         seen.add(key)
+
+
+def in_table(record, name):
+    return any(value["name"] == name for value in record["values"])
+
+
+def lacking(record):
+    """What of its origin neither the record nor a column of its tables tells. A number of cores is no machine."""
+    machine = record["machine"]
+    told = {**record, "machine": machine["processor"] or machine["gpu"]}
+    return [key for key in ORIGIN if told[key] is None and not in_table(record, key)]
 
 
 def read_json(path):
