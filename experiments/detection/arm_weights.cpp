@@ -1,5 +1,6 @@
 #include "experiments/detection/arm_weights.h"
 
+#include <map>
 #include <optional>
 #include <ostream>
 #include <string>
@@ -26,6 +27,7 @@ std::string describe_inputs(const fs::path& weights, const HeldOutSets& sets,
   for (const fs::path& file : {sets.validation, sets.test, sets.source, sets.unseen}) {
     text += "; " + (file.empty() ? std::string("none") : core::sha256_of_file(file));
   }
+  for (const std::string& name : sets.unknown_classes) text += "; without " + name;
   return text;
 }
 
@@ -61,13 +63,15 @@ void write_measurement(const fs::path& file, const std::string& inputs,
   core::write_file_atomically(file, [&](std::ostream& out) { out << json.dump(2) << '\n'; });
 }
 
+using Rename = std::map<std::string, std::string>;
+
 void choose_threshold(const fs::path& weights_file, const fs::path& validation,
-                      double precision_target, const fs::path& output) {
+                      const Rename& rename, double precision_target, const fs::path& output) {
   perception::DetectorWeights weights = perception::read_weights(weights_file);
   perception::CocoDataset dataset = perception::read_coco(validation);
   perception::add_data(weights, weights_file,
                        data_use(perception::DataPurpose::kValidation, dataset));
-  perception::match_classes(dataset, weights.class_names, {});
+  perception::match_classes(dataset, weights.class_names, rename);
   const auto results = perception::detect_all(weights_file, dataset);
   const auto points =
       perception::operating_points(results, static_cast<int>(weights.class_names.size()));
@@ -89,8 +93,13 @@ records::HeldOutPrecision prepare_arm_weights(const fs::path& weights, const Hel
     if (const auto known = read_measurement(record, inputs)) return *known;
   }
   if (on_measure) on_measure();
-  choose_threshold(weights, sets.validation, precision_target, output);
-  const perception::EvaluationReport report = perception::evaluate(output, sets.test);
+  Rename rename;
+  for (const std::string& name : sets.unknown_classes) rename[name] = "";
+  perception::EvaluateOptions evaluation;
+  evaluation.rename = rename;
+  choose_threshold(weights, sets.validation, rename, precision_target, output);
+  const perception::EvaluationReport report =
+      perception::evaluate(output, sets.test, evaluation);
   const perception::OperatingPoint& point = report.precision.operating;
   records::HeldOutPrecision result;
   result.views = report.images;
@@ -101,7 +110,7 @@ records::HeldOutPrecision prepare_arm_weights(const fs::path& weights, const Hel
   result.recall = point.recall();
   const auto ap50_on = [&](const fs::path& set) -> std::optional<double> {
     if (set.empty()) return std::nullopt;
-    return perception::evaluate(output, set).precision.ap50;
+    return perception::evaluate(output, set, evaluation).precision.ap50;
   };
   result.source_ap50 = ap50_on(sets.source);
   result.unseen_ap50 = ap50_on(sets.unseen);

@@ -6,6 +6,8 @@
 
 #include <filesystem>
 #include <functional>
+#include <string>
+#include <vector>
 
 #include "experiments/records/held_out_precision.h"
 
@@ -16,6 +18,8 @@ struct HeldOutSets {
   std::filesystem::path validation;      ///< The threshold is chosen on them.
   std::filesystem::path test;            ///< Other viewpoints of the training scenes.
   std::filesystem::path source, unseen;  ///< Empty: not measured.
+  /// Classes of these sets that the weights do not know: their boxes are left out.
+  std::vector<std::string> unknown_classes;
 };
 
 /// Writes `output`: the weights with the threshold that is chosen on the validation views

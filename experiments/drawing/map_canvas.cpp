@@ -4,7 +4,10 @@
 #include <array>
 #include <cmath>
 
+#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+
+#include "core/check.h"
 
 namespace segsim::experiments::drawing {
 namespace {
@@ -69,6 +72,13 @@ cv::Mat to_bgr(const core::Image<core::Rgb8>& image) {
     for (int x = 0; x < image.width_px(); ++x) to[x] = {from[x].b, from[x].g, from[x].r};
   }
   return bgr;
+}
+
+std::string encoded(const cv::Mat& bgr, const char* ending, int jpeg_quality) {
+  std::vector<unsigned char> bytes;
+  SEGSIM_CHECK(cv::imencode(ending, bgr, bytes, {cv::IMWRITE_JPEG_QUALITY, jpeg_quality}),
+               ending);
+  return {bytes.begin(), bytes.end()};
 }
 
 core::Image<core::Rgb8> from_bgr(const cv::Mat& bgr) {

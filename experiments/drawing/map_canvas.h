@@ -39,6 +39,8 @@ void draw_text(cv::Mat& image, const std::string& text, const cv::Point2d& at,
 /// RGB image to OpenCV's order and back.
 [[nodiscard]] cv::Mat to_bgr(const core::Image<core::Rgb8>& image);
 [[nodiscard]] core::Image<core::Rgb8> from_bgr(const cv::Mat& image);
+/// A file in memory. @param ending  ".jpg" or ".png".  @param jpeg_quality  1 ... 100.
+[[nodiscard]] std::string encoded(const cv::Mat& bgr, const char* ending, int jpeg_quality);
 
 class MapCanvas {
  public:

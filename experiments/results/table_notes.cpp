@@ -100,6 +100,17 @@ void note_start_region(ResultTable& table) {
                                   " m of the start of an evaluation episode.");
 }
 
+/// Goals that the detector did not know before it was tuned.
+void note_new_classes(ResultTable& table) {
+  const auto found = table.run.provenance.find("new_classes");
+  if (found == table.run.provenance.end()) return;
+  table.notes.push_back("New classes: \"" + table.before + "\" does not know " +
+                        found->second +
+                        ", and no trial for them can succeed by it; fine-tuning gave \"" +
+                        table.after + "\" heads of their own for them. The AP50 of \"" +
+                        table.before + "\" is that of the classes that it knows.");
+}
+
 /// The effect that this comparison is an experiment about.
 void note_paper(ResultTable& table) {
   const bool tuned = std::any_of(table.scenes.begin(), table.scenes.end(),
@@ -158,6 +169,7 @@ void note_comparison(ResultTable& table) {
   }
   note_leakage(table);
   note_start_region(table);
+  note_new_classes(table);
   note_paper(table);
   if (table.scenes.size() < kScenesForClaim) {
     table.notes.emplace_back(

@@ -60,6 +60,7 @@ Inputs prepare_inputs(const specs::ExperimentSpec& spec, const fs::path& work, i
   check_episodes(scenes.all(), work);
   Inputs inputs;
   inputs.detectors = detectors.finish(workers);
+  inputs.new_classes = detectors.new_classes();
   inputs.scenes = scenes.take();
   return inputs;
 }

@@ -28,6 +28,8 @@ std::filesystem::path prepare_scene(const specs::ExperimentSpec& spec,
 struct Inputs {
   std::vector<trials::LoadedScene> scenes;  ///< As many as spec.scenes, in that order.
   trials::PreparedDetectors detectors;
+  /// Goals that the detector 'before' does not know and fine-tuning teaches.
+  std::vector<std::string> new_classes;
 };
 
 /// Makes what is missing, and loads it: scenes and their episodes, views of them, weights

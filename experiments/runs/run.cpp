@@ -24,8 +24,10 @@
 #include "experiments/runs/prepare.h"
 #include "experiments/runs/run_provenance.h"
 #include "experiments/support/folder_lock.h"
+#include "experiments/support/listed.h"
 #include "experiments/support/step_record.h"
 #include "experiments/support/stop_signal.h"
+#include "experiments/trials/arm_detector.h"
 #include "experiments/trials/trial_runner.h"
 
 namespace segsim::experiments::runs {
@@ -89,6 +91,31 @@ std::int64_t open_run(records::Store& store, const specs::ExperimentSpec& spec,
   run.planned_trials = planned_trials;
   run.provenance = run_provenance(spec, options.shard);
   return store.begin_run(run, scenes, arms);
+}
+
+/// A goal that no detector of an arm knows would fail every trial without a word.
+/// @throws core::InputError
+void check_goals_known(const specs::ExperimentSpec& spec, const Inputs& inputs) {
+  for (const specs::ArmSpec& arm : spec.arms) {
+    if (arm.detector == specs::ArmDetector::kOracle || trials::is_prompted(arm)) continue;
+    std::optional<std::vector<std::string>> known;
+    for (const trials::LoadedScene& scene : inputs.scenes) {
+      if (scene.spec->reconstruction != arm.reconstruction) continue;
+      if (!known) {
+        known = trials::load_arm_detector(arm, inputs.detectors, scene)->class_names();
+        if (arm.detector == specs::ArmDetector::kBefore) {  // That is told in the table.
+          known->insert(known->end(), inputs.new_classes.begin(), inputs.new_classes.end());
+        }
+      }
+      const auto unknown = trials::unknown_goals(trials::searched_classes(scene), *known);
+      if (unknown.empty()) continue;
+      throw core::InputError::expected("scene " + scene.spec->name + ", arm " + arm.name,
+                                       "goals that its detector knows (" +
+                                           support::listed(*known) + "), or fine-tuning in " +
+                                           "that scene, which teaches new ones",
+                                       support::listed(unknown));
+    }
+  }
 }
 
 /// All cells of the experiment, scene by scene; the arms of an episode follow one another, so
@@ -357,6 +384,8 @@ RunReport run_experiment(const specs::ExperimentSpec& spec, const RunOptions& op
     preparation_of(spec, work).mark_done();
   }
 
+  check_goals_known(spec, inputs);
+
   // The run, and which of its trials are missing.
   records::Store store(results / "results.sqlite");
   const std::vector<trials::TrialTask> all = all_tasks(spec, inputs.scenes);
@@ -364,6 +393,9 @@ RunReport run_experiment(const specs::ExperimentSpec& spec, const RunOptions& op
   report.run_id =
       open_run(store, spec, options, scene_rows(inputs.scenes),
                arm_rows(spec, inputs.detectors, inputs.scenes), static_cast<int>(all.size()));
+  if (!inputs.new_classes.empty()) {
+    store.set_provenance(report.run_id, "new_classes", support::listed(inputs.new_classes));
+  }
   std::vector<records::TrialRow> trials = store.trials(report.run_id);
   std::vector<trials::TrialTask> tasks =
       unfinished(options.shard ? tasks_of(*options.shard, all) : all, trials);

@@ -8,7 +8,6 @@
 #include <ostream>
 
 #include <nlohmann/json.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "core/file_io.h"
@@ -44,19 +43,13 @@ std::string worker_name() {
   return name + "-" + std::to_string(::getpid()) + "-" + std::to_string(count++);
 }
 
-std::string encoded(const cv::Mat& image, const char* ending) {
-  std::vector<unsigned char> bytes;
-  cv::imencode(ending, image, bytes, {cv::IMWRITE_JPEG_QUALITY, kJpegQuality});
-  return {bytes.begin(), bytes.end()};
-}
-
 std::string encoded_picture(const core::Image<core::Rgb8>& image) {
   cv::Mat bgr = drawing::to_bgr(image);
   if (bgr.cols > kPictureWidth_px) {
     const double scale = static_cast<double>(kPictureWidth_px) / bgr.cols;
     cv::resize(bgr, bgr, cv::Size(), scale, scale, cv::INTER_AREA);
   }
-  return encoded(bgr, ".jpg");
+  return drawing::encoded(bgr, ".jpg", kJpegQuality);
 }
 
 /// One grey level per kind of cell, first row at the smallest y.
@@ -67,7 +60,7 @@ std::string encoded_cells(const core::Image<std::uint8_t>& cells) {
       grey.at<std::uint8_t>(y, x) = static_cast<std::uint8_t>(85 * cells(x, y));
     }
   }
-  return encoded(grey, ".png");
+  return drawing::encoded(grey, ".png", kJpegQuality);
 }
 
 double rounded(double value) { return std::round(value * 1e3) / 1e3; }

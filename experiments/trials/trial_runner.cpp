@@ -9,11 +9,10 @@
 #include "core/version.h"
 #include "experiments/drawing/trial_picture.h"
 #include "experiments/reproducibility/backend_warning.h"
+#include "experiments/trials/arm_detector.h"
 #include "experiments/trials/internal/trial_outputs.h"
 #include "experiments/trials/trial_options.h"
 #include "nav/policies/policy_registry.h"
-#include "perception/detector/detector.h"
-#include "perception/models/object_detector.h"
 #include "renderer/renderer_backend.h"
 #include "sim/trial/oracle_way.h"
 
@@ -21,41 +20,6 @@ namespace segsim::experiments::trials {
 namespace {
 
 namespace fs = std::filesystem;
-
-/// What is searched for in a scene, by the spec or by its episodes.
-std::vector<std::string> goal_names(const LoadedScene& scene) {
-  if (!scene.spec->goals.empty()) return scene.spec->goals;
-  std::vector<std::string> names;
-  for (const sim::Episode& episode : scene.episodes.episodes) {
-    names.push_back(episode.class_name);
-  }
-  std::sort(names.begin(), names.end());
-  names.erase(std::unique(names.begin(), names.end()), names.end());
-  return names;
-}
-
-/// Whether the arm's detector is asked for the goals of each scene.
-bool is_prompted(const specs::ArmSpec& arm) {
-  return arm.detector == specs::ArmDetector::kFile &&
-         perception::is_foreign_detector(arm.weights) && perception::needs_prompt(arm.weights);
-}
-
-/// Weights of this program, or a model of others (docs/models.md).
-std::unique_ptr<core::Detector> load_arm_detector(const fs::path& file,
-                                                  const specs::ArmSpec& arm,
-                                                  const LoadedScene& scene) {
-  std::optional<float> threshold;
-  if (arm.score_threshold) threshold = static_cast<float>(*arm.score_threshold);
-  if (!perception::is_foreign_detector(file)) {
-    perception::DetectorOptions options;
-    options.score_threshold = threshold;
-    return perception::load_detector(file, options);
-  }
-  perception::ObjectDetectorOptions options;
-  options.score_threshold = threshold;
-  if (perception::needs_prompt(file)) options.prompts = goal_names(scene);
-  return perception::load_object_detector(file, options);
-}
 
 sim::TrialOptions trial_options(const specs::ExperimentSpec& spec, const LoadedScene& loaded) {
   const sim::SuccessProfile rule = spec.success.rule();
@@ -247,7 +211,7 @@ TrialRunner::ArmDetectorSlot& TrialRunner::detector_for(const LoadedScene& scene
     slot.truth = detector.get();
     slot.detector = std::move(detector);
   } else {
-    slot.detector = load_arm_detector(weights_of(arm, detectors_).file, arm, scene);
+    slot.detector = load_arm_detector(arm, detectors_, scene);
   }
   return slot;
 }

@@ -13,7 +13,7 @@
 
 #include "core/bundle_parts.h"
 #include "core/scene_bundle.h"
-#include "experiments/commands/commands.h"
+#include "experiments/commands/scene/scene_commands.h"
 #include "experiments/scenes/coverage.h"
 #include "experiments/scenes/scene_surfels.h"
 #include "experiments/scenes/viewed_place.h"
@@ -21,7 +21,7 @@
 #include "sim/ground/robot.h"
 #include "sim/ground/world.h"
 
-namespace segsim::experiments::commands {
+namespace segsim::experiments::commands::scene {
 namespace {
 
 std::string labels_in_words(const scenes::SceneSurfels& scene) {
@@ -172,4 +172,4 @@ void add_scene_command(CLI::App& app) {
   add_scene_label(*scene);
 }
 
-}  // namespace segsim::experiments::commands
+}  // namespace segsim::experiments::commands::scene

@@ -11,13 +11,13 @@
 
 #include "core/file_io.h"
 #include "core/scene_bundle.h"
-#include "experiments/commands/commands.h"
+#include "experiments/commands/scene/scene_commands.h"
 #include "experiments/scenes/coverage_guide.h"
 #include "experiments/scenes/scene_surfels.h"
 #include "perception/data/image_file.h"
 #include "renderer/renderer_backend.h"
 
-namespace segsim::experiments::commands {
+namespace segsim::experiments::commands::scene {
 namespace {
 
 namespace fs = std::filesystem;
@@ -108,4 +108,4 @@ void add_scene_coverage(CLI::App& scene) {
   command->callback([flags] { run(*flags); });
 }
 
-}  // namespace segsim::experiments::commands
+}  // namespace segsim::experiments::commands::scene

@@ -5,11 +5,11 @@
 
 #include <CLI/CLI.hpp>
 
-#include "experiments/commands/commands.h"
+#include "experiments/commands/scene/scene_commands.h"
 #include "experiments/commands/serving.h"
 #include "experiments/scene_labels/label_server.h"
 
-namespace segsim::experiments::commands {
+namespace segsim::experiments::commands::scene {
 
 void add_scene_label(CLI::App& scene) {
   struct Flags {
@@ -31,4 +31,4 @@ void add_scene_label(CLI::App& scene) {
   });
 }
 
-}  // namespace segsim::experiments::commands
+}  // namespace segsim::experiments::commands::scene

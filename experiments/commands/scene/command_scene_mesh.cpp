@@ -11,7 +11,7 @@
 #include "core/bundle_parts.h"
 #include "core/error.h"
 #include "core/version.h"
-#include "experiments/commands/commands.h"
+#include "experiments/commands/scene/scene_commands.h"
 #include "experiments/scenes/bundle_shape.h"
 #include "experiments/scenes/coverage.h"
 #include "experiments/scenes/mesh_accuracy.h"
@@ -29,7 +29,7 @@
 #include "worlds/procedural/procedural_flat.h"
 #include "worlds/surface/mesh_distance.h"
 
-namespace segsim::experiments::commands {
+namespace segsim::experiments::commands::scene {
 namespace {
 
 namespace fs = std::filesystem;
@@ -238,4 +238,4 @@ void add_scene_mesh(CLI::App& scene) {
   add_mesh_error(scene);
 }
 
-}  // namespace segsim::experiments::commands
+}  // namespace segsim::experiments::commands::scene

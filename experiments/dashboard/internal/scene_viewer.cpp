@@ -1,11 +1,8 @@
 #include "experiments/dashboard/internal/scene_viewer.h"
 
 #include <algorithm>
-#include <bit>
-#include <cstring>
 
 #include <nlohmann/json.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "core/error.h"
@@ -14,6 +11,7 @@
 #include "experiments/drawing/frame_picture.h"
 #include "experiments/drawing/goal_boxes.h"
 #include "experiments/drawing/map_canvas.h"
+#include "experiments/support/append_bytes.h"
 #include "renderer/cpu_renderer.h"
 
 namespace segsim::experiments::dashboard::internal {
@@ -28,9 +26,7 @@ constexpr int kRenderThreads = 2;
 constexpr float kFaintest = 0.2F;  // Opacity of a surfel that becomes a point.
 
 std::string jpeg(const cv::Mat& image) {
-  std::vector<unsigned char> bytes;
-  cv::imencode(".jpg", image, bytes, {cv::IMWRITE_JPEG_QUALITY, kJpegQuality});
-  return {bytes.begin(), bytes.end()};
+  return drawing::encoded(image, ".jpg", kJpegQuality);
 }
 
 /// To the width of a pane, both ways.
@@ -68,20 +64,6 @@ void remember(std::list<std::pair<std::string, Value>>& list, const std::string&
   if (list.size() > most) list.pop_back();
 }
 
-template <class Value>
-void append(std::string& bytes, const Value& value) {
-  static_assert(std::endian::native == std::endian::little);
-  const std::size_t at = bytes.size();
-  bytes.resize(at + sizeof value);
-  std::memcpy(bytes.data() + at, &value, sizeof value);
-}
-
-void append(std::string& bytes, const core::Rgb8& color) {
-  for (const std::uint8_t channel : {color.r, color.g, color.b}) {
-    bytes += static_cast<char>(channel);
-  }
-}
-
 std::uint8_t as_byte(float value) {
   return static_cast<std::uint8_t>(std::clamp(255.0F * value + 0.5F, 0.0F, 255.0F));
 }
@@ -95,13 +77,15 @@ std::string point_bytes(const renderer::SurfelCloud& surfels, std::size_t most) 
   }
   const std::size_t count = std::min(most, solid.size());
   std::string bytes, colors, classes;
-  append(bytes, static_cast<std::uint32_t>(count));
+  support::append_bytes(bytes, static_cast<std::uint32_t>(count));
   for (std::size_t n = 0; n < count; ++n) {
     const std::size_t k = solid[n * solid.size() / count];
-    append(bytes, surfels.position_m[k]);
+    support::append_bytes(bytes, surfels.position_m[k]);
     const glm::vec3 color = 0.5F + renderer::kShC0 * surfels.sh[k * surfels.sh_count()];
-    append(colors, core::Rgb8{as_byte(color.x), as_byte(color.y), as_byte(color.z)});
-    append(classes, drawing::id_color(surfels.has_labels() ? surfels.semantic_id[k] : 0));
+    support::append_bytes(colors,
+                          core::Rgb8{as_byte(color.x), as_byte(color.y), as_byte(color.z)});
+    support::append_bytes(
+        classes, drawing::id_color(surfels.has_labels() ? surfels.semantic_id[k] : 0));
   }
   return bytes + colors + classes;
 }

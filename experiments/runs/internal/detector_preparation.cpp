@@ -9,6 +9,7 @@
 #include "experiments/detection/arm_weights.h"
 #include "experiments/detection/source_dataset.h"
 #include "experiments/support/side_by_side.h"
+#include "experiments/trials/arm_detector.h"
 #include "perception/checkpoint/weights_file.h"
 #include "perception/detector/detector.h"
 #include "perception/training/training.h"
@@ -151,20 +152,42 @@ const DetectorPreparation::HeldOutViews& DetectorPreparation::held_out(
 void DetectorPreparation::add_to(TaskGraph& graph) {
   const bool pretrains = wanted_ && !fs::exists(spec_.detectors.before);
   if (!pretrains && sets_.empty()) return;
-  std::vector<TaskGraph::Id> all_scenes;  // No hour of training for a scene that is refused.
-  if (pretrains) {
+  std::vector<TaskGraph::Id> all_scenes;
+  // No hour of training for a scene that is refused; and episodes tell which goals there are.
+  if (pretrains || !knows_all_goals()) {
     for (const SceneTask& scene : scenes_) all_scenes.push_back(scene.task);
   }
   const TaskGraph::Id before = graph.add(
       [this, pretrains] {
         if (pretrains) pretrain();
         // Only what is tuned must be weights of ours; else any model file will do.
-        if (sets_.empty()) return;
-        class_names_ = perception::read_weights(spec_.detectors.before).class_names;
+        if (!sets_.empty()) choose_classes();
       },
       all_scenes);
-  label_work_.emplace(LabelWork{class_names_, before, progress_, times_});
+  label_work_.emplace(LabelWork{class_names_, new_classes_, before, progress_, times_});
   for (LabelSet& set : sets_) set.add_to(graph, *label_work_);
+}
+
+bool DetectorPreparation::knows_all_goals() const {
+  const std::vector<std::string> known =
+      perception::read_weights(spec_.detectors.before).class_names;
+  const std::vector<const SceneTask*>& tuned = held_out(1).scenes;
+  return std::all_of(tuned.begin(), tuned.end(), [&](const SceneTask* scene) {
+    return !scene->spec->goals.empty() &&
+           trials::unknown_goals(scene->spec->goals, known).empty();
+  });
+}
+
+void DetectorPreparation::choose_classes() {
+  class_names_ = perception::read_weights(spec_.detectors.before).class_names;
+  if (knows_all_goals()) return;
+  for (const SceneTask* scene : held_out(1).scenes) {
+    for (const std::string& name :
+         trials::unknown_goals(trials::searched_classes(*scene->loaded), class_names_)) {
+      class_names_.push_back(name);
+      new_classes_.push_back(name);
+    }
+  }
 }
 
 void DetectorPreparation::pretrain() {
@@ -199,22 +222,23 @@ trials::PreparedDetectors DetectorPreparation::tuned(int workers) {
   const fs::path& before = spec_.detectors.before;
   std::vector<FineTuning> steps;
   for (std::size_t k = 0; k < trainings_.size(); ++k) {
-    steps.emplace_back(spec_, before, training_views_[k],
+    steps.emplace_back(spec_, before, new_classes_, training_views_[k],
                        held_out(trainings_[k].reconstruction).validation, trainings_[k],
                        work_);
   }
   fine_tune(spec_, steps, work_, workers, times_);
 
   std::vector<ArmWeights> arms;
-  const auto add = [&](const std::string& name, int reconstruction, const fs::path& weights) {
+  const auto add = [&](const std::string& name, int reconstruction, const fs::path& weights,
+                       const std::vector<std::string>& unknown) {
     const HeldOutViews& views = held_out(reconstruction);
-    arms.push_back({name, weights, {views.validation, views.test, {}, {}}, {}});
+    arms.push_back({name, weights, {views.validation, views.test, {}, {}, unknown}, {}});
   };
   for (int r = 1; r <= spec_.repetitions.reconstruct_seeds; ++r) {
-    add("before" + specs::repetition_suffix(spec_, r, std::nullopt), r, before);
+    add("before" + specs::repetition_suffix(spec_, r, std::nullopt), r, before, new_classes_);
   }
   for (std::size_t k = 0; k < trainings_.size(); ++k) {
-    add("after" + trainings_[k].suffix, trainings_[k].reconstruction, steps[k].output());
+    add("after" + trainings_[k].suffix, trainings_[k].reconstruction, steps[k].output(), {});
     arms.back().prepared.start_leak =
         start_leak(training_views_[k], held_out(trainings_[k].reconstruction).scenes,
                    spec_.detectors.finetune->start_clearance_m);

@@ -36,6 +36,9 @@ class DetectorPreparation {
   /// does not depend on how many.
   [[nodiscard]] trials::PreparedDetectors finish(int workers);
 
+  /// After the graph has run: goals that 'before' does not know and fine-tuning teaches.
+  [[nodiscard]] const std::vector<std::string>& new_classes() const { return new_classes_; }
+
  private:
   /// Views of one reconstruction that no training of it sees: they judge all its detectors.
   struct HeldOutViews {
@@ -45,6 +48,10 @@ class DetectorPreparation {
 
   [[nodiscard]] bool needs(specs::ArmDetector detector) const;
   void pretrain();
+  /// Fills in class_names_ and new_classes_.
+  void choose_classes();
+  /// Whether 'before' knows every class that the specs of the tuned scenes name as goals.
+  [[nodiscard]] bool knows_all_goals() const;
   std::filesystem::path add_set(int reconstruction, const char* purpose, std::uint64_t seed,
                                 const std::string& suffix);
   [[nodiscard]] const HeldOutViews& held_out(int reconstruction) const;
@@ -55,7 +62,7 @@ class DetectorPreparation {
   std::filesystem::path work_;
   support::StageTimes& times_;
   bool wanted_ = false;  ///< Some arm runs 'before' or 'after'.
-  std::vector<std::string> class_names_;
+  std::vector<std::string> class_names_, new_classes_;
   ViewProgress progress_;
   std::deque<LabelSet> sets_;            ///< Empty if nothing is tuned.
   std::optional<LabelWork> label_work_;  ///< Once tasks are added.

@@ -5,12 +5,14 @@
 #include <mutex>
 #include <numeric>
 #include <sstream>
+#include <utility>
 
 #include "core/file_io.h"
 #include "core/formatted.h"
 #include "core/progress.h"
 #include "experiments/detection/source_dataset.h"
 #include "experiments/support/side_by_side.h"
+#include "perception/checkpoint/weights_file.h"
 #include "perception/training/training.h"
 
 namespace segsim::experiments::runs::internal {
@@ -51,12 +53,14 @@ std::vector<Training> trainings_of(const specs::ExperimentSpec& spec) {
 }
 
 FineTuning::FineTuning(const specs::ExperimentSpec& spec, const fs::path& before,
-                       const fs::path& views, const fs::path& validation,
-                       const Training& training, const fs::path& work)
+                       std::vector<std::string> new_classes, const fs::path& views,
+                       const fs::path& validation, const Training& training,
+                       const fs::path& work)
     : finetune_(*spec.detectors.finetune),
       before_(before),
       views_(views),
       validation_(validation),
+      new_classes_(std::move(new_classes)),
       seed_(training.seed),
       output_(with_suffix(spec.detectors.after, training.suffix)),
       record_(work / ("detector-after" + training.suffix + ".step"), recipe()) {}
@@ -67,6 +71,11 @@ void FineTuning::make(const fs::path& mix,
                       const std::function<void(int, double)>& on_step) const {
   perception::TrainOptions train;
   train.initial_weights = before_;
+  if (!new_classes_.empty()) {
+    train.class_names = perception::read_weights(before_).class_names;
+    train.class_names.insert(train.class_names.end(), new_classes_.begin(),
+                             new_classes_.end());
+  }
   train.train_json = views_;
   train.validation_json = validation_;
   train.output = output_;
@@ -96,6 +105,7 @@ std::string FineTuning::recipe() const {
   if (finetune_.mix_share > 0.0) {
     text << ", mixed " << finetune_.mix_share << " of " << finetune_.mix_rooms << " rooms";
   }
+  for (const std::string& name : new_classes_) text << ", new " << name;
   return text.str();
 }
 

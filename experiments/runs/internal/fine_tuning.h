@@ -32,9 +32,11 @@ struct Training {
 class FineTuning {
  public:
   /// @param views, validation  Data sets.
+  /// @param new_classes  Those that `before` does not know: each gets a head of its own.
   FineTuning(const specs::ExperimentSpec& spec, const std::filesystem::path& before,
-             const std::filesystem::path& views, const std::filesystem::path& validation,
-             const Training& training, const std::filesystem::path& work);
+             std::vector<std::string> new_classes, const std::filesystem::path& views,
+             const std::filesystem::path& validation, const Training& training,
+             const std::filesystem::path& work);
 
   [[nodiscard]] const std::filesystem::path& output() const { return output_; }
   [[nodiscard]] bool is_current() const;
@@ -48,6 +50,7 @@ class FineTuning {
 
   const specs::FinetuneSpec& finetune_;
   std::filesystem::path before_, views_, validation_;
+  std::vector<std::string> new_classes_;
   std::uint64_t seed_;
   std::filesystem::path output_;
   support::StepRecord record_;

@@ -78,7 +78,7 @@ void LabelSet::add_to(support::TaskGraph& graph, const LabelWork& work) {
   std::vector<support::TaskGraph::Id> needs{work.classes_known};
   if (fs::exists(json())) {  // Whether it is this set, all scenes tell.
     for (const SceneTask* scene : scenes_) needs.push_back(scene->task);
-    needs = {graph.add([this] { is_current_ = record().is_current(); }, needs)};
+    needs = {graph.add([this, &work] { is_current_ = record(work).is_current(); }, needs)};
   }
   std::vector<support::TaskGraph::Id> parts;
   for (std::size_t k = 0; k < scenes_.size(); ++k) {
@@ -87,7 +87,7 @@ void LabelSet::add_to(support::TaskGraph& graph, const LabelWork& work) {
     of_part.push_back(scenes_[k]->task);
     parts.push_back(graph.add([this, k, &work] { draw(k, work); }, of_part));
   }
-  graph.add([this] { write(); }, parts);
+  graph.add([this, &work] { write(work); }, parts);
 }
 
 void LabelSet::draw(std::size_t k, const LabelWork& work) {
@@ -120,17 +120,17 @@ void LabelSet::draw(std::size_t k, const LabelWork& work) {
           .dataset;
 }
 
-void LabelSet::write() const {
+void LabelSet::write(const LabelWork& work) const {
   if (is_current_) return;
   perception::CocoDataset all;
   for (const perception::CocoDataset& of_scene : drawn_) {
     detection::append_dataset(all, of_scene);
   }
   perception::write_coco(json(), all);
-  record().mark_done();
+  record(work).mark_done();
 }
 
-support::StepRecord LabelSet::record() const {
+support::StepRecord LabelSet::record(const LabelWork& work) const {
   const core::CameraIntrinsics camera = view_camera(spec_);
   const specs::FinetuneSpec& finetune = *spec_.detectors.finetune;
   std::ostringstream text;
@@ -138,6 +138,7 @@ support::StepRecord LabelSet::record() const {
        << rule_.facing_share << " facing, seed " << seed_ << ", robot " << spec_.robot.name
        << ", " << camera.width_px << "x" << camera.height_px << " f " << camera.fx_px
        << ", pitch " << spec_.camera.pitch_down_deg;
+  for (const std::string& name : work.new_classes) text << ", new " << name;
   for (const SceneTask* scene : scenes_) {
     text << "; " << scene->spec->name << " at " << scene->spec->camera_height_m << " m "
          << core::sha256_of_file(scene->spec->bundle / "scene.yaml");

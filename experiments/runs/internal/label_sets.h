@@ -54,6 +54,7 @@ class ViewProgress {
 /// What the tasks of all sets share.
 struct LabelWork {
   const std::vector<std::string>& class_names;  ///< Known when `classes_known` has ended.
+  const std::vector<std::string>& new_classes;  ///< Those of them that the detector learns.
   support::TaskGraph::Id classes_known;
   ViewProgress& progress;
   support::StageTimes& times;
@@ -75,9 +76,9 @@ class LabelSet {
 
  private:
   void draw(std::size_t scene, const LabelWork& work);
-  void write() const;
+  void write(const LabelWork& work) const;
   /// Needs all scenes.
-  [[nodiscard]] support::StepRecord record() const;
+  [[nodiscard]] support::StepRecord record(const LabelWork& work) const;
 
   const specs::ExperimentSpec& spec_;
   std::vector<const SceneTask*> scenes_;

@@ -1,30 +1,18 @@
 #include "experiments/scene_labels/internal/label_views.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
-#include <cstring>
 #include <numbers>
-#include <vector>
-
-#include <opencv2/imgcodecs.hpp>
 
 #include "core/error.h"
 #include "experiments/drawing/map_canvas.h"
+#include "experiments/support/append_bytes.h"
 #include "renderer/cpu_renderer.h"
 
 namespace segsim::experiments::scene_labels::internal {
 namespace {
 
 constexpr int kJpegQuality = 90;
-
-template <class Value>
-void append(std::string& bytes, const Value& value) {
-  static_assert(std::endian::native == std::endian::little);
-  const std::size_t at = bytes.size();
-  bytes.resize(at + sizeof value);
-  std::memcpy(bytes.data() + at, &value, sizeof value);
-}
 
 int between(int value, int low, int high) { return std::max(low, std::min(value, high)); }
 
@@ -82,17 +70,14 @@ const core::Frame& LabelViews::frame(const ViewRequest& view) {
 }
 
 std::string LabelViews::jpeg(const ViewRequest& view) {
-  std::vector<unsigned char> bytes;
-  cv::imencode(".jpg", drawing::to_bgr(frame(view).rgb), bytes,
-               {cv::IMWRITE_JPEG_QUALITY, kJpegQuality});
-  return {bytes.begin(), bytes.end()};
+  return drawing::encoded(drawing::to_bgr(frame(view).rgb), ".jpg", kJpegQuality);
 }
 
 std::string LabelViews::ids(const ViewRequest& view) {
   const core::Frame& of = frame(view);
   std::string bytes;
-  append(bytes, static_cast<std::uint32_t>(of.instance.width_px()));
-  append(bytes, static_cast<std::uint32_t>(of.instance.height_px()));
+  support::append_bytes(bytes, static_cast<std::uint32_t>(of.instance.width_px()));
+  support::append_bytes(bytes, static_cast<std::uint32_t>(of.instance.height_px()));
   const std::size_t n = of.instance.size();
   for (std::size_t i = 0; i < n;) {
     const std::uint16_t instance = of.instance.data()[i], class_id = of.semantic.data()[i];
@@ -101,9 +86,9 @@ std::string LabelViews::ids(const ViewRequest& view) {
            of.semantic.data()[end] == class_id) {
       ++end;
     }
-    append(bytes, instance);
-    append(bytes, class_id);
-    append(bytes, static_cast<std::uint16_t>(end - i));
+    support::append_bytes(bytes, instance);
+    support::append_bytes(bytes, class_id);
+    support::append_bytes(bytes, static_cast<std::uint16_t>(end - i));
     i = end;
   }
   return bytes;

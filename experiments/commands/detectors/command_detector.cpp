@@ -5,13 +5,13 @@
 #include <CLI/CLI.hpp>
 
 #include "core/file_io.h"
-#include "experiments/commands/commands.h"
+#include "experiments/commands/detectors/detector_commands.h"
 #include "experiments/detection/seen_data.h"
 #include "experiments/support/text_grid.h"
 #include "perception/data/dataset.h"
 #include "perception/detector/evaluate.h"
 
-namespace segsim::experiments::commands {
+namespace segsim::experiments::commands::detectors {
 namespace {
 
 namespace fs = std::filesystem;
@@ -122,4 +122,4 @@ void add_detector_command(CLI::App& app) {
   add_detector_forward(*detector);
 }
 
-}  // namespace segsim::experiments::commands
+}  // namespace segsim::experiments::commands::detectors

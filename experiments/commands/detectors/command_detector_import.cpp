@@ -5,11 +5,11 @@
 #include <CLI/CLI.hpp>
 
 #include "core/file_io.h"
-#include "experiments/commands/commands.h"
+#include "experiments/commands/detectors/detector_commands.h"
 #include "perception/yolov13/import.h"
 #include "perception/yolov13/tensor_run.h"
 
-namespace segsim::experiments::commands {
+namespace segsim::experiments::commands::detectors {
 namespace {
 
 namespace fs = std::filesystem;
@@ -102,4 +102,4 @@ void add_detector_forward(CLI::App& detector) {
   });
 }
 
-}  // namespace segsim::experiments::commands
+}  // namespace segsim::experiments::commands::detectors

@@ -8,13 +8,13 @@
 #include <CLI/CLI.hpp>
 
 #include "core/file_io.h"
-#include "experiments/commands/commands.h"
+#include "experiments/commands/detectors/detector_commands.h"
 #include "experiments/detection/source_dataset.h"
 #include "perception/checkpoint/weights_file.h"
 #include "perception/training/training.h"
 #include "perception/training/training_config.h"
 
-namespace segsim::experiments::commands {
+namespace segsim::experiments::commands::detectors {
 namespace {
 
 namespace fs = std::filesystem;
@@ -195,4 +195,4 @@ void add_detector_training(CLI::App& detector) {
   add_finetune(detector);
 }
 
-}  // namespace segsim::experiments::commands
+}  // namespace segsim::experiments::commands::detectors

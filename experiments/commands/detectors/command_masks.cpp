@@ -14,7 +14,7 @@
 #include "core/process/measurement_record.h"
 #include "core/progress.h"
 #include "core/scene_bundle.h"
-#include "experiments/commands/commands.h"
+#include "experiments/commands/detectors/detector_commands.h"
 #include "experiments/drawing/frame_picture.h"
 #include "experiments/scenes/scene_source.h"
 #include "experiments/scenes/scene_surfels.h"
@@ -25,7 +25,7 @@
 #include "reconstruction/datasets/mask_files.h"
 #include "renderer/cpu_renderer.h"
 
-namespace segsim::experiments::commands {
+namespace segsim::experiments::commands::detectors {
 namespace {
 
 namespace fs = std::filesystem;
@@ -372,4 +372,4 @@ void add_masks_command(CLI::App& app) {
   add_masks_make(*command);
 }
 
-}  // namespace segsim::experiments::commands
+}  // namespace segsim::experiments::commands::detectors

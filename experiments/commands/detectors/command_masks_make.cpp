@@ -8,13 +8,13 @@
 
 #include "core/error.h"
 #include "core/formatted.h"
-#include "experiments/commands/commands.h"
+#include "experiments/commands/detectors/detector_commands.h"
 #include "experiments/detection/box_masks.h"
 #include "experiments/scenes/scene_source.h"
 #include "experiments/support/text_grid.h"
 #include "perception/data/image_file.h"
 
-namespace segsim::experiments::commands {
+namespace segsim::experiments::commands::detectors {
 namespace {
 
 namespace fs = std::filesystem;
@@ -133,4 +133,4 @@ void add_masks_make(CLI::App& masks) {
   command->callback([flags] { run(*flags); });
 }
 
-}  // namespace segsim::experiments::commands
+}  // namespace segsim::experiments::commands::detectors

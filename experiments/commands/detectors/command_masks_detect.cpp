@@ -5,11 +5,11 @@
 #include <CLI/CLI.hpp>
 
 #include "core/error.h"
-#include "experiments/commands/commands.h"
+#include "experiments/commands/detectors/detector_commands.h"
 #include "experiments/detection/open_vocabulary_masks.h"
 #include "reconstruction/datasets/rgbd_sequence.h"
 
-namespace segsim::experiments::commands {
+namespace segsim::experiments::commands::detectors {
 namespace {
 
 namespace fs = std::filesystem;
@@ -74,4 +74,4 @@ void add_masks_detect(CLI::App& masks) {
   command->callback([flags] { run(*flags); });
 }
 
-}  // namespace segsim::experiments::commands
+}  // namespace segsim::experiments::commands::detectors

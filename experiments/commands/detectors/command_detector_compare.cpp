@@ -8,7 +8,7 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
-#include "experiments/commands/commands.h"
+#include "experiments/commands/detectors/detector_commands.h"
 #include "experiments/detection/comparison_files.h"
 #include "experiments/detection/label_report.h"
 #include "experiments/detection/photo_dataset.h"
@@ -19,7 +19,7 @@
 #include "perception/checkpoint/weights_file.h"
 #include "reconstruction/datasets/box_annotation.h"
 
-namespace segsim::experiments::commands {
+namespace segsim::experiments::commands::detectors {
 namespace {
 
 namespace fs = std::filesystem;
@@ -248,4 +248,4 @@ void add_detector_compare(CLI::App& detector) {
   score_command->callback([score_flags] { score(*score_flags); });
 }
 
-}  // namespace segsim::experiments::commands
+}  // namespace segsim::experiments::commands::detectors

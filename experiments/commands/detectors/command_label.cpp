@@ -8,7 +8,7 @@
 
 #include "core/error.h"
 #include "core/scene_bundle.h"
-#include "experiments/commands/commands.h"
+#include "experiments/commands/detectors/detector_commands.h"
 #include "experiments/detection/label_report.h"
 #include "experiments/detection/view_labels.h"
 #include "experiments/episodes/episodes.h"
@@ -16,7 +16,7 @@
 #include "sim/ground/robot.h"
 #include "worlds/procedural/procedural_furniture.h"
 
-namespace segsim::experiments::commands {
+namespace segsim::experiments::commands::detectors {
 namespace {
 
 namespace fs = std::filesystem;
@@ -242,4 +242,4 @@ void add_label_command(CLI::App& app) {
   command->callback([flags] { label(*flags); });
 }
 
-}  // namespace segsim::experiments::commands
+}  // namespace segsim::experiments::commands::detectors

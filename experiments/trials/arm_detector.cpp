@@ -1,0 +1,61 @@
+#include "experiments/trials/arm_detector.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <optional>
+
+#include "perception/detector/detector.h"
+#include "perception/models/object_detector.h"
+
+namespace segsim::experiments::trials {
+namespace {
+
+/// What is searched for in a scene, by the spec or by its episodes.
+std::vector<std::string> goal_names(const LoadedScene& scene) {
+  return scene.spec->goals.empty() ? searched_classes(scene) : scene.spec->goals;
+}
+
+}  // namespace
+
+bool is_prompted(const specs::ArmSpec& arm) {
+  return arm.detector == specs::ArmDetector::kFile &&
+         perception::is_foreign_detector(arm.weights) && perception::needs_prompt(arm.weights);
+}
+
+std::unique_ptr<core::Detector> load_arm_detector(const specs::ArmSpec& arm,
+                                                  const PreparedDetectors& detectors,
+                                                  const LoadedScene& scene) {
+  const std::filesystem::path file = weights_of(arm, detectors).file;
+  std::optional<float> threshold;
+  if (arm.score_threshold) threshold = static_cast<float>(*arm.score_threshold);
+  if (!perception::is_foreign_detector(file)) {
+    perception::DetectorOptions options;
+    options.score_threshold = threshold;
+    return perception::load_detector(file, options);
+  }
+  perception::ObjectDetectorOptions options;
+  options.score_threshold = threshold;
+  if (perception::needs_prompt(file)) options.prompts = goal_names(scene);
+  return perception::load_object_detector(file, options);
+}
+
+std::vector<std::string> searched_classes(const LoadedScene& scene) {
+  std::vector<std::string> names;
+  for (const sim::Episode& episode : scene.episodes.episodes) {
+    names.push_back(episode.class_name);
+  }
+  std::sort(names.begin(), names.end());
+  names.erase(std::unique(names.begin(), names.end()), names.end());
+  return names;
+}
+
+std::vector<std::string> unknown_goals(const std::vector<std::string>& goals,
+                                       const std::vector<std::string>& known) {
+  std::vector<std::string> unknown = goals;
+  std::erase_if(unknown, [&](const std::string& name) {
+    return std::find(known.begin(), known.end(), name) != known.end();
+  });
+  return unknown;
+}
+
+}  // namespace segsim::experiments::trials

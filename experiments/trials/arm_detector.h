@@ -1,0 +1,32 @@
+#pragma once
+
+/// @file
+/// The detector of an arm: weights of this program, or a model of others (docs/models.md).
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/stages.h"
+#include "experiments/specs/spec.h"
+#include "experiments/trials/prepared_detectors.h"
+#include "experiments/trials/trial_runner.h"
+
+namespace segsim::experiments::trials {
+
+/// Whether the arm's detector is asked for the goals of each scene.
+[[nodiscard]] bool is_prompted(const specs::ArmSpec& arm);
+
+/// @param arm  Not the oracle's.
+/// @throws core::InputError if its file is missing or damaged.
+[[nodiscard]] std::unique_ptr<core::Detector> load_arm_detector(
+    const specs::ArmSpec& arm, const PreparedDetectors& detectors, const LoadedScene& scene);
+
+/// Goals of the scene's episodes, sorted.
+[[nodiscard]] std::vector<std::string> searched_classes(const LoadedScene& scene);
+
+/// Those of `goals` that are not among `known`: a robot could never find them.
+[[nodiscard]] std::vector<std::string> unknown_goals(const std::vector<std::string>& goals,
+                                                     const std::vector<std::string>& known);
+
+}  // namespace segsim::experiments::trials
