@@ -278,6 +278,10 @@ void print_scene(const episodes::HabitatScene& scene, const episodes::EpisodeSet
       "unreachable: %d, blocked start: %d\n",
       "", goals, counts.view_points, counts.view_points_of_other_floors, counts.goal_sets,
       counts.other_floor, counts.unreachable, counts.blocked_start);
+  if (scene.other_tasks > 0) {
+    std::printf("%-16s left out: %d tasks that describe an object or show its picture\n", "",
+                scene.other_tasks);
+  }
 }
 
 void import(const ImportFlags& flags) {

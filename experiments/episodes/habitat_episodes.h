@@ -7,6 +7,12 @@
 ///     <split>/<split>.json.gz              classes, often no episode
 ///     <split>/content/<scene>.json.gz      episodes and goals_by_category of one scene
 ///
+/// and two benchmarks that extend them: HM3D-OVON (naokiyokoyama/ovon), whose goals have
+/// children categories and whose objects have names for ids, and GOAT-Bench
+/// (Ram81/goat-bench), whose episodes are lists of tasks. A task that names a category is an
+/// episode here, from the start of its list; those that describe an object or show its picture
+/// are counted and left out.
+///
 /// Habitat's frame has y up; its agent looks along -z. Ours has z up, the robot looks along
 /// +x:
 ///
@@ -56,7 +62,7 @@ struct HabitatGoal {
 };
 
 struct HabitatEpisode {
-  std::string episode_id;  ///< Of the file; not always unique.
+  std::string episode_id;  ///< Of the file; not always unique. "7/2": third task of episode 7.
   int index = 0;           ///< In its file; Habitat's loader makes it the id.
   std::string sha256;      ///< Of the episode as written in the file.
   std::string scene_id;
@@ -72,6 +78,7 @@ struct HabitatScene {
   std::filesystem::path file;
   std::map<std::string, std::vector<HabitatGoal>> goals;  ///< By category.
   std::vector<HabitatEpisode> episodes;                   ///< In the file's order.
+  int other_tasks = 0;  ///< Of GOAT-Bench, by description or picture.
 };
 
 struct HabitatDataset {

@@ -40,11 +40,19 @@ std::optional<double> optional_number(const Json& json, const char* key) {
   return found->get<double>();
 }
 
+/// Numbers in HM3D, text in some older sets, and names that end in the number in OVON's and
+/// GOAT-Bench's ("chair_12").
+int object_id_from(const Json& json) {
+  if (!json.is_string()) return json.get<int>();
+  const std::string text = json.get<std::string>();
+  const std::size_t digits = text.find_last_not_of("0123456789") + 1;
+  if (digits == text.size()) throw std::runtime_error("an object_id has no number");
+  return std::stoi(text.substr(digits));
+}
+
 HabitatGoal goal_from(const Json& json) {
   HabitatGoal goal;
-  // Object ids are numbers in HM3D and text in some older sets.
-  const Json& id = json.at("object_id");
-  goal.object_id = id.is_string() ? std::stoi(id.get<std::string>()) : id.get<int>();
+  goal.object_id = object_id_from(json.at("object_id"));
   if (json.contains("object_name") && json["object_name"].is_string()) {
     goal.object_name = json["object_name"];
   }
@@ -68,14 +76,15 @@ std::string scene_file_name(const std::string& scene_id) {
   return fs::path(scene_id).filename().string();
 }
 
-HabitatEpisode episode_from(const Json& json, int index) {
+/// @param category  What is searched for.
+HabitatEpisode episode_from(const Json& json, const std::string& category, int index) {
   HabitatEpisode episode;
   const Json& id = json.at("episode_id");
   episode.episode_id = id.is_string() ? id.get<std::string>() : id.dump();
   episode.index = index;
   episode.sha256 = core::sha256_hex(json.dump());
   episode.scene_id = json.at("scene_id");
-  episode.category = json.at("object_category");
+  episode.category = category;
   episode.start_habitat_m = vector_from(json.at("start_position"));
   episode.R_habitat_start = rotation_from(json.at("start_rotation"));
   if (json.contains("info") && json["info"].is_object()) {
@@ -93,13 +102,18 @@ class FileReader {
 
   void read(const Json& root) {
     const Json& episodes = at("the top", root, "episodes");
-    const Json& by_category =
-        root.contains("goals_by_category") ? root["goals_by_category"] : none_;
-    int index = 0;
+    const Json& by_category = root.contains("goals_by_category") ? root["goals_by_category"]
+                              : root.contains("goals") ? root["goals"]  // GOAT-Bench.
+                                                       : none_;
+    int k = 0;
     for (const Json& json : episodes) {
-      const std::string place = "episodes[" + std::to_string(index) + "]";
-      guarded(place, [&] { add(json, index, by_category); });
-      ++index;
+      guarded("episodes[" + std::to_string(k++) + "]", [&] {
+        if (json.contains("tasks")) {
+          add_tasks(json, by_category);
+        } else {
+          add(episode_from(json, json.at("object_category"), index_++), json, by_category);
+        }
+      });
     }
   }
 
@@ -119,8 +133,33 @@ class FileReader {
                                      std::string("the key \"") + key + "\"", "none");
   }
 
-  void add(const Json& json, int index, const Json& by_category) {
-    HabitatEpisode episode = episode_from(json, index);
+  /// An episode of GOAT-Bench: [category, "object" | "description" | "image", object id, ...].
+  void add_tasks(const Json& json, const Json& by_category) {
+    int k = 0;
+    for (const Json& task : json.at("tasks")) {
+      const std::string number = std::to_string(k++);
+      HabitatEpisode episode = episode_from(json, task.at(0), index_);
+      if (task.at(1) != "object") {
+        ++scene_of(episode).other_tasks;
+        continue;
+      }
+      ++index_;
+      episode.episode_id += "/" + number;
+      // Lengths in the file are those of its whole list.
+      episode.geodesic_m = episode.euclidean_m = std::nullopt;
+      add(std::move(episode), json, by_category);
+    }
+  }
+
+  void add(HabitatEpisode episode, const Json& json, const Json& by_category) {
+    HabitatScene& scene = scene_of(episode);
+    if (!scene.goals.contains(episode.category)) {
+      scene.goals[episode.category] = goals_of(episode, json, by_category);
+    }
+    scene.episodes.push_back(std::move(episode));
+  }
+
+  HabitatScene& scene_of(const HabitatEpisode& episode) {
     const std::string scene_file = scene_file_name(episode.scene_id);
     HabitatScene& scene = scenes_[scene_file];
     if (scene.name.empty()) {
@@ -128,21 +167,35 @@ class FileReader {
       scene.scene_id = episode.scene_id;
       scene.file = file_;
     }
-    if (!scene.goals.contains(episode.category)) {
-      const std::string key = scene_file + "_" + episode.category;
-      // Older files keep the goals inside the episodes; the first of a category has them.
-      const bool inside = !by_category.contains(key);
-      std::vector<HabitatGoal> goals = inside ? goals_from(json.value("goals", Json::array()))
-                                              : goals_from(by_category[key]);
-      if (goals.empty()) throw std::runtime_error("no goal under \"" + key + "\"");
-      scene.goals[episode.category] = std::move(goals);
+    return scene;
+  }
+
+  std::vector<HabitatGoal> goals_of(const HabitatEpisode& episode, const Json& json,
+                                    const Json& by_category) {
+    const auto key_of = [&](const std::string& category) {
+      return scene_file_name(episode.scene_id) + "_" + category;
+    };
+    const std::string key = key_of(episode.category);
+    // Older files keep the goals inside the episodes; the first of a category has them.
+    const bool inside = !by_category.contains(key);
+    const Json own = inside ? json.value("goals", Json::array()) : by_category[key];
+    std::vector<HabitatGoal> goals = goals_from(own);
+    if (goals.empty()) throw std::runtime_error("no goal under \"" + key + "\"");
+    // "chair" of OVON is satisfied by an "armchair" as well.
+    const Json& with_children = json.contains("children_object_categories") ? json : own[0];
+    const Json children = with_children.value("children_object_categories", Json::array());
+    for (const Json& child : children) {
+      const auto found = by_category.find(key_of(child));
+      if (found == by_category.end()) continue;
+      for (HabitatGoal& goal : goals_from(*found)) goals.push_back(std::move(goal));
     }
-    scene.episodes.push_back(std::move(episode));
+    return goals;
   }
 
   const fs::path& file_;
   std::map<std::string, HabitatScene>& scenes_;
   const Json none_ = Json::object();
+  int index_ = 0;  ///< Of the next episode.
 };
 
 Json parse_gzip(const fs::path& file) {
