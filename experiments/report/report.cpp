@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <map>
+#include <optional>
 #include <ostream>
 #include <set>
 
@@ -145,6 +146,16 @@ std::uintmax_t bytes_below(const fs::path& folder) {
   return bytes;
 }
 
+/// Those beside the results, if they are of this run's spec: `segsim run` writes them at its
+/// end.
+std::optional<reproducibility::DigestRecord> digests_of(const results::StoredRun& stored) {
+  const fs::path file = stored.folder / "digests.json";
+  if (stored.folder.empty() || !fs::exists(file)) return std::nullopt;
+  reproducibility::DigestRecord found = reproducibility::read_digests(file);
+  if (found.spec_sha256 != stored.run.spec_sha256) return std::nullopt;
+  return found;
+}
+
 }  // namespace
 
 namespace internal {
@@ -192,6 +203,7 @@ std::string fate_in_words(const std::string& fate) {
 ReportSummary write_report(const results::StoredRun& stored, const ReportOptions& options) {
   ReportModel model;
   model.stored = &stored;
+  model.digests = digests_of(stored);
   model.table = results::summarise(stored, options.before, options.after);
   for (const records::TrialRow& trial : stored.trials)
     model.trials.emplace_back().row = &trial;

@@ -8,6 +8,7 @@
 #include "core/formatted.h"
 #include "experiments/report/internal/html.h"
 #include "experiments/report/internal/report_model.h"
+#include "experiments/reproducibility/machine_record.h"
 #include "experiments/results/insight_grids.h"
 #include "experiments/results/table_grids.h"
 #include "experiments/results/training_grids.h"
@@ -382,6 +383,26 @@ std::string notes_section(const ReportModel& model) {
          "href=\"trials.csv\">trials.csv</a></p></div>\n";
 }
 
+/// What every stage made, for a comparison with another machine; nothing of an unfinished run.
+std::string digests_section(const ReportModel& model) {
+  if (!model.digests) return {};
+  const reproducibility::MachineRecord& machine = model.digests->machine;
+  std::string html =
+      "<h2 id=\"digests\">Digests of the stages</h2>\n<div class=\"box\"><p>Another machine "
+      "that "
+      "computes the same bits has these digests, too: <code>segsim doctor --digests</code> "
+      "compares two runs and names the first stage that differs. Computed on " +
+      html_escaped(reproducibility::processor_in_words(machine)) + " with " +
+      html_escaped(core::to_string(machine.kernels)) +
+      " kernels.</p>\n<table><tr><th>stage</th><th>of</th><th>SHA-256</th></tr>\n";
+  for (const reproducibility::StageDigest& digest : model.digests->stages) {
+    html += std::string("<tr><td>") + reproducibility::to_string(digest.stage) + "</td><td>" +
+            html_escaped(digest.subject) + "</td><td><code>" + html_escaped(digest.sha256) +
+            "</code></td></tr>\n";
+  }
+  return html + "</table></div>\n";
+}
+
 /// A heading with the figures below, or nothing without figures.
 std::string plots(const std::string& id, const std::string& title,
                   const std::string& figures) {
@@ -404,6 +425,7 @@ std::string index_body(const ReportModel& model) {
                      (model.maps.empty() ? "" : "<a href=\"#maps\">Maps</a>") +
                      "<a href=\"#tables\">Tables</a>" +
                      (latency.empty() ? "" : "<a href=\"#latency\">Latency</a>") +
+                     (model.digests ? "<a href=\"#digests\">Digests</a>" : "") +
                      "<a href=\"#notes\">Notes</a></nav>\n<div class=\"cards\">\n" +
                      better_card(model) + sure_card(model) + why_card(model) + "</div>\n";
   html += plots("plots", "Success and failure",
@@ -412,7 +434,7 @@ std::string index_body(const ReportModel& model) {
   for (const SceneMap& map : model.maps) html += map_section(model, map);
   html += tables_section(model);
   html += plots("latency", "Latency", latency);
-  return html + notes_section(model);
+  return html + digests_section(model) + notes_section(model);
 }
 
 }  // namespace segsim::experiments::report::internal

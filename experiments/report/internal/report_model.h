@@ -3,11 +3,13 @@
 /// @file
 /// What the pages of a report are made of.
 
+#include <optional>
 #include <string>
 #include <vector>
 
 #include <glm/vec2.hpp>
 
+#include "experiments/reproducibility/stage_digests.h"
 #include "experiments/results/stored_run.h"
 #include "experiments/results/table.h"
 
@@ -37,6 +39,7 @@ struct ReportModel {
   results::ResultTable table;
   std::vector<TrialView> trials;  ///< In the order of the stored ones.
   std::vector<SceneMap> maps;
+  std::optional<reproducibility::DigestRecord> digests;  ///< Of the finished run.
   bool with_plots = false;
   std::vector<std::string> notes;  ///< What is missing and why.
 };
