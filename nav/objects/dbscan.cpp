@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "core/check.h"
+#include "core/process/vector_clones.h"
 #include "nav/objects/internal/point_cells.h"
 
 namespace segsim::nav {
@@ -15,10 +16,11 @@ namespace {
 using internal::PointCells;
 using Range = PointCells::Range;
 
-/// Marks the core points.
-[[gnu::always_inline]] inline void mark_cores(const PointCells& cells, double eps2,
-                                              int min_points,
-                                              std::vector<std::uint8_t>& core) {
+/// Which points are core points.
+SEGSIM_VECTOR_CLONES
+std::vector<std::uint8_t> find_cores(std::size_t count, const PointCells& cells, double eps2,
+                                     int min_points) {
+  std::vector<std::uint8_t> core(count, 0);
   const auto enough = static_cast<std::uint32_t>(min_points);
   for (std::size_t c = 0; c < cells.count(); ++c) {
     const Range own = cells.points_of(c);
@@ -53,31 +55,6 @@ using Range = PointCells::Range;
       core[k] = near >= enough ? 1 : 0;
     }
   }
-}
-
-void mark_cores_anywhere(const PointCells& cells, double eps2, int min_points,
-                         std::vector<std::uint8_t>& core) {
-  mark_cores(cells, eps2, min_points, core);
-}
-
-#ifdef __x86_64__
-[[gnu::target("avx2")]] void mark_cores_avx2(const PointCells& cells, double eps2,
-                                             int min_points, std::vector<std::uint8_t>& core) {
-  mark_cores(cells, eps2, min_points, core);
-}
-#endif
-
-/// Which points are core points.
-std::vector<std::uint8_t> find_cores(std::size_t count, const PointCells& cells, double eps2,
-                                     int min_points) {
-  std::vector<std::uint8_t> core(count, 0);
-#ifdef __x86_64__
-  if (__builtin_cpu_supports("avx2")) {
-    mark_cores_avx2(cells, eps2, min_points, core);
-    return core;
-  }
-#endif
-  mark_cores_anywhere(cells, eps2, min_points, core);
   return core;
 }
 

@@ -7,12 +7,12 @@
 #include <glm/geometric.hpp>
 
 #include "core/check.h"
+#include "core/process/vector_clones.h"
 
 namespace segsim::reconstruction::internal {
 namespace {
 
-// The loops over pixels are compiled twice, for any x86-64 and for AVX2. No operation is fused
-// (-ffp-contract=off), so that both give the same bits.
+// Part of each clone of sweep_plane().
 #define SEGSIM_STEREO_INLINE [[gnu::always_inline]] inline
 
 constexpr int kRadius_px = 2;
@@ -203,8 +203,8 @@ struct Sweep {
   std::vector<float> sum, square, product, cost;
 };
 
-SEGSIM_STEREO_INLINE void sweep_plane(Sweep& work, std::span<const ViewWarp> warps, int plane,
-                                      CostVolume& volume) {
+SEGSIM_VECTOR_CLONES
+void sweep_plane(Sweep& work, std::span<const ViewWarp> warps, int plane, CostVolume& volume) {
   const float inverse_m = volume.planes.inverse_m(static_cast<float>(plane));
   for (std::size_t s = 0; s < warps.size(); ++s) {
     warp(work.pictures[s], warps[s], inverse_m, work.landing, work.warped[s], work.seen[s]);
@@ -236,25 +236,6 @@ SEGSIM_STEREO_INLINE void sweep_plane(Sweep& work, std::span<const ViewWarp> war
     }
   }
 }
-
-using SweepPlane = void (*)(Sweep&, std::span<const ViewWarp>, int, CostVolume&);
-
-void sweep_plane_anywhere(Sweep& work, std::span<const ViewWarp> warps, int plane,
-                          CostVolume& volume) {
-  sweep_plane(work, warps, plane, volume);
-}
-
-#ifdef __x86_64__
-[[gnu::target("avx2")]] void sweep_plane_avx2(Sweep& work, std::span<const ViewWarp> warps,
-                                              int plane, CostVolume& volume) {
-  sweep_plane(work, warps, plane, volume);
-}
-SweepPlane chosen() {
-  return __builtin_cpu_supports("avx2") ? sweep_plane_avx2 : sweep_plane_anywhere;
-}
-#else
-SweepPlane chosen() { return sweep_plane_anywhere; }
-#endif
 
 }  // namespace
 
@@ -292,8 +273,7 @@ CostVolume sweep(const core::Image<std::uint16_t>& reference,
   CostVolume volume{width, height, planes, {}};
   volume.cost.resize(static_cast<std::size_t>(width) * height * planes.count);
   Sweep work(reference, sources);
-  const SweepPlane sweep_one = chosen();
-  for (int plane = 0; plane < planes.count; ++plane) sweep_one(work, warps, plane, volume);
+  for (int plane = 0; plane < planes.count; ++plane) sweep_plane(work, warps, plane, volume);
   return volume;
 }
 
