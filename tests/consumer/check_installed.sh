@@ -3,10 +3,11 @@
 # libraries from a project of their own (beside this script).
 #
 #   check_installed.sh prefix BUILD_FOLDER WORK   by `cmake --install`
-#   check_installed.sh deb BUILD_FOLDER WORK      by CPack's Debian packages, unpacked
+#   check_installed.sh deb BUILD_FOLDER WORK      by CPack's Debian packages, which dpkg installs into an
+#                                               empty root (their dependencies are those of this machine)
 set -euo pipefail
 if [[ $# -ne 3 || ! $1 =~ ^(prefix|deb)$ ]]; then
-  sed -n '2,6s/^# \{0,1\}//p' "$0" >&2
+  sed -n '2,7s/^# \{0,1\}//p' "$0" >&2
   exit 2
 fi
 way=$1 build=$(cd "$2" && pwd) here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
@@ -20,13 +21,16 @@ if [[ $way == prefix ]]; then
     cmake --install "$build" --prefix "$prefix" --component $component >"$work/install.log"
   done
 else
-  prefix=$work/root/usr
+  prefix=$work/root/usr database=$work/root/var/lib/dpkg
+  mkdir -p "$database"/{info,triggers,updates} && touch "$database"/{available,status}
+  in_root() { dpkg --root="$work/root" --log=/dev/null --force-not-root --force-script-chrootless "$@"; }
   (cd "$work" && cpack -G DEB --config "$build/CPackConfig.cmake" -B "$work" >cpack.log) || { cat "$work/cpack.log"; fail "cpack failed"; }
   for package in segsim libsegsim-dev; do
     deb=$(echo "$work/$package"_*.deb)
     [[ -f $deb ]] || fail "expected a package $package, found none"
     dpkg-deb --info "$deb" | grep -E '^ (Package|Version|Depends):'
-    dpkg-deb -x "$deb" "$work/root"
+    in_root --force-depends -i "$deb" >"$work/dpkg.log" 2>&1 || { cat "$work/dpkg.log"; fail "dpkg does not install $deb"; }
+    [[ -z $(in_root --verify "$package") ]] || fail "dpkg --verify $package: what is installed is not what was packed"
   done
 fi
 
