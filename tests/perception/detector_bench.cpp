@@ -7,7 +7,7 @@
 #include "perception/data/image_file.h"
 #include "perception/detector/detector.h"
 #include "perception/training/training.h"
-#include "perception/yolov13/coco_names.h"
+#include "perception/data/coco_names.h"
 #include "perception/yolov13/model.h"
 
 // One camera image of 640 x 480 -> detections, on one thread. The weights come from one
@@ -69,7 +69,7 @@ void yolov13_n(benchmark::State& state) {
   weights.architecture = yolov13::architecture_of(model.scale());
   weights.width = yolov13::table_of(model.scale()).width;
   weights.input_px = static_cast<int>(state.range(0));
-  weights.class_names = yolov13::coco_names();
+  weights.class_names = coco_names();
   weights.tensors = model.tensors();
   write_weights(file, weights);
   const auto detector = load_detector(file);
