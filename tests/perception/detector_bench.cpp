@@ -3,11 +3,11 @@
 #include <filesystem>
 
 #include "core/random.h"
+#include "perception/data/coco_names.h"
 #include "perception/data/dataset.h"
 #include "perception/data/image_file.h"
 #include "perception/detector/detector.h"
 #include "perception/training/training.h"
-#include "perception/data/coco_names.h"
 #include "perception/yolov13/model.h"
 
 // One camera image of 640 x 480 -> detections, on one thread. The weights come from one
