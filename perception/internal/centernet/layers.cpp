@@ -1,6 +1,41 @@
 #include "perception/internal/centernet/layers.h"
 
+#include <algorithm>
+
 namespace segsim::perception::centernet {
+namespace {
+
+/// relu(concat(skip, double_sides(small))) in one pass, for maps with their channels
+/// innermost.
+torch::Tensor join_directly(const torch::Tensor& skip, const torch::Tensor& small) {
+  constexpr auto kInnermost = torch::MemoryFormat::ChannelsLast;
+  const auto dense_skip = skip.contiguous(kInnermost), dense = small.contiguous(kInnermost);
+  const std::int64_t images = small.size(0), c = small.size(1), h = small.size(2),
+                     w = small.size(3);
+  auto joined = torch::empty({images, 2 * c, 2 * h, 2 * w},
+                             torch::TensorOptions(torch::kFloat32).memory_format(kInnermost));
+  const float* left = dense_skip.data_ptr<float>();
+  const float* map = dense.data_ptr<float>();
+  float* out = joined.data_ptr<float>();
+  for (std::int64_t image = 0; image < images; ++image, map += h * w * c) {
+    for (std::int64_t y = 0; y < 2 * h; ++y) {
+      const float* upper = map + y / 2 * w * c;
+      const float* lower = map + std::min(y / 2 + y % 2, h - 1) * w * c;
+      for (std::int64_t x = 0; x < 2 * w; ++x, left += c, out += 2 * c) {
+        const std::int64_t a = x / 2 * c, b = std::min(x / 2 + x % 2, w - 1) * c;
+        for (std::int64_t k = 0; k < c; ++k) out[k] = std::max(0.0F, left[k]);
+        for (std::int64_t k = 0; k < c; ++k) {
+          const float above = (upper[a + k] + upper[b + k]) * 0.5F;
+          const float below = (lower[a + k] + lower[b + k]) * 0.5F;
+          out[c + k] = std::max(0.0F, (above + below) * 0.5F);
+        }
+      }
+    }
+  }
+  return joined;
+}
+
+}  // namespace
 
 ConvImpl::ConvImpl(int in, int out, int kernel, Activation activation, int stride, int groups,
                    bool biased)
@@ -77,8 +112,9 @@ MergeImpl::MergeImpl(int level, int lateral, int top, int out) {
 }
 
 torch::Tensor MergeImpl::forward(const torch::Tensor& level, const torch::Tensor& top) {
-  const auto up = double_sides(up5_->forward_onto(up3_(top), top));
-  return torch::relu(torch::cat({skip_(lateral_(level)), up}, 1));
+  const auto small = up5_->forward_onto(up3_(top), top), skip = skip_(lateral_(level));
+  if (runs_on_onednn(small)) return join_directly(skip, small);
+  return torch::relu(torch::cat({skip, double_sides(small)}, 1));
 }
 
 torch::Tensor double_sides(const torch::Tensor& x) {
