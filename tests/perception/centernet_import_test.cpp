@@ -53,7 +53,8 @@ std::vector<NamedTensor> published(const std::vector<NamedTensor>& ours) {
   return result;
 }
 
-DetectorWeights import(const std::filesystem::path& file, const ImportOptions& options = {}) {
+DetectorWeights import_file(const std::filesystem::path& file,
+                            const ImportOptions& options = {}) {
   return read_published_weights(read_tensor_file(file), file, options);
 }
 
@@ -63,7 +64,8 @@ TEST(CenterNetImport, EveryTensorArrivesWithItsAxesTurned) {
   ASSERT_EQ(published_names().size(), ours.size());
   const auto file = write_tfjs(folder, published(ours));
   EXPECT_TRUE(is_published(read_tensor_file(file)));
-  const DetectorWeights weights = import(file, {.input_px = 256, .score_threshold = 0.4F});
+  const DetectorWeights weights =
+      import_file(file, {.input_px = 256, .score_threshold = 0.4F});
   EXPECT_EQ(weights.architecture, "mobilenetv3-centernet/1");
   EXPECT_EQ(weights.input_px, 256);
   EXPECT_EQ(weights.score_threshold, 0.4F);
@@ -97,7 +99,7 @@ TEST(CenterNetImport, RefusesInOneLineWithTensorAndShape) {
     std::vector<NamedTensor> tensors = whole;
     change(tensors);
     const auto file = write_tfjs(folder, tensors);
-    const std::string line = tests::input_error_of([&] { (void)import(file, options); });
+    const std::string line = tests::input_error_of([&] { (void)import_file(file, options); });
     EXPECT_THAT(line, HasSubstr("model.json"));
     EXPECT_EQ(std::count(line.begin(), line.end(), '\n'), 0);
     return line;
@@ -128,7 +130,7 @@ TEST(CenterNetImport, ThePublishedFileHasTheClassesOfCoco) {
   if (data == nullptr) GTEST_SKIP() << "SEGSIM_DATA does not name the folder with centernet";
   const auto file = std::filesystem::path(data) / "centernet/centernet.json";
   if (!std::filesystem::exists(file)) GTEST_SKIP() << file << " does not exist";
-  const DetectorWeights weights = import(file);
+  const DetectorWeights weights = import_file(file);
   EXPECT_EQ(weights.class_names, coco_names());
   std::size_t count = 0;
   for (const NamedTensor& tensor : weights.tensors) count += tensor.values.size();

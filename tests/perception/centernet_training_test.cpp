@@ -39,6 +39,7 @@ TEST(CenterNetTraining, LearnsThreePicturesByHeart) {
   options.augment = false;
   options.steps = 40;
   options.learning_rate = 1e-3;
+  options.class_rate = 1.0;
   const TrainReport report = train(options);
   ASSERT_EQ(report.losses.size(), 40U);
   for (const double loss : report.losses) ASSERT_TRUE(std::isfinite(loss));
