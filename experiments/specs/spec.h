@@ -98,7 +98,7 @@ struct FinetuneSpec {
   int views_per_scene = 200;
   int width_px = 0, height_px = 0;  ///< Of the views; 0 = as the robot's camera.
   int steps = 600;
-  double learning_rate = 0.0;  ///< 0 = the trainer's default.
+  double learning_rate = 0.0;  ///< 0 = that of the recipe for the network of `before`.
   /// Share of every batch that comes from the source domain, against forgetting; 0 = none.
   double mix_share = 0.0;
   int mix_rooms = 100;  ///< Plain rooms that are rendered for it, eight views each.

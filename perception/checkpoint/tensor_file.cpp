@@ -136,8 +136,11 @@ TensorFile read_tensor_file(const std::filesystem::path& path) {
   TensorFile file;
   file.place = path.string();
   file.bytes = core::read_file(path);
+  file.data_name = path.filename().string();
   if (is_zip(file.bytes)) {
     read_torch_zip(file);
+  } else if (file.bytes.rfind('{', 0) == 0) {
+    read_tfjs(file);
   } else {
     read_safetensors(file);
   }

@@ -8,6 +8,7 @@
 ///                       Ultralytics writes them)
 ///     torch archive     torch::save() of C++ and TorchScript: the tensors of the module tree
 ///     safetensors
+///     TensorFlow.js     a model's .json, with the files that hold its weights beside it
 ///
 /// A module tree is read as data: attributes `_modules`, `_parameters` and `_buffers` of
 /// Python modules, tensor and module attributes of TorchScript ones.
@@ -35,6 +36,7 @@ struct StoredTensor {
 struct TensorFile {
   std::string place;  ///< The file's name, for messages.
   std::string bytes;
+  std::string data_name;  ///< Name of the file that `bytes` come from, the first if several.
   std::vector<StoredTensor> tensors;     ///< In the order of the file; each name once.
   std::vector<std::string> class_names;  ///< Of an Ultralytics model; empty if not stated.
 

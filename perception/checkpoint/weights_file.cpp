@@ -123,7 +123,7 @@ DetectorWeights parse(const Json& header, const std::string& data, const std::st
   weights.architecture = header.at("architecture").get<std::string>();
   if (yolov13::is_architecture(weights.architecture)) {
     (void)yolov13::scale_of_architecture(weights.architecture, place);
-  } else {
+  } else if (weights.architecture != DetectorWeights::kCenterNet) {
     require("architecture", DetectorWeights::kArchitecture, weights.architecture);
   }
   weights.width = header.at("width").get<double>();

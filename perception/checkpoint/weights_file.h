@@ -27,9 +27,12 @@ struct NamedTensor {
 };
 
 struct DetectorWeights {
-  static constexpr const char* kArchitecture = "csp-pan-dfl/1";  ///< internal/network.h
+  static constexpr const char* kArchitecture =
+      "csp-pan-dfl/1";  ///< internal/network/network.h
+  static constexpr const char* kCenterNet =
+      "mobilenetv3-centernet/1";  ///< internal/centernet/
 
-  std::string architecture = kArchitecture;  ///< Or one of yolov13/scale.h.
+  std::string architecture = kArchitecture;  ///< Or kCenterNet, or one of yolov13_scale.h.
   double width = 0.5;                        ///< Channel multiplier.
   int input_px = 256;                        ///< Side of the square input.
   std::vector<std::string> class_names;

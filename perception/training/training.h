@@ -2,9 +2,10 @@
 
 /// @file
 /// Trains a detector, from scratch (source domain) or from weights (fine-tuning in a scene):
-/// the small network or a YOLOv13, by one path.
+/// the small network, a YOLOv13 or CenterNet, by one path.
 ///
-/// Task-aligned assignment and loss (internal/detection_loss.h); warm-up of rate and momentum,
+/// Task-aligned assignment and loss (internal/loss/detection_loss.h), or targets on a heat map
+/// (internal/centernet/loss.h); warm-up of rate and momentum,
 /// then cosine or linear decay; clipped gradients; weights averaged over time (EMA), and the
 /// average is what is evaluated and saved. training_defaults.yaml lists every option with its
 /// default for each network and where it comes from. Budgets are steps, not seconds: every
@@ -67,7 +68,8 @@ struct TrainOptions {
   std::map<std::string, std::string>
       rename;  ///< Data set's class -> detector's; "" leaves it out.
 
-  std::string model = "small";  ///< Or yolov13n, s, l, x; initial weights take precedence.
+  /// Or yolov13n, s, l, x, centernet; initial weights take precedence.
+  std::string model = "small";
   double width =
       0.5;  ///< Channel multiplier, (0, 4]; that of initial weights takes precedence.
   int input_px = 256;  ///< Multiple of 32; that of initial weights takes precedence.
@@ -84,7 +86,8 @@ struct TrainOptions {
 
   Optimizer optimizer = Optimizer::kAdamW;
   double learning_rate = 2e-3;
-  double momentum = 0.9;  ///< Of SGD; first beta of AdamW.
+  double class_rate = 1.0;  ///< Rate of the class layer's rows, as a multiple of the others'.
+  double momentum = 0.9;    ///< Of SGD; first beta of AdamW.
   double weight_decay = 5e-4;
   Schedule schedule = Schedule::kCosine;
   double final_rate_share = 0.05;  ///< Of the rate, at the end.
@@ -95,7 +98,7 @@ struct TrainOptions {
   double ema_ramp_steps =
       100.0;  ///< decay * (1 - e^(-step / this)): follows closely at first.
   double max_gradient_norm = 10.0;
-  double box_gain = 7.5, class_gain = 0.5, bin_gain = 1.5;  ///< Of the three losses.
+  double box_gain = 7.5, class_gain = 0.5, bin_gain = 1.5;  ///< Of the losses.
 
   bool augment = true;
   Augmentation augmentation;

@@ -21,6 +21,7 @@ constexpr std::int64_t kMany = 1'000'000'000;
 constexpr double kHuge = 1e9;
 constexpr const char* kSmall = "small";
 constexpr const char* kYolo = "yolov13";
+constexpr const char* kCenterNet = "centernet";
 
 /// Every key, in the order of training_defaults.yaml, with its range.
 template <class Visitor>
@@ -33,6 +34,7 @@ void visit_fields(Visitor& visitor, TrainOptions& o) {
   visitor.number("width", o.width, 0.0, 4.0);
   visitor.choice("optimizer", o.optimizer, {"auto", "adamw", "sgd"});
   visitor.number("learning_rate", o.learning_rate, 0.0, kHuge);
+  visitor.number("class_rate", o.class_rate, 0.0, kHuge);
   visitor.number("momentum", o.momentum, 0.0, 1.0);
   visitor.number("weight_decay", o.weight_decay, 0.0, kHuge);
   visitor.choice("schedule", o.schedule, {"cosine", "linear"});
@@ -133,6 +135,23 @@ class Writer {
   Json json = Json::object();
 };
 
+/// For fine-tuning: what the published weights know of the world shall last.
+TrainOptions centernet_defaults() {
+  TrainOptions o;
+  o.model = kCenterNet;
+  o.width = 1.0;
+  o.input_px = 320;
+  o.steps = 600;
+  o.batch = 4;
+  o.learning_rate = 1e-4;
+  o.class_rate = 10.0;
+  o.max_gradient_norm = 40.0;
+  o.box_gain = 5.0;
+  o.class_gain = 1.0;
+  o.bin_gain = 0.0;
+  return o;
+}
+
 }  // namespace
 
 const std::vector<std::string>& train_models() {
@@ -141,6 +160,7 @@ const std::vector<std::string>& train_models() {
     for (const auto scale : yolov13::kAllScales) {
       names.push_back(kYolo + std::string(1, yolov13::table_of(scale).letter));
     }
+    names.push_back(kCenterNet);
     return names;
   }();
   return models;
@@ -148,6 +168,7 @@ const std::vector<std::string>& train_models() {
 
 std::string architecture_of_model(const std::string& model) {
   if (model == kSmall) return DetectorWeights::kArchitecture;
+  if (model == kCenterNet) return DetectorWeights::kCenterNet;
   for (const auto scale : yolov13::kAllScales) {
     if (model == kYolo + std::string(1, yolov13::table_of(scale).letter)) {
       return yolov13::architecture_of(scale);
@@ -171,6 +192,7 @@ TrainOptions default_train_options(const std::string& model) {
   TrainOptions o;
   o.model = model;
   if (model == kSmall) return o;
+  if (model == kCenterNet) return centernet_defaults();
   const auto scale = yolov13::scale_of_architecture(architecture, "training: model");
   o.width = yolov13::table_of(scale).width;
   o.input_px = 640;
@@ -205,12 +227,12 @@ std::vector<std::string> read_train_config(const std::filesystem::path& file,
                                            TrainOptions& options) {
   const ConfigNode root = ConfigNode::load(file);
   std::vector<std::string> named;
-  for (const char* name : {kSmall, kYolo}) {
-    // Both sections are checked, also that of the other network.
+  for (const std::string name : {kSmall, kYolo, kCenterNet}) {
+    // All sections are checked, also those of the other networks.
     const auto section = root.optional_child(name);
     if (!section) continue;
     TrainOptions other;
-    const bool wanted = (options.model == kSmall) == (std::string(name) == kSmall);
+    const bool wanted = options.model.rfind(name, 0) == 0;
     Reader reader(*section);
     visit_fields(reader, wanted ? options : other);
     section->finish();

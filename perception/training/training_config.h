@@ -13,7 +13,8 @@
 
 namespace segsim::perception {
 
-/// "small", "yolov13n", "yolov13s", "yolov13l", "yolov13x".
+/// "small", "yolov13n", "yolov13s", "yolov13l", "yolov13x",
+/// "centernet".
 [[nodiscard]] const std::vector<std::string>& train_models();
 
 /// As in a weights file (weights_file.h). @throws core::InputError for another name.
@@ -26,7 +27,7 @@ namespace segsim::perception {
 /// for the small one. @throws core::InputError for an unknown model.
 [[nodiscard]] TrainOptions default_train_options(const std::string& model);
 
-/// Sets what the section of `options.model` ("small" or "yolov13") names.
+/// Sets what the section of `options.model` ("small", "yolov13" or "centernet") names.
 /// @returns the keys that it names.
 /// @throws core::InputError naming file, line and key.
 std::vector<std::string> read_train_config(const std::filesystem::path& file,

@@ -9,7 +9,7 @@
 #include "core/file_io.h"
 #include "perception/checkpoint/lineage.h"
 #include "perception/checkpoint/tensor_file.h"
-#include "perception/yolov13/coco_names.h"
+#include "perception/data/coco_names.h"
 #include "perception/yolov13/model.h"
 
 namespace segsim::perception::yolov13 {

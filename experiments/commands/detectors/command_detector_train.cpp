@@ -57,7 +57,8 @@ class TrainingFlags {
   }
 
   CLI::Option* add_model() {
-    return add("--model", &TrainOptions::model, "Network: small, yolov13n, s, l or x")
+    return add("--model", &TrainOptions::model,
+               "Network: small, yolov13n, s, l or x, centernet")
         ->check(CLI::IsMember(perception::train_models()));
   }
   CLI::Option* add_width() {

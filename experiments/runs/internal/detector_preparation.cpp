@@ -198,7 +198,7 @@ void DetectorPreparation::pretrain() {
   source.seed = pretrain.seed;
   source.rooms = pretrain.rooms;
   source.views_per_room = pretrain.views_per_room;
-  perception::TrainOptions train;
+  perception::TrainOptions train;  // Of the small network.
   train.train_json = detection::render_source_dataset(source, work_ / "source_views");
   train.output = spec_.detectors.before;
   train.steps = pretrain.steps;

@@ -13,7 +13,7 @@
 #include "experiments/detection/source_dataset.h"
 #include "experiments/support/side_by_side.h"
 #include "perception/checkpoint/weights_file.h"
-#include "perception/training/training.h"
+#include "perception/training/training_config.h"
 
 namespace segsim::experiments::runs::internal {
 namespace {
@@ -26,6 +26,15 @@ constexpr std::uint64_t kMixSeed = 500'000;
 /// "detector-after.bin" -> "detector-after.s3.bin"
 fs::path with_suffix(const fs::path& file, const std::string& suffix) {
   return file.parent_path() / (file.stem().string() + suffix + file.extension().string());
+}
+
+/// Of the network that `weights` are for.
+perception::TrainOptions recipe_of_network(const fs::path& weights) {
+  const std::string architecture = perception::read_weights(weights).architecture;
+  perception::TrainOptions options = perception::default_train_options(
+      perception::model_of_architecture(architecture, weights.string()));
+  options.epochs = 0;  // The spec counts steps.
+  return options;
 }
 
 /// Trainings that share the processors end together. Fewer than two rounds are one: of three
@@ -69,7 +78,7 @@ bool FineTuning::is_current() const { return fs::exists(output_) && record_.is_c
 
 void FineTuning::make(const fs::path& mix,
                       const std::function<void(int, double)>& on_step) const {
-  perception::TrainOptions train;
+  perception::TrainOptions train = recipe_of_network(before_);
   train.initial_weights = before_;
   if (!new_classes_.empty()) {
     train.class_names = perception::read_weights(before_).class_names;
@@ -82,7 +91,13 @@ void FineTuning::make(const fs::path& mix,
   train.steps = finetune_.steps;
   train.seed = seed_;
   train.threads = finetune_.threads;
-  if (finetune_.learning_rate > 0.0) train.learning_rate = finetune_.learning_rate;
+  if (finetune_.learning_rate > 0.0) {
+    train.learning_rate = finetune_.learning_rate;
+    if (train.optimizer == perception::Optimizer::kAuto) {
+      train.optimizer = perception::Optimizer::kAdamW;
+    }
+  }
+  perception::fit_to_adamw(train, {});
   if (!mix.empty()) {
     train.mix_json = mix;
     train.mix_share = finetune_.mix_share;
@@ -102,6 +117,8 @@ std::string FineTuning::recipe() const {
        << core::sha256_of_file(views_) << ", " << finetune_.steps << " steps, rate "
        << finetune_.learning_rate << ", seed " << seed_ << ", " << finetune_.threads
        << " threads";
+  const std::string model = recipe_of_network(before_).model;
+  if (model != perception::TrainOptions{}.model) text << ", recipe of " << model;
   if (finetune_.mix_share > 0.0) {
     text << ", mixed " << finetune_.mix_share << " of " << finetune_.mix_rooms << " rooms";
   }

@@ -3,10 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 
 #include "core/check.h"
+#include "perception/internal/centernet/decode.h"
 #include "perception/internal/network/autocast.h"
+#include "perception/internal/network/score.h"
 
 namespace segsim::perception {
 namespace {
@@ -42,16 +43,6 @@ float* to_unit_range(const core::Image<core::Rgb8>& square, float* out) {
     out += 3;
   }
   return out;
-}
-
-/// A logit below which no score reaches the threshold, so that the many low ones need no
-/// exponential. The margins are far above what rounding a score or a logit may change.
-float surely_low_logit(float score_threshold) {
-  constexpr double kLogitMargin = 1e-3, kScoreMargin = 1e-6;
-  const double t = double{score_threshold} - kScoreMargin;
-  if (!(t > 0.0)) return -std::numeric_limits<float>::infinity();
-  if (t >= 1.0) return std::numeric_limits<float>::infinity();
-  return static_cast<float>(std::log(t / (1.0 - t)) - kLogitMargin);
 }
 
 /// Each output pixel is the mean of the input over its extent.
@@ -165,15 +156,24 @@ torch::Tensor Inference::letterbox_on_device(const torch::Tensor& rgb, const Let
 std::vector<Candidates> Inference::candidates(const torch::Tensor& input,
                                               float score_threshold) const {
   const torch::InferenceMode inference;
-  RawOutput output;
+  NetworkOutput output;
   {
     const AutocastScope autocast(mixed_precision_);
     output = network_(input);
   }
-  if (device_.is_cpu()) return candidates_on_host(output, host_anchors_, score_threshold);
-  output.box = output.box.to(torch::kFloat32);
-  output.classes = output.classes.to(torch::kFloat32);
-  return candidates_on_device(output, anchors_, score_threshold);
+  return std::visit([&](const auto& kind) { return decode(kind, score_threshold); },
+                    to_float32(output));
+}
+
+std::vector<Candidates> Inference::decode(const RawOutput& output,
+                                          float score_threshold) const {
+  return device_.is_cpu() ? candidates_on_host(output, host_anchors_, score_threshold)
+                          : candidates_on_device(output, anchors_, score_threshold);
+}
+
+std::vector<Candidates> Inference::decode(const HeatMaps& maps, float score_threshold) const {
+  return device_.is_cpu() ? centernet::peaks_on_host(maps, score_threshold)
+                          : centernet::peaks_on_device(maps, score_threshold);
 }
 
 std::vector<Candidates> candidates_on_device(const RawOutput& output, const Anchors& anchors,
@@ -219,7 +219,7 @@ std::vector<Candidates> candidates_on_host(const RawOutput& output, const Anchor
       core::BoxPx corners;
       for (int64_t c = 0; c < names; ++c) {
         if (class_logits[c] < low) continue;
-        const float score = 1.0F / (1.0F + std::exp(-class_logits[c]));
+        const float score = score_of_logit(class_logits[c]);
         if (!(score >= score_threshold)) continue;
         if (!decoded) corners = decode(centres + 2 * a, strides[a], box_logits);
         decoded = true;

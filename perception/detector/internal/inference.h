@@ -18,8 +18,8 @@
 
 namespace segsim::perception {
 
-/// All (anchor, class) pairs of one image that reach the threshold, in pixels of the square,
-/// by ascending anchor and class.
+/// All (anchor, class) pairs, or peaks of a heat map, of one image that reach the threshold,
+/// in pixels of the square, by ascending anchor or cell and class.
 using Candidates = std::vector<core::Detection>;
 
 class Inference {
@@ -43,6 +43,11 @@ class Inference {
                                                    float score_threshold) const;
 
  private:
+  [[nodiscard]] std::vector<Candidates> decode(const RawOutput& output,
+                                               float score_threshold) const;
+  [[nodiscard]] std::vector<Candidates> decode(const HeatMaps& maps,
+                                               float score_threshold) const;
+
   /// Matrices [out, in] that scale one axis.
   struct Scaling {
     torch::Tensor x, y;

@@ -4,12 +4,12 @@
 #include <string>
 
 #include "perception/checkpoint/weights_file.h"
-#include "perception/internal/network/network.h"
+#include "perception/internal/network/network_output.h"
 
 namespace segsim::perception {
 
-/// Forward pass of one network in inference mode: [batch, 3, h, w] -> logits of all anchors.
-using InferenceNetwork = std::function<RawOutput(const torch::Tensor&)>;
+/// Forward pass of one network in inference mode, of [batch, 3, h, w].
+using InferenceNetwork = std::function<NetworkOutput(const torch::Tensor&)>;
 
 /// The network that the weights are for, with their tensors, on `device`.
 /// @throws core::InputError that starts with `place` if they do not fit.

@@ -33,7 +33,8 @@ torch::Tensor ConvBlockImpl::forward(const torch::Tensor& x) {
 
 void ConvBlockImpl::fold() {
   const auto [weight, bias] = fold_norm(conv_->weight, norm_);
-  folded_ = FoldedConvolution(weight, bias, conv_->options.stride()->at(0), 1, true);
+  folded_ =
+      FoldedConvolution(weight, bias, {conv_->options.stride()->at(0), 1, Activation::kSilu});
 }
 
 CspBlockImpl::CspBlockImpl(int in, int out, bool shortcut) : shortcut_(shortcut) {
@@ -63,9 +64,7 @@ torch::Tensor HeadBranchImpl::forward(const torch::Tensor& x) {
   return folded_.empty() ? last_(y) : folded_.run(y);
 }
 
-void HeadBranchImpl::fold() {
-  folded_ = FoldedConvolution(last_->weight, last_->bias, 1, 1, false);
-}
+void HeadBranchImpl::fold() { folded_ = FoldedConvolution(last_->weight, last_->bias, {}); }
 
 TinyDetectorImpl::TinyDetectorImpl(double width, int class_count, int input_px)
     : class_count_(class_count), input_px_(input_px) {

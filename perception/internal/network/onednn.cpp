@@ -13,6 +13,8 @@
 #include <unordered_map>
 #include <utility>
 
+#include "core/check.h"
+
 namespace segsim::perception {
 
 bool runs_on_onednn(const torch::Tensor& x) {
@@ -20,12 +22,37 @@ bool runs_on_onednn(const torch::Tensor& x) {
          at::globalContext().hasMKLDNN();
 }
 
+torch::Tensor hard_sigmoid(const torch::Tensor& x) {
+  return torch::hardsigmoid(x) * kHardSwishGain;
+}
+
+torch::Tensor activate(const torch::Tensor& x, Activation activation) {
+  switch (activation) {
+    case Activation::kNone:
+      return x;
+    case Activation::kSilu:
+      return torch::silu(x);
+    case Activation::kRelu:
+      return torch::relu(x);
+    case Activation::kHardSwish:
+      break;
+  }
+  return torch::hardswish(x) * kHardSwishGain;
+}
+
 torch::Tensor convolve(const torch::Tensor& x, const torch::Tensor& weight,
-                       const torch::Tensor& bias, std::int64_t stride, std::int64_t groups) {
-  const std::int64_t padding = weight.size(2) / 2;
-  if (!runs_on_onednn(x)) return torch::conv2d(x, weight, bias, stride, padding, 1, groups);
-  return at::mkldnn_convolution(x.contiguous(), weight, bias, {padding, padding},
-                                {stride, stride}, {1, 1}, groups);
+                       const torch::Tensor& bias, const ConvolutionForm& form) {
+  SEGSIM_CHECK(form.less_before == 0 || form.less_before == 1,
+               std::to_string(form.less_before));
+  // libtorch pads all sides alike.
+  const auto input = form.less_before == 0 ? x : torch::constant_pad_nd(x, {0, 1, 0, 1});
+  const std::int64_t padding = weight.size(2) / 2 - form.less_before;
+  const auto y =
+      runs_on_onednn(x)
+          ? at::mkldnn_convolution(input.contiguous(), weight, bias, {padding, padding},
+                                   {form.stride, form.stride}, {1, 1}, form.groups)
+          : torch::conv2d(input, weight, bias, form.stride, padding, 1, form.groups);
+  return activate(y, form.activation);
 }
 
 #ifdef SEGSIM_ONEDNN
@@ -52,29 +79,28 @@ struct FoldedConvolution::Prepared {
     using dnnl::memory;
     using tag = memory::format_tag;
     constexpr auto kFloat = memory::data_type::f32;
-    const std::int64_t out = layer.weight_.size(0), in = x.size(1), g = layer.groups_;
-    const std::int64_t k = layer.weight_.size(2), pad = k / 2, stride = layer.stride_;
-    const auto side = [&](std::int64_t n) { return (n + 2 * pad - k) / stride + 1; };
+    const std::int64_t out = layer.weight_.size(0), in = x.size(1), g = layer.form_.groups;
+    const std::int64_t k = layer.weight_.size(2), stride = layer.form_.stride;
+    const std::int64_t after = k / 2, before = after - layer.form_.less_before;
+    const auto side = [&](std::int64_t n) { return (n + before + after - k) / stride + 1; };
     const memory::desc source({x.size(0), in, x.size(2), x.size(3)}, kFloat, tag::nhwc);
     const memory::desc target({x.size(0), out, side(x.size(2)), side(x.size(3))}, kFloat,
                               tag::nhwc);
     const memory::dims shape =
         g == 1 ? memory::dims{out, in, k, k} : memory::dims{g, out / g, in / g, k, k};
     const memory::desc any_weight(shape, kFloat, tag::any);
-    const memory::dims strides{stride, stride}, padding{pad, pad};
+    const memory::dims strides{stride, stride}, begin{before, before}, end{after, after};
     constexpr auto kKind = dnnl::prop_kind::forward_inference;
     constexpr auto kDirect = dnnl::algorithm::convolution_direct;
     const auto description =
         layer.bias_.defined()
             ? dnnl::convolution_forward::desc(kKind, kDirect, source, any_weight,
                                               memory::desc({out}, kFloat, tag::x), target,
-                                              strides, padding, padding)
+                                              strides, begin, end)
             : dnnl::convolution_forward::desc(kKind, kDirect, source, any_weight, target,
-                                              strides, padding, padding);
+                                              strides, begin, end);
     dnnl::post_ops operations;
-    if (layer.activate_) {
-      operations.append_eltwise(1.0F, dnnl::algorithm::eltwise_swish, 1.0F, 0.0F);
-    }
+    append_activation(operations, layer.form_.activation);
     if (adds) operations.append_sum(1.0F);
     dnnl::primitive_attr attributes;
     attributes.set_post_ops(operations);
@@ -86,6 +112,21 @@ struct FoldedConvolution::Prepared {
     stream.wait();
     const bool quick = std::string_view(chosen.impl_info_str()).rfind("ref", 0) != 0;
     return {dnnl::convolution_forward(chosen), source, target, std::move(weight), quick};
+  }
+
+  static void append_activation(dnnl::post_ops& operations, Activation activation) {
+    using dnnl::algorithm;
+    switch (activation) {
+      case Activation::kNone:
+        return;
+      case Activation::kSilu:
+        return operations.append_eltwise(1.0F, algorithm::eltwise_swish, 1.0F, 0.0F);
+      case Activation::kRelu:
+        return operations.append_eltwise(1.0F, algorithm::eltwise_relu, 0.0F, 0.0F);
+      case Activation::kHardSwish:
+        return operations.append_eltwise(static_cast<float>(kHardSwishGain),
+                                         algorithm::eltwise_hardswish, 0.0F, 0.0F);
+    }
   }
 
   dnnl::engine engine{dnnl::engine::kind::cpu, 0};
@@ -143,19 +184,16 @@ FoldedConvolution::FoldedConvolution(FoldedConvolution&&) noexcept = default;
 FoldedConvolution& FoldedConvolution::operator=(FoldedConvolution&&) noexcept = default;
 
 FoldedConvolution::FoldedConvolution(const torch::Tensor& weight, const torch::Tensor& bias,
-                                     std::int64_t stride, std::int64_t groups, bool activate)
+                                     const ConvolutionForm& form)
     : weight_(weight.detach().contiguous()),
       bias_(bias.defined() ? bias.detach().contiguous() : bias),
-      stride_(stride),
-      groups_(groups),
-      activate_(activate) {}
+      form_(form) {}
 
 torch::Tensor FoldedConvolution::run(const torch::Tensor& x) {
 #ifdef SEGSIM_ONEDNN
   if (runs_on_onednn(x)) return run_directly(x, {});
 #endif
-  auto y = convolve(x, weight_, bias_, stride_, groups_);
-  return activate_ ? torch::silu_(y) : y;
+  return convolve(x, weight_, bias_, form_);
 }
 
 torch::Tensor FoldedConvolution::run_onto(const torch::Tensor& base, const torch::Tensor& x) {

@@ -30,7 +30,8 @@ torch::nn::BatchNorm2d make_norm(int channels) {
 /// Convolution with the layer's geometry but given weight and bias.
 torch::Tensor convolve_like(const torch::nn::Conv2d& layer, const torch::Tensor& x,
                             const torch::Tensor& weight, const torch::Tensor& bias) {
-  auto y = convolve(x, weight, bias, layer->options.stride()->at(0), layer->options.groups());
+  auto y =
+      convolve(x, weight, bias, {layer->options.stride()->at(0), layer->options.groups()});
   MacCounter::add(y.numel() * weight[0].numel());
   return y;
 }
@@ -51,7 +52,10 @@ torch::Tensor run_folded_onto(FoldedConvolution& folded, const torch::Tensor& ba
 FoldedConvolution fold_layers(const torch::nn::Conv2d& conv,
                               const torch::nn::BatchNorm2d& norm, bool activate) {
   const auto [weight, bias] = fold_norm(conv->weight, norm);
-  return {weight, bias, conv->options.stride()->at(0), conv->options.groups(), activate};
+  return {weight,
+          bias,
+          {conv->options.stride()->at(0), conv->options.groups(),
+           activate ? Activation::kSilu : Activation::kNone}};
 }
 
 }  // namespace
@@ -116,8 +120,8 @@ torch::Tensor DsConv::forward_onto(const torch::Tensor& base, const torch::Tenso
 
 void DsConv::fold() {
   folded_depthwise_ =
-      FoldedConvolution(depthwise_->weight, {}, depthwise_->options.stride()->at(0),
-                        depthwise_->options.groups(), false);
+      FoldedConvolution(depthwise_->weight, {},
+                        {depthwise_->options.stride()->at(0), depthwise_->options.groups()});
   folded_ = fold_layers(pointwise_, norm_, true);
 }
 
@@ -128,12 +132,12 @@ OutputConv::OutputConv(int in, int out) {
 
 torch::Tensor OutputConv::forward(const torch::Tensor& x) {
   if (!folded_.empty()) return run_folded(folded_, x);
-  auto y = convolve(x, weight_, bias_, 1, 1);
+  auto y = convolve(x, weight_, bias_);
   MacCounter::add(y.numel() * weight_.size(1));
   return y;
 }
 
-void OutputConv::fold() { folded_ = FoldedConvolution(weight_, bias_, 1, 1, false); }
+void OutputConv::fold() { folded_ = FoldedConvolution(weight_, bias_, {}); }
 
 DsBottleneck::DsBottleneck(int channels, int kernel) {
   first_ = register_module("cv1", std::make_shared<DsConv>(channels, channels, 3));

@@ -29,7 +29,7 @@ torch::Tensor run_linear(torch::nn::Linear& layer, FoldedConvolution& folded,
 }
 
 FoldedConvolution fold_linear(const torch::nn::Linear& layer) {
-  return {layer->weight.unsqueeze(2).unsqueeze(3), layer->bias, 1, 1, false};
+  return {layer->weight.unsqueeze(2).unsqueeze(3), layer->bias, {}};
 }
 
 /// x Phi(x), exact. Training writes it out: the derivative of libtorch 1.13's own GELU, in

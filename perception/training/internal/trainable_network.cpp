@@ -5,15 +5,17 @@
 
 #include "core/error.h"
 #include "perception/checkpoint/yolov13_scale.h"
+#include "perception/internal/centernet/network.h"
 #include "perception/internal/yolov13/network.h"
+#include "perception/training/internal/class_layer.h"
 
 namespace segsim::perception {
 namespace {
 
-constexpr const char* kBackbone[] = {"down1",   "down2",   "down3",   "down4",   "down5",
-                                     "stage2",  "stage3",  "stage4",  "stage5",  "model.0",
-                                     "model.1", "model.2", "model.3", "model.4", "model.5",
-                                     "model.6", "model.7", "model.8"};
+constexpr const char* kBackbone[] = {
+    "down1",   "down2",   "down3",   "down4",   "down5",   "stage2",  "stage3",
+    "stage4",  "stage5",  "model.0", "model.1", "model.2", "model.3", "model.4",
+    "model.5", "model.6", "model.7", "model.8", "stem",    "blocks",  "widen"};
 
 bool has_prefix(const std::string& name, const std::string& prefix) {
   return name.rfind(prefix, 0) == 0 &&
@@ -30,7 +32,9 @@ template <class Network>
 TrainableNetwork wrap(Network network, std::uint64_t seed, const AssignerRule& rule) {
   network->initialize(seed);
   return {network.ptr(),
-          [network](const torch::Tensor& x) mutable { return network->forward(x); },
+          [network](const torch::Tensor& x) mutable -> NetworkOutput {
+            return network->forward(x);
+          },
           rule,
           {}};
 }
@@ -46,6 +50,9 @@ void for_each_norm(torch::nn::Module& module, const Action& action) {
 
 TrainableNetwork make_trainable_network(const std::string& architecture, double width,
                                         int class_count, int input_px, std::uint64_t seed) {
+  if (architecture == DetectorWeights::kCenterNet) {
+    return wrap(centernet::Network(class_count), seed, {});
+  }
   if (!yolov13::is_architecture(architecture)) {
     return wrap(TinyDetector(width, class_count, input_px), seed, {});
   }
@@ -91,22 +98,30 @@ void set_norm_momentum(torch::nn::Module& module, double momentum) {
   });
 }
 
-ParameterGroups group_parameters(const torch::nn::Module& module) {
+std::vector<ParameterGroup> group_parameters(const torch::nn::Module& module,
+                                             double class_rate) {
+  enum { kWeights, kNormWeights, kBiases, kClassWeights, kClassBiases };
+  std::vector<ParameterGroup> groups{{true, false, 1.0, {}},
+                                     {false, false, 1.0, {}},
+                                     {false, true, 1.0, {}},
+                                     {true, false, class_rate, {}},
+                                     {false, true, class_rate, {}}};
   std::set<std::string> norms;
   for (const auto& item : module.named_modules("", false)) {
     if (item.value()->as<torch::nn::BatchNorm2dImpl>() != nullptr) norms.insert(item.key());
   }
-  ParameterGroups groups;
-  for (const auto& item : module.named_parameters()) {
-    if (!item.value().requires_grad()) continue;
-    const std::string& name = item.key();
+  const auto group_of = [&](const std::string& name) {
     const std::size_t dot = name.rfind('.');
     const std::string owner = dot == std::string::npos ? "" : name.substr(0, dot);
-    if (name.find("bias", dot == std::string::npos ? 0 : dot) != std::string::npos) {
-      groups.biases.push_back(item.value());
-    } else {
-      (norms.count(owner) != 0 ? groups.norm_weights : groups.weights).push_back(item.value());
-    }
+    const bool bias =
+        name.find("bias", dot == std::string::npos ? 0 : dot) != std::string::npos;
+    if (is_class_layer(name)) return bias ? kClassBiases : kClassWeights;
+    if (bias) return kBiases;
+    return norms.count(owner) != 0 ? kNormWeights : kWeights;
+  };
+  for (const auto& item : module.named_parameters()) {
+    if (!item.value().requires_grad()) continue;
+    groups[static_cast<std::size_t>(group_of(item.key()))].parameters.push_back(item.value());
   }
   return groups;
 }

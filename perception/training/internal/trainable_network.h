@@ -7,16 +7,16 @@
 #include <vector>
 
 #include "perception/internal/loss/assigner.h"
-#include "perception/internal/network/network.h"
+#include "perception/internal/network/network_output.h"
 #include "perception/training/training.h"
 
 namespace segsim::perception {
 
-/// A network of either kind, as training sees it.
+/// A network of any kind, as training sees it.
 struct TrainableNetwork {
   std::shared_ptr<torch::nn::Module> module;
-  std::function<RawOutput(const torch::Tensor&)> forward;
-  AssignerRule rule;
+  std::function<NetworkOutput(const torch::Tensor&)> forward;
+  AssignerRule rule;                                ///< For networks with anchors.
   std::function<void(std::uint64_t)> seed_dropout;  ///< Before forward(); empty without any.
 };
 
@@ -42,10 +42,14 @@ void set_norm_momentum(torch::nn::Module& module, double momentum);
 
 /// How decay and warm-up treat a parameter. Decay acts on weights only: neither on biases nor
 /// on batch norms.
-struct ParameterGroups {
-  std::vector<torch::Tensor> weights, norm_weights, biases;
+struct ParameterGroup {
+  bool decays, is_bias;
+  double rate_factor;  ///< 1, or that of the class layer's rows.
+  std::vector<torch::Tensor> parameters;
 };
-/// Of the parameters that are trained.
-[[nodiscard]] ParameterGroups group_parameters(const torch::nn::Module& module);
+/// Of the parameters that are trained. Always the same groups, of which some may be empty:
+/// weights, weights of batch norms, biases, weights and biases of the class layer.
+[[nodiscard]] std::vector<ParameterGroup> group_parameters(const torch::nn::Module& module,
+                                                           double class_rate);
 
 }  // namespace segsim::perception

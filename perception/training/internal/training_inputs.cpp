@@ -9,6 +9,7 @@
 #include "perception/checkpoint/lineage.h"
 #include "perception/detector/evaluate.h"
 #include "perception/training/internal/batch_source.h"
+#include "perception/training/internal/class_layer.h"
 #include "perception/training/internal/training_schedule.h"
 #include "perception/training/training_config.h"
 
@@ -73,19 +74,6 @@ void choose_optimizer(TrainOptions& o, std::size_t class_count) {
   o.warmup_bias_rate = kAutoWarmupBiasRate;
 }
 
-bool is_yolo_branch(const std::string& name) { return name.rfind("model.32.cv3.", 0) == 0; }
-
-/// Of either network.
-bool is_class_branch(const std::string& name) {
-  return is_yolo_branch(name) || name.rfind("class", 0) == 0;
-}
-
-/// The last layer of a class branch: one row for each class.
-bool is_class_layer(const std::string& name) {
-  if (!is_yolo_branch(name)) return name.find(".last.") != std::string::npos;
-  return name.find(".2.", std::string("model.32.cv3.").size()) != std::string::npos;
-}
-
 bool same_row_shape(const NamedTensor& a, const NamedTensor& b) {
   return a.shape.size() == b.shape.size() &&
          std::equal(a.shape.begin() + 1, a.shape.end(), b.shape.begin() + 1);
@@ -116,6 +104,7 @@ void check_train_options(const TrainOptions& o) {
   require(o.steps >= 1, "steps", "at least 1", o.steps);
   require(o.batch >= 1, "batch", "at least 1", o.batch);
   require(o.learning_rate > 0.0, "learning_rate", "above 0", o.learning_rate);
+  require(o.class_rate > 0.0, "class_rate", "above 0", o.class_rate);
   require(o.weight_decay >= 0.0, "weight_decay", "at least 0", o.weight_decay);
   require(o.ema_decay >= 0.0 && o.ema_decay < 1.0, "ema_decay", "[0, 1)", o.ema_decay);
   require(o.mix_share >= 0.0 && o.mix_share < 1.0, "mix_share", "[0, 1)", o.mix_share);

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "core/random.h"
+#include "perception/internal/centernet/loss.h"
 #include "perception/internal/loss/detection_loss.h"
 #include "perception/internal/network/autocast.h"
 #include "perception/training/internal/training_schedule.h"
@@ -18,10 +19,8 @@ constexpr double kSecondBeta = 0.999;  // Of AdamW.
 constexpr int kScaleGrowthSteps = 2000;
 constexpr double kLowestLossScale = 1.0;
 
-/// Groups: weights, weights of batch norms, biases.
-std::unique_ptr<torch::optim::Optimizer> make_optimizer(const torch::nn::Module& module,
-                                                        const TrainOptions& options) {
-  const ParameterGroups groups = group_parameters(module);
+std::unique_ptr<torch::optim::Optimizer> make_optimizer(
+    const std::vector<ParameterGroup>& groups, const TrainOptions& options) {
   const bool sgd = options.optimizer == Optimizer::kSgd;
   std::vector<torch::optim::OptimizerParamGroup> list;
   const auto add = [&](const std::vector<torch::Tensor>& parameters, double decay) {
@@ -35,9 +34,9 @@ std::unique_ptr<torch::optim::Optimizer> make_optimizer(const torch::nn::Module&
       list.emplace_back(parameters, std::move(settings));
     }
   };
-  add(groups.weights, step_weight_decay(options));
-  add(groups.norm_weights, 0.0);
-  add(groups.biases, 0.0);
+  for (const ParameterGroup& group : groups) {
+    add(group.parameters, group.decays ? step_weight_decay(options) : 0.0);
+  }
   if (sgd) {
     return std::make_unique<torch::optim::SGD>(
         std::move(list), torch::optim::SGDOptions(options.learning_rate));
@@ -46,10 +45,12 @@ std::unique_ptr<torch::optim::Optimizer> make_optimizer(const torch::nn::Module&
       std::move(list), torch::optim::AdamWOptions(options.learning_rate));
 }
 
-void set_rates(torch::optim::Optimizer& optimizer, const StepRates& rates, bool sgd) {
+void set_rates(torch::optim::Optimizer& optimizer, const std::vector<ParameterGroup>& kinds,
+               const StepRates& rates, bool sgd) {
   auto& groups = optimizer.param_groups();
   for (std::size_t i = 0; i < groups.size(); ++i) {
-    const double rate = i + 1 == groups.size() ? rates.bias_rate : rates.rate;
+    const double rate =
+        kinds[i].rate_factor * (kinds[i].is_bias ? rates.bias_rate : rates.rate);
     if (sgd) {
       auto& settings = static_cast<torch::optim::SGDOptions&>(groups[i].options());
       settings.lr(rate);
@@ -76,7 +77,8 @@ TrainingStep::TrainingStep(const TrainOptions& options, TrainableNetwork trained
   average.module->to(device_);
   average.module->eval();
   enter_training_mode(*network.module, options.frozen, options.norm_policy);
-  optimizer = make_optimizer(*network.module, options);
+  groups_ = group_parameters(*network.module, options.class_rate);
+  optimizer = make_optimizer(groups_, options);
   anchors_ = make_anchors(options.input_px, torch::TensorOptions(device_));
 }
 
@@ -95,7 +97,7 @@ torch::Tensor TrainingStep::batch_on_device() {
 }
 
 /// Dropout is keyed by seed and step, so that a resumed run draws the same.
-RawOutput TrainingStep::forward(std::int64_t number, const torch::Tensor& input) {
+NetworkOutput TrainingStep::forward(std::int64_t number, const torch::Tensor& input) {
   if (network.seed_dropout) {
     network.seed_dropout(core::hash64("dropout/" + std::to_string(number), options_.seed));
   }
@@ -107,13 +109,20 @@ RawOutput TrainingStep::forward(std::int64_t number, const torch::Tensor& input)
 torch::Tensor TrainingStep::batch_loss(std::int64_t number, const MakeBatch& make) {
   make(number, batch_);
   const auto input = batch_on_device();
-  RawOutput raw = forward(number, input);
-  raw.box = raw.box.to(torch::kFloat32);
-  raw.classes = raw.classes.to(torch::kFloat32);
-  const LossParts parts = detection_loss(raw, anchors_, batch_.truth, network.rule);
-  return (options_.box_gain * parts.box + options_.class_gain * parts.classes +
-          options_.bin_gain * parts.bins) *
+  const NetworkOutput output = to_float32(forward(number, input));
+  return std::visit([this](const auto& kind) { return mean_loss(kind); }, output) *
          static_cast<double>(options_.batch);
+}
+
+torch::Tensor TrainingStep::mean_loss(const RawOutput& output) const {
+  const LossParts parts = detection_loss(output, anchors_, batch_.truth, network.rule);
+  return options_.box_gain * parts.box + options_.class_gain * parts.classes +
+         options_.bin_gain * parts.bins;
+}
+
+torch::Tensor TrainingStep::mean_loss(const HeatMaps& maps) const {
+  const centernet::HeatLossParts parts = centernet::heat_loss(maps, batch_.truth);
+  return options_.box_gain * parts.box + options_.class_gain * parts.classes;
 }
 
 /// Divides by the loss scale and clips. @returns whether all derivatives are numbers.
@@ -169,7 +178,8 @@ void TrainingStep::update_average() {
 
 std::optional<double> TrainingStep::advance(const MakeBatch& make) {
   const int batches = batches_per_step(options_);
-  set_rates(*optimizer, rates_at(options_, step), options_.optimizer == Optimizer::kSgd);
+  set_rates(*optimizer, groups_, rates_at(options_, step),
+            options_.optimizer == Optimizer::kSgd);
   optimizer->zero_grad();
   double sum = 0.0;
   for (int i = 0; i < batches; ++i) {

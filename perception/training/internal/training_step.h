@@ -46,7 +46,9 @@ class TrainingStep {
  private:
   [[nodiscard]] torch::Tensor batch_loss(std::int64_t number, const MakeBatch& make);
   [[nodiscard]] torch::Tensor batch_on_device();
-  [[nodiscard]] RawOutput forward(std::int64_t number, const torch::Tensor& input);
+  [[nodiscard]] NetworkOutput forward(std::int64_t number, const torch::Tensor& input);
+  [[nodiscard]] torch::Tensor mean_loss(const RawOutput& output) const;
+  [[nodiscard]] torch::Tensor mean_loss(const HeatMaps& maps) const;
   bool finish_gradients();
   void adapt_loss_scale(bool finite);
   [[nodiscard]] double norm_momentum(std::int64_t batches_done) const;
@@ -55,6 +57,7 @@ class TrainingStep {
   const TrainOptions& options_;
   torch::Device device_;
   bool from_scratch_;
+  std::vector<ParameterGroup> groups_;  ///< In the optimiser's order.
   Anchors anchors_;
   Batch batch_;
   torch::Tensor staging_;  ///< Page-locked; only on CUDA.

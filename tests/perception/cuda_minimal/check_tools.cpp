@@ -103,9 +103,10 @@ torch::Tensor noise(int batch, int side_px) {
   return torch::rand({batch, 3, side_px, side_px});
 }
 
-RawOutput to_cpu(const RawOutput& output) {
-  return {output.box.to(torch::kCPU, torch::kFloat32),
-          output.classes.to(torch::kCPU, torch::kFloat32)};
+RawOutput to_cpu(const NetworkOutput& output) {
+  const auto& raw = std::get<RawOutput>(output);
+  return {raw.box.to(torch::kCPU, torch::kFloat32),
+          raw.classes.to(torch::kCPU, torch::kFloat32)};
 }
 
 std::vector<std::vector<LabeledBox>> some_truth(int batch, int classes, int side_px) {

@@ -26,7 +26,8 @@ void expect_below(const std::string& what, double value, double limit);
 [[nodiscard]] double worst_difference(const Candidates& a, const Candidates& b);
 /// The score that so many pairs of the output reach.
 [[nodiscard]] float score_of_rank(const RawOutput& output, int64_t rank);
-[[nodiscard]] RawOutput to_cpu(const RawOutput& output);
+/// Of a network with anchors.
+[[nodiscard]] RawOutput to_cpu(const NetworkOutput& output);
 [[nodiscard]] double median_ms(const torch::Device& device, int rounds,
                                const std::function<void()>& work);
 
@@ -45,6 +46,8 @@ void check_forward(const std::string& name, const DetectorWeights& weights, int 
 void check_loss(const std::string& name, const DetectorWeights& weights,
                 const torch::Device& device);
 void check_decoding(const DetectorWeights& weights, const torch::Device& device);
+/// ... of CenterNet, whose output is of another kind, as a whole, ...
+void check_heat_maps(const DetectorWeights& weights, const torch::Device& device);
 /// ... of steps of training, ...
 void check_steps(const std::string& name, const DetectorWeights& weights,
                  ComputeDevice device);

@@ -37,8 +37,11 @@ int run_all(ComputeDevice compute, bool with_times) {
   }
   check_decoding(small, device);
   check_decoding(n128, device);
+  const DetectorWeights center = lively_weights(DetectorWeights::kCenterNet, 12, 128);
+  check_heat_maps(center, device);
   check_steps("small", small, compute);
   check_steps("yolov13n", n128, compute);
+  check_steps("centernet", center, compute);
 #ifdef SEGSIM_WITH_CUDA
   if (cuda) check_shared_stream(small, device);
 #endif
@@ -51,6 +54,9 @@ int run_all(ComputeDevice compute, bool with_times) {
       time_training(name, weights, 16);
     }
     time_training("small", small, 8);
+    const DetectorWeights center320 = lively_weights(DetectorWeights::kCenterNet, 80, 320);
+    time_inference("centernet", center320, device);
+    time_training("centernet", center320, 4);
   }
   std::printf(failures() == 0 ? "all cases hold\n" : "%d cases FAIL\n", failures());
   return failures() == 0 ? 0 : 1;

@@ -33,7 +33,8 @@ void check_forward(const std::string& name, const DetectorWeights& start, int ba
   plain.module->eval();
   const auto on_device = make_inference_network(weights, name, device);
   const auto input = noise(batch, weights.input_px);
-  const RawOutput wanted = plain.forward(input), found = to_cpu(on_device(input.to(device)));
+  const RawOutput wanted = to_cpu(plain.forward(input)),
+                  found = to_cpu(on_device(input.to(device)));
   const Anchors anchors = make_anchors(weights.input_px, torch::TensorOptions(torch::kCPU));
   expect_below(
       name + " forward, batch " + std::to_string(batch) + ", boxes [px]",
@@ -54,7 +55,7 @@ void check_loss(const std::string& name, const DetectorWeights& weights,
   RawOutput raw;
   {
     const torch::NoGradGuard no_grad;
-    raw = make_inference_network(weights, name)(noise(2, weights.input_px));
+    raw = to_cpu(make_inference_network(weights, name)(noise(2, weights.input_px)));
   }
   const AssignerRule rule =
       weights.architecture == DetectorWeights::kArchitecture ? AssignerRule{} : kYoloRule;
@@ -91,7 +92,7 @@ void check_loss(const std::string& name, const DetectorWeights& weights,
 void check_decoding(const DetectorWeights& weights, const torch::Device& device) {
   const torch::InferenceMode inference;
   const RawOutput raw =
-      make_inference_network(weights, "decoding")(noise(3, weights.input_px));
+      to_cpu(make_inference_network(weights, "decoding")(noise(3, weights.input_px)));
   // Between two scores, so that rounding does not decide.
   const float threshold = 0.5F * (score_of_rank(raw, 500) + score_of_rank(raw, 501)) + 1e-9F;
   const auto host = candidates_on_host(

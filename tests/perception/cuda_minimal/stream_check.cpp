@@ -55,7 +55,8 @@ void check_shared_stream(const DetectorWeights& weights, const torch::Device& de
                              input, on_cpu.letterbox_on_device(bytes.to(torch::kCPU), fit)),
                  1.001);
     const RawOutput found = to_cpu(make_inference_network(weights, "gpu", device)(input));
-    const RawOutput wanted = make_inference_network(weights, "cpu")(input.to(torch::kCPU));
+    const RawOutput wanted =
+        to_cpu(make_inference_network(weights, "cpu")(input.to(torch::kCPU)));
     const Anchors anchors = make_anchors(weights.input_px, torch::TensorOptions(torch::kCPU));
     expect_below("renderer's pictures in the renderer's stream, boxes [px]",
                  largest_difference(decode_boxes(found.box, anchors),

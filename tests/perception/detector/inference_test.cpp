@@ -178,9 +178,11 @@ TEST_P(FoldedConvolutionCases, AgreesWithLibtorch) {
   torch::manual_seed(5);
   const auto weight = torch::randn({24, 12 / groups, kernel, kernel}) * 0.2;
   const auto bias = torch::randn({24});
-  for (const bool activate : {false, true}) {
-    FoldedConvolution with(weight, bias, stride, groups, activate);
-    FoldedConvolution without(weight, {}, stride, groups, activate);
+  for (const auto& [activation, less_before] :
+       {std::pair(Activation::kNone, 0), std::pair(Activation::kSilu, 0),
+        std::pair(Activation::kRelu, 1), std::pair(Activation::kHardSwish, 1)}) {
+    const ConvolutionForm form{stride, groups, activation, kernel == 1 ? 0 : less_before};
+    FoldedConvolution with(weight, bias, form), without(weight, {}, form);
     // Other sizes, and maps that lie otherwise: channels first, last, a part of more channels.
     const auto wide = torch::randn({2, 30, 9, 14});
     for (const auto& x :
@@ -188,8 +190,20 @@ TEST_P(FoldedConvolutionCases, AgreesWithLibtorch) {
           torch::randn({3, 12, 7, 11}).contiguous(torch::MemoryFormat::ChannelsLast),
           wide.narrow(1, 5, 12), torch::randn({1, 12, 1, 1})}) {
       const auto wanted = [&](const torch::Tensor& b) {
-        const auto y = torch::conv2d(x, weight, b, stride, kernel / 2, 1, groups);
-        return activate ? torch::silu(y) : y;
+        const std::int64_t after = kernel / 2, before = after - form.less_before;
+        const auto y = torch::conv2d(torch::constant_pad_nd(x, {before, after, before, after}),
+                                     weight, b, stride, 0, 1, groups);
+        switch (form.activation) {
+          case Activation::kNone:
+            return y;
+          case Activation::kSilu:
+            return y * y.sigmoid();
+          case Activation::kRelu:
+            return y.clamp_min(0);
+          case Activation::kHardSwish:
+            break;
+        }
+        return y * (y + 3).clamp(0, 6) * 0.1666259765625;
       };
       const torch::Tensor expected = wanted(bias), plain = wanted({});
       {
@@ -252,7 +266,7 @@ TEST(BandAttention, AgreesWithItsFormula) {
 TEST(FoldedConvolution, IsEmptyUntilOneIsAssigned) {
   FoldedConvolution folded;
   EXPECT_TRUE(folded.empty());
-  folded = FoldedConvolution(torch::ones({1, 1, 1, 1}), {}, 1, 1, false);
+  folded = FoldedConvolution(torch::ones({1, 1, 1, 1}), {}, ConvolutionForm{});
   EXPECT_FALSE(folded.empty());
   EXPECT_EQ(folded.macs_per_value(), 1);
 }

@@ -37,7 +37,8 @@ std::string message_of(const std::filesystem::path& file, const std::string& tex
 
 TEST(TrainingConfig, DefaultsFileNamesEveryKeyWithItsDefault) {
   for (const auto& [section, model] :
-       {std::pair("small", "small"), std::pair("yolov13", "yolov13n")}) {
+       {std::pair("small", "small"), std::pair("yolov13", "yolov13n"),
+        std::pair("centernet", "centernet")}) {
     const TrainOptions expected = default_train_options(model);
     // From options that differ everywhere the file must bring all of them back.
     TrainOptions options =
@@ -101,7 +102,7 @@ TEST(TrainingConfig, ErrorsNameFileLineAndKey) {
 
 TEST(TrainingConfig, ModelsAreNamed) {
   EXPECT_EQ(train_models(), (std::vector<std::string>{"small", "yolov13n", "yolov13s",
-                                                      "yolov13l", "yolov13x"}));
+                                                      "yolov13l", "yolov13x", "centernet"}));
   for (const std::string& model : train_models()) {
     EXPECT_EQ(model_of_architecture(architecture_of_model(model), "w"), model);
   }

@@ -1,6 +1,6 @@
-#include "perception/yolov13/coco_names.h"
+#include "perception/data/coco_names.h"
 
-namespace segsim::perception::yolov13 {
+namespace segsim::perception {
 
 const std::vector<std::string>& coco_names() {
   static const std::vector<std::string> kNames = {
@@ -34,4 +34,4 @@ const std::vector<std::string>& coco_names() {
   return kNames;
 }
 
-}  // namespace segsim::perception::yolov13
+}  // namespace segsim::perception
