@@ -1,4 +1,4 @@
-#include "worlds/mesh/gazebo_import.h"
+#include "worlds/mesh/gazebo/gazebo_import.h"
 
 #include <algorithm>
 #include <cstdlib>
