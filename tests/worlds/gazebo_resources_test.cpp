@@ -18,7 +18,6 @@ namespace segsim::worlds {
 namespace {
 
 using ::testing::AllOf;
-using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
@@ -303,7 +302,7 @@ TEST_F(GazeboResources, ScriptsGiveColoursAndTextures) {
         }
       }
     }
-    material Chair/Base2
+    material Chair/Green
     {
       technique
       {
@@ -317,7 +316,7 @@ TEST_F(GazeboResources, ScriptsGiveColoursAndTextures) {
         }
       }
     })");
-  folder_.write("place/models/chair/materials/textures/.keep", "");
+  std::filesystem::create_directories(folder_ / "place/models/chair/materials/textures");
   write_png_2x2(folder_ / "place/models/chair/materials/textures/four.png");
   const auto script = [](const std::string& name) {
     return "<material><script><uri>model://chair/materials/scripts</uri>"
@@ -325,7 +324,7 @@ TEST_F(GazeboResources, ScriptsGiveColoursAndTextures) {
            name + "</name></script></material>";
   };
   const sim::MeshScene scene =
-      load(box_model("chair", "0 0 0 0 0 0", script("Chair/Base2")) +
+      load(box_model("chair", "0 0 0 0 0 0", script("Chair/Green")) +
            box_model("chair_b", "0 0 0 0 0 0", script("Chair/Plain")));
   EXPECT_EQ(material(scene, 0).albedo, glm::vec3(0, 1, 0));
   ASSERT_EQ(material(scene, 0).texture, 0);

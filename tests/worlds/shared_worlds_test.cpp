@@ -53,13 +53,13 @@ const std::vector<SharedWorld>& shared_worlds() {
        OnMissing::kError,
        250,
        200000,
-       {{"bathtub", 0}, {"computer", 59}, {"couch", 3}, {"refrigerator", 6}, {"unknown", 0}},
+       {{"bathtub", 0}, {"computer", 17}, {"couch", 3}, {"refrigerator", 6}, {"tv", 42}},
        {}},
       {"hospital/worlds/hospital/worlds/hospital.world",
        OnMissing::kError,
        165,
        300000,
-       {{"bed", 11}, {"toilet", 6}, {"person", 13}, {"curtain", 16}, {"unknown", 0}},
+       {{"bed", 11}, {"toilet", 6}, {"person", 12}, {"curtain", 16}, {"unknown", 0}},
        {}},
   };
   return worlds;
