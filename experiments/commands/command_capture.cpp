@@ -29,8 +29,8 @@ void print_classes(const sim::MeshScene& scene) {
   support::internal::TextGrid grid;
   grid.header = {"words of the name", "class", "objects"};
   for (const sim::ClassGuess& guess : scene.class_guesses) {
-    grid.rows.push_back({guess.words, scene.classes[guess.class_id - 1U].name,
-                         std::to_string(guess.count)});
+    grid.rows.push_back(
+        {guess.words, scene.classes[guess.class_id - 1U].name, std::to_string(guess.count)});
   }
   std::printf("%s", support::internal::text_of(grid).c_str());
 }
@@ -49,7 +49,8 @@ void capture(Flags flags) {
   } else {
     source.type = flags.world.empty() ? specs::SourceType::kMesh : specs::SourceType::kGazebo;
     source.world = flags.world.empty() ? flags.mesh : flags.world;
-    source.gazebo.options.on_missing = specs::parse_on_missing(flags.on_missing, "--on-missing");
+    source.gazebo.options.on_missing =
+        specs::parse_on_missing(flags.on_missing, "--on-missing");
     source.gazebo.options.ceiling = specs::parse_ceiling(flags.ceiling, "--ceiling");
   }
   if (flags.classes) {

@@ -58,7 +58,8 @@ struct MeshScene {
   std::vector<PointLight> lights;
   std::vector<core::SceneClass> classes;
   std::vector<core::SceneInstance> instances;
-  std::vector<ClassGuess> class_guesses;  ///< In order of first appearance; empty: by no names.
+  std::vector<ClassGuess>
+      class_guesses;                  ///< In order of first appearance; empty: by no names.
   std::vector<std::string> warnings;  ///< Counted and shown, for example a missing texture.
   std::string source;                 ///< In words, for provenance.
 

@@ -26,7 +26,8 @@ TEST(ClassNames, StuffIsNoThing) {
 TEST(ClassNames, AClassMayBeWrittenInsideTheName) {
   EXPECT_EQ(class_of_model("living_room_sofa").name, "couch");
   EXPECT_EQ(class_of_model("old-wooden-chair.001").name, "chair");
-  EXPECT_EQ(class_of_model("office_desk_lamp").name, "lamp") << "the last word says what it is";
+  EXPECT_EQ(class_of_model("office_desk_lamp").name, "lamp")
+      << "the last word says what it is";
 }
 
 TEST(ClassNames, PartsOfWordsAreNoClass) {

@@ -34,8 +34,8 @@ std::string model(const std::string& name, const std::string& content) {
 
 std::string box_model(const std::string& name, const std::string& pose = "0 0 0 0 0 0",
                       const std::string& material = "") {
-  return model(name, "<pose>" + pose + "</pose><link name='l'>" + box_visual(material) +
-                         "</link>");
+  return model(name,
+               "<pose>" + pose + "</pose><link name='l'>" + box_visual(material) + "</link>");
 }
 
 std::string mesh_visual(const std::string& uri, const std::string& material = "") {
@@ -94,14 +94,13 @@ TEST_F(GazeboResources, EveryKindOfUriIsFound) {
   write_triangle("place/media/meshes/b.dae");
   write_triangle("place/worlds/c.dae");
   write_triangle("place/extra_models/desk/d.dae");
-  const sim::MeshScene scene =
-      load(mesh_model("chair_a", "model://chair/meshes/a.dae") +
-           mesh_model("chair_b", "model://some_package/models/chair/meshes/a.dae") +
-           mesh_model("chair_c", "package://some_package/models/chair/meshes/a.dae") +
-           mesh_model("chair_d", "file://media/meshes/b.dae") +
-           mesh_model("chair_e", "c.dae") +
-           mesh_model("chair_f", "file://" + (folder_ / "place/worlds/c.dae").string()) +
-           mesh_model("desk_g", "model://desk/d.dae"));
+  const sim::MeshScene scene = load(
+      mesh_model("chair_a", "model://chair/meshes/a.dae") +
+      mesh_model("chair_b", "model://some_package/models/chair/meshes/a.dae") +
+      mesh_model("chair_c", "package://some_package/models/chair/meshes/a.dae") +
+      mesh_model("chair_d", "file://media/meshes/b.dae") + mesh_model("chair_e", "c.dae") +
+      mesh_model("chair_f", "file://" + (folder_ / "place/worlds/c.dae").string()) +
+      mesh_model("desk_g", "model://desk/d.dae"));
   EXPECT_EQ(scene.meshes.size(), 7U);
   EXPECT_THAT(scene.warnings, IsEmpty());
 }
@@ -142,7 +141,8 @@ TEST_F(GazeboResources, SunAndGroundPlaneAreBuiltIn) {
 }
 
 TEST_F(GazeboResources, AllMissingFilesAreListedAtOnce) {
-  folder_.write("place/models/lamp/lamp.obj", "mtllib lamp.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+  folder_.write("place/models/lamp/lamp.obj",
+                "mtllib lamp.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
   folder_.write("place/models/lamp/lamp.mtl", "newmtl a\nKd 0 0 0\nmap_Kd shade.png\n");
   const std::string message = error_of(
       include("model://unknown") + mesh_model("chair_1", "model://chair/a.dae") +
@@ -222,8 +222,8 @@ TEST_F(GazeboResources, NestedModelsHaveLabelsOfTheirOwn) {
       load(model("Qwfp_1", chair + box_model("desk") + box_model("part")) +
            model("sofa", "<link name='l'>" + box_visual() + "</link>" + box_model("leg")) +
            model("ChairA_7", chair));
-  EXPECT_THAT(names(scene), ElementsAre("Qwfp_1::office_chair", "Qwfp_1::desk",
-                                        "Qwfp_1::part", "sofa", "ChairA_7"));
+  EXPECT_THAT(names(scene), ElementsAre("Qwfp_1::office_chair", "Qwfp_1::desk", "Qwfp_1::part",
+                                        "sofa", "ChairA_7"));
   EXPECT_EQ(class_of(scene, scene.meshes[0]), "chair");
   EXPECT_EQ(class_of(scene, scene.meshes[1]), "desk");
   EXPECT_EQ(class_of(scene, scene.meshes[2]), "unknown");
@@ -232,9 +232,9 @@ TEST_F(GazeboResources, NestedModelsHaveLabelsOfTheirOwn) {
 
 TEST_F(GazeboResources, PartsOfABuildingSayWhatTheyAre) {
   const sim::MeshScene scene =
-      load(model("PublicBathroomA", "<link name='l'>" + box_visual("", "shell") +
-                                        box_visual("", "floor_1_2") + "</link><link name='door'>" +
-                                        box_visual() + "</link>") +
+      load(model("PublicBathroomA",
+                 "<link name='l'>" + box_visual("", "shell") + box_visual("", "floor_1_2") +
+                     "</link><link name='door'>" + box_visual() + "</link>") +
            model("fridge", "<link name='door'>" + box_visual() + "</link>"));
   ASSERT_EQ(scene.meshes.size(), 4U);
   EXPECT_EQ(class_of(scene, scene.meshes[0]), "wall");
@@ -264,14 +264,15 @@ TEST_F(GazeboResources, ClassesCanBeCorrected) {
 
 TEST_F(GazeboResources, GazebosOwnMaterialsHaveTheirColours) {
   const auto script = [](const std::string& name) {
-    return "<material><script><uri>file://media/materials/scripts/gazebo.material</uri><name>" +
+    return "<material><script><uri>file://media/materials/scripts/gazebo.material</"
+           "uri><name>" +
            name + "</name></script><ambient>1 1 1 1</ambient></material>";
   };
   write_triangle("place/models/chair/a.dae");
-  const sim::MeshScene scene = load(box_model("chair", "0 0 0 0 0 0", script("Gazebo/Red")) +
-                                    mesh_model("chair_2", "model://chair/a.dae",
-                                               script("Gazebo/Wood")) +
-                                    box_model("desk", "0 0 0 0 0 0", script("Gazebo/Qwfp")));
+  const sim::MeshScene scene =
+      load(box_model("chair", "0 0 0 0 0 0", script("Gazebo/Red")) +
+           mesh_model("chair_2", "model://chair/a.dae", script("Gazebo/Wood")) +
+           box_model("desk", "0 0 0 0 0 0", script("Gazebo/Qwfp")));
   EXPECT_EQ(material(scene, 0).albedo, glm::vec3(1, 0, 0));
   EXPECT_GT(material(scene, 1).albedo.r, 2.0F * material(scene, 1).albedo.b) << "brown";
   EXPECT_GT(material(scene, 2).albedo.r, 0.3F) << "an unknown name is no reason to be black";
@@ -366,9 +367,10 @@ TEST_F(GazeboResources, NumbersThatAreNoneAreMended) {
   ASSERT_EQ(scene.instances.size(), 2U);
   EXPECT_NEAR(glm::distance(scene.instances[0].box_max_m, glm::dvec3(1, 1, 0)), 0, 1e-6);
   EXPECT_NEAR(glm::distance(scene.instances[1].box_max_m, glm::dvec3(1.5, 1, 0)), 0, 1e-6);
-  EXPECT_THAT(scene.warnings,
-              ElementsAre(AllOf(HasSubstr("mended 4 numbers of a.dae"), HasSubstr("-1.#IND")),
-                          AllOf(HasSubstr("mended 3 numbers of b.obj"), HasSubstr("\"inf\""))));
+  EXPECT_THAT(
+      scene.warnings,
+      ElementsAre(AllOf(HasSubstr("mended 4 numbers of a.dae"), HasSubstr("-1.#IND")),
+                  AllOf(HasSubstr("mended 3 numbers of b.obj"), HasSubstr("\"inf\""))));
 }
 
 TEST_F(GazeboResources, ABlankBeforeAColourIsReadWithoutAWord) {
@@ -387,15 +389,16 @@ TEST_F(GazeboResources, ABlankBeforeAColourIsReadWithoutAWord) {
 TEST_F(GazeboResources, ACeilingIsMadeAtTheWallsHeightWhereNoneIs) {
   options_.ceiling.kind = CeilingKind::kWalls;
   const auto wall = [](const std::string& pose, const std::string& size) {
-    return model("wall", "<pose>" + pose + "</pose><link name='l'><visual name='v'><geometry>"
-                         "<box><size>" + size + "</size></box></geometry></visual></link>");
+    return model("wall", "<pose>" + pose +
+                             "</pose><link name='l'><visual name='v'><geometry>"
+                             "<box><size>" +
+                             size + "</size></box></geometry></visual></link>");
   };
   // A room of 4 m x 4 m with walls of 2.6 m, and a yard to its right behind an open wall.
-  const std::string walls = wall("-2 0 1.3 0 0 0", "0.1 4 2.6") +
-                            wall("2 0 1.3 0 0 0", "0.1 4 2.6") +
-                            wall("0 -2 1.3 0 0 0", "4 0.1 2.6") +
-                            wall("0 2 1.3 0 0 0", "4 0.1 2.6") +
-                            wall("4 -2 1.3 0 0 0", "4 0.1 2.6");
+  const std::string walls =
+      wall("-2 0 1.3 0 0 0", "0.1 4 2.6") + wall("2 0 1.3 0 0 0", "0.1 4 2.6") +
+      wall("0 -2 1.3 0 0 0", "4 0.1 2.6") + wall("0 2 1.3 0 0 0", "4 0.1 2.6") +
+      wall("4 -2 1.3 0 0 0", "4 0.1 2.6");
   const sim::MeshScene scene = load(walls);
   double area_m2 = 0.0;
   for (const sim::SubMesh& mesh : scene.meshes) {
@@ -414,9 +417,10 @@ TEST_F(GazeboResources, ACeilingIsMadeAtTheWallsHeightWhereNoneIs) {
   ASSERT_FALSE(scene.lights.empty());
   EXPECT_NEAR(scene.lights[0].position_m.z, 2.6F - 0.45F, 1e-3F);
 
-  const std::string lid = model("ceiling", "<pose>1 0 2.65 0 0 0</pose><link name='l'><visual "
-                                           "name='v'><geometry><box><size>8 4 0.1</size></box>"
-                                           "</geometry></visual></link>");
+  const std::string lid = model("ceiling",
+                                "<pose>1 0 2.65 0 0 0</pose><link name='l'><visual "
+                                "name='v'><geometry><box><size>8 4 0.1</size></box>"
+                                "</geometry></visual></link>");
   EXPECT_EQ(load(walls + lid).meshes.size(), 6U) << "one is there";
 }
 

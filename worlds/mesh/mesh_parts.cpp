@@ -4,11 +4,11 @@
 #include <cstring>
 #include <utility>
 
+#include <assimp/DefaultIOSystem.h>
 #include <assimp/MemoryIOWrapper.h>
 #include <assimp/config.h>
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
-#include <assimp/DefaultIOSystem.h>
 #include <assimp/Importer.hpp>
 #include <glm/geometric.hpp>
 #include <glm/matrix.hpp>
@@ -174,8 +174,7 @@ int MeshFileReader::texture(const aiScene& file_scene, const std::string& name,
     core::Image<core::Rgb8> image = from_embedded(*embedded, pixels_);
     if (!image.empty()) return add_texture(key, std::move(image));
   } else {
-    for (const fs::path& found :
-         texture_files(name, file.parent_path(), find_uri_)) {
+    for (const fs::path& found : texture_files(name, file.parent_path(), find_uri_)) {
       if (const int index = texture_of_file(found); index >= 0) return index;
     }
   }

@@ -14,9 +14,9 @@ namespace {
 constexpr std::string_view kBlanks = " \t\r\n";
 
 /// COLLADA elements whose content is a list of real numbers.
-constexpr auto kNumberElements = std::to_array<std::string_view>(
-    {"float_array", "matrix", "translate", "rotate", "scale", "lookat", "skew", "color",
-     "float"});
+constexpr auto kNumberElements =
+    std::to_array<std::string_view>({"float_array", "matrix", "translate", "rotate", "scale",
+                                     "lookat", "skew", "color", "float"});
 
 /// Length of the finite number that begins `text`; 0 if none does.
 std::size_t number_length(std::string_view text) {
@@ -33,8 +33,7 @@ class Mender {
   /// Appends blanks and mended numbers of `content` to the result.
   void add_numbers(std::string_view content) {
     while (!content.empty()) {
-      const std::size_t start =
-          std::min(content.find_first_not_of(kBlanks), content.size());
+      const std::size_t start = std::min(content.find_first_not_of(kBlanks), content.size());
       add(content.substr(0, start));
       content.remove_prefix(start);
       const std::size_t end = std::min(content.find_first_of(kBlanks), content.size());
@@ -71,15 +70,14 @@ MendedText mend_collada(std::string_view text) {
     const std::string_view name = tag.substr(0, tag.find_first_of(" \t\r\n/"));
     mender.add(text.substr(0, close + 1));
     text.remove_prefix(close + 1);
-    if (tag.ends_with('/') || std::find(kNumberElements.begin(), kNumberElements.end(), name) ==
-                                  kNumberElements.end()) {
+    if (tag.ends_with('/') || std::find(kNumberElements.begin(), kNumberElements.end(),
+                                        name) == kNumberElements.end()) {
       continue;
     }
     std::string_view content = text.substr(0, text.find('<'));
     text.remove_prefix(content.size());
     if (name == "color" || name == "float") {
-      const std::size_t start =
-          std::min(content.find_first_not_of(kBlanks), content.size());
+      const std::size_t start = std::min(content.find_first_not_of(kBlanks), content.size());
       mender.leave_out(content.substr(0, start));
       content.remove_prefix(start);
     }

@@ -15,8 +15,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr auto kLights = std::to_array<std::string_view>(
-    {"sun", "directional_light", "point_light", "spot_light"});
+constexpr auto kLights =
+    std::to_array<std::string_view>({"sun", "directional_light", "point_light", "spot_light"});
 
 /// Lamps of worlds are not used (see GazeboImportOptions), so any light will do.
 constexpr std::string_view kLight = "<light type='point' name='light'/>";

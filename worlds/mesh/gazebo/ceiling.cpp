@@ -17,8 +17,8 @@ namespace segsim::worlds::internal {
 namespace {
 
 constexpr double kCell_m = 0.1;
-constexpr float kBand_m = 0.3F;          ///< Below the ceiling; a wall that ends there encloses.
-constexpr double kLeastInside = 0.2;     ///< Share of the floor plan that walls must enclose.
+constexpr float kBand_m = 0.3F;       ///< Below the ceiling; a wall that ends there encloses.
+constexpr double kLeastInside = 0.2;  ///< Share of the floor plan that walls must enclose.
 constexpr double kThickness_m = 0.02;
 constexpr std::uint8_t kUnknown = 0, kWall = 1, kOutside = 2;
 
@@ -111,8 +111,9 @@ class EnclosedArea {
     const int steps = std::max(1, static_cast<int>(longest / (0.5F * kCell_m)));
     for (int i = 0; i <= steps; ++i) {
       for (int j = 0; i + j <= steps; ++j) {
-        const glm::vec3 p = a + (static_cast<float>(i) * (b - a) + static_cast<float>(j) * (c - a)) /
-                                    static_cast<float>(steps);
+        const glm::vec3 p =
+            a + (static_cast<float>(i) * (b - a) + static_cast<float>(j) * (c - a)) /
+                    static_cast<float>(steps);
         if (p.z < height_m - kBand_m || p.z > height_m + kBand_m) continue;
         const glm::ivec2 cell(glm::floor((glm::dvec2(p) - low_m_) / kCell_m));
         if (cells_.contains(cell.x, cell.y)) cells_(cell.x, cell.y) = kWall;
@@ -143,8 +144,7 @@ class EnclosedArea {
 
 bool has_ceiling(const sim::MeshScene& scene) {
   const std::uint16_t ceiling = id_of(scene, "ceiling");
-  return ceiling != 0 &&
-         bounds(scene, ceiling).area_m2() >= 0.5 * bounds(scene, 0).area_m2();
+  return ceiling != 0 && bounds(scene, ceiling).area_m2() >= 0.5 * bounds(scene, 0).area_m2();
 }
 
 double ceiling_height_m(const sim::MeshScene& scene) {

@@ -1,8 +1,8 @@
 #include "worlds/mesh/gazebo/gazebo_import.h"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
+#include <optional>
 #include <sstream>
 #include <utility>
 
@@ -165,7 +165,8 @@ class VisualLoader {
     const glm::dvec2 world_high = glm::min(high, plan.high + kGroundMargin_m);
     const glm::dvec3 up(visual.T_world_visual * glm::dvec4(normal, 0.0));
     const bool is_cut = world_low != low || world_high != high;
-    if (up.z < 0.999 || !is_cut || world_low.x >= world_high.x || world_low.y >= world_high.y) {
+    if (up.z < 0.999 || !is_cut || world_low.x >= world_high.x ||
+        world_low.y >= world_high.y) {
       return add_solid(visual, std::move(part));
     }
     PlannedVisual ground = visual;
@@ -201,9 +202,10 @@ void report_missing(const internal::MissingFiles& missing, const fs::path& world
 
 /// Adds the ceiling model that the options name.
 void plan_ceiling_model(const CeilingOptions& ceiling, const internal::ResourceFinder& finder,
-                        sdf::Root& root, internal::WorldPlan& plan, sim::MeshScene& scene) {
+                        sdf::Root& root, internal::MissingFiles& missing,
+                        internal::WorldPlan& plan, sim::MeshScene& scene) {
   if (ceiling.kind != CeilingKind::kModel) return;
-  internal::read_model("model://" + ceiling.model, finder, root, scene.warnings);
+  internal::read_model("model://" + ceiling.model, finder, root, missing, scene.warnings);
   plan.add_model(*root.Model(), glm::translate(glm::dmat4(1.0), {0.0, 0.0, ceiling.height_m}));
 }
 
@@ -244,7 +246,7 @@ sim::MeshScene load_gazebo_world(const fs::path& world_file,
   for (std::uint64_t i = 0; i < world.ModelCount(); ++i) {
     plan.add_model(*world.ModelByIndex(i), glm::dmat4(1.0));
   }
-  plan_ceiling_model(options.ceiling, finder, ceiling_root, plan, scene);
+  plan_ceiling_model(options.ceiling, finder, ceiling_root, missing, plan, scene);
   if (world.ActorCount() > 0) {
     scene.warnings.push_back(std::to_string(world.ActorCount()) +
                              " actors are left out: they move");

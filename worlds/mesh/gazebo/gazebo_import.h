@@ -19,11 +19,11 @@ namespace segsim::worlds {
 /// model whose own name says nothing or only that it is part of the building. A model that
 /// only wraps an include is one instance with it.
 ///
-/// Departures of real worlds that are accepted: `<pose frame=''>`, siblings of one name, COLLADA
-/// with an up axis that Gazebo ignores, paths of another machine, missing textures and material
-/// scripts (a colour is used), numbers that are none, ground planes without end (cut to the
-/// world), and errors that leave the world readable, such as an invalid inertia. What might be
-/// seen of it is counted in MeshScene::warnings. Actors are left out.
+/// Departures of real worlds that are accepted: `<pose frame=''>`, siblings of one name,
+/// COLLADA with an up axis that Gazebo ignores, paths of another machine, missing textures and
+/// material scripts (a colour is used), numbers that are none, ground planes without end (cut
+/// to the world), and errors that leave the world readable, such as an invalid inertia. What
+/// might be seen of it is counted in MeshScene::warnings. Actors are left out.
 /// @throws core::InputError  no such file, no world in it, a file that is missing (OnMissing)
 /// or unreadable, a world without triangles.
 [[nodiscard]] sim::MeshScene load_gazebo_world(

@@ -93,8 +93,8 @@ std::optional<fs::path> ResourceFinder::find_on_fuel(const std::string& uri) con
   if (at == std::string::npos) return std::nullopt;
   const fs::path name = uri.substr(at + kModels.size());
   if (const auto found = below_folders(name)) return found;
-  // https://<server>/1.0/<owner>/models/<name> is downloaded to <server>/<owner>/models/<name>,
-  // in lower case, with one folder for each version.
+  // https://<server>/1.0/<owner>/models/<name> is downloaded to
+  // <server>/<owner>/models/<name>, in lower case, with one folder for each version.
   const char* home = std::getenv("HOME");
   if (home == nullptr) return std::nullopt;
   std::string place = uri.substr(uri.find("://") + 3);

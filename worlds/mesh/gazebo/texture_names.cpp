@@ -21,8 +21,7 @@ std::string_view take_between(std::string_view& text, std::string_view open,
     text = {};
     return {};
   }
-  const std::string_view inside =
-      text.substr(begin + open.size(), end - begin - open.size());
+  const std::string_view inside = text.substr(begin + open.size(), end - begin - open.size());
   text.remove_prefix(end + close.size());
   return inside;
 }

@@ -1,5 +1,6 @@
 #include "worlds/mesh/gazebo/internal/world_document.h"
 
+#include <algorithm>
 #include <map>
 #include <set>
 
@@ -13,12 +14,20 @@ namespace {
 
 namespace fs = std::filesystem;
 
-sdf::ParserConfig parser_config() {
+/// @param user  Named in messages about missing models.
+sdf::ParserConfig parser_config(const ResourceFinder& finder, BuiltInModels& built_in,
+                                MissingFiles& missing, const std::string& user) {
   sdf::Console::Instance()->SetQuiet(true);  // Errors are returned, too.
   sdf::ParserConfig config;
   // Old worlds are full of both; the log file of libsdformat has them.
   config.SetWarningsPolicy(sdf::EnforcementPolicy::LOG);
   config.SetDeprecatedElementsPolicy(sdf::EnforcementPolicy::LOG);
+  config.SetFindCallback([&finder, &built_in, &missing, user](const std::string& uri) {
+    if (const auto found = finder.find(uri, {})) return found->string();
+    if (const auto found = built_in.find(uri)) return found->string();
+    missing.add(MissingKind::kModel, uri, user);
+    return std::string();
+  });
   return config;
 }
 
@@ -44,8 +53,8 @@ void number_names(const sdf::ElementPtr& parent) {
     for_each_child(parent, kind, [&](const sdf::ElementPtr& child) {
       const std::string name = child->Get<std::string>("name");
       std::string unique = name;
-      for (int number = 0; taken.contains(unique) || (unique != name && names.contains(unique));
-           ++number) {
+      for (int number = 0;
+           taken.contains(unique) || (unique != name && names.contains(unique)); ++number) {
         unique = name + "_" + std::to_string(number);
       }
       taken.insert(unique);
@@ -73,16 +82,24 @@ void apply_state(const sdf::ElementPtr& world) {
   });
 }
 
-/// Passes on what SDF reports. Models that were not found are known already.
+/// Passes on what SDF reports, each message once. Models that were not found are known
+/// already.
 void report(const sdf::Errors& errors, const fs::path& file,
             std::vector<std::string>& warnings) {
+  std::vector<std::string> messages;
   for (const sdf::Error& error : errors) {
     if (error.Code() == sdf::ErrorCode::URI_LOOKUP) continue;
     if (error.Code() == sdf::ErrorCode::FILE_READ) {
       throw core::InputError::expected(file.string(), "readable SDF with readable models",
                                        error.Message());
     }
-    warnings.push_back("SDF: " + error.Message());
+    messages.push_back("SDF: " + error.Message());
+  }
+  for (auto message = messages.begin(); message != messages.end(); ++message) {
+    if (std::find(messages.begin(), message, *message) != message) continue;
+    const auto count = std::count(message, messages.end(), *message);
+    warnings.push_back(count == 1 ? *message
+                                  : *message + " (" + std::to_string(count) + " times)");
   }
 }
 
@@ -94,13 +111,8 @@ void read_world(const fs::path& world_file, const ResourceFinder& finder, sdf::R
     throw core::InputError::expected(world_file.string(), "a Gazebo world file", "none");
   }
   BuiltInModels built_in;
-  sdf::ParserConfig config = parser_config();
-  config.SetFindCallback([&](const std::string& uri) -> std::string {
-    if (const auto found = finder.find(uri, {})) return found->string();
-    if (const auto found = built_in.find(uri)) return found->string();
-    missing.add(MissingKind::kModel, uri, world_file.filename().string());
-    return {};
-  });
+  const sdf::ParserConfig config =
+      parser_config(finder, built_in, missing, world_file.filename().string());
   const auto document = std::make_shared<sdf::SDF>();
   sdf::Errors errors;
   sdf::init(document);
@@ -121,11 +133,13 @@ void read_world(const fs::path& world_file, const ResourceFinder& finder, sdf::R
 }
 
 void read_model(const std::string& uri, const ResourceFinder& finder, sdf::Root& root,
-                std::vector<std::string>& warnings) {
+                MissingFiles& missing, std::vector<std::string>& warnings) {
   const auto folder = finder.find(uri, {});
   if (!folder) throw core::InputError::expected(uri, "a model", "none");
   const fs::path file = *folder / "model.sdf";
-  const sdf::Errors errors = root.Load(file.string(), parser_config());
+  BuiltInModels built_in;
+  const sdf::Errors errors =
+      root.Load(file.string(), parser_config(finder, built_in, missing, uri));
   if (root.Model() == nullptr) {
     throw core::InputError::expected(file.string(), "SDF with a model",
                                      errors.empty() ? "none" : errors.front().Message());

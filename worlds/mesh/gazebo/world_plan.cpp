@@ -112,8 +112,8 @@ void WorldPlan::add_below(const sdf::Model& model, const glm::dmat4& T_world_par
 void WorldPlan::add_nested(const sdf::Model& model, const glm::dmat4& T_world_parent,
                            Label& outer) {
   const ModelClass own = class_of_included(model);
-  const bool is_part = own.known ? outer.ids && own.name == outer.model_class.name
-                                 : outer.model_class.known;
+  const bool is_part =
+      own.known ? outer.ids && own.name == outer.model_class.name : outer.model_class.known;
   if (is_part) return add_below(model, T_world_parent, outer);
   Label label{outer.name + "::" + model.Name(), own, {}};
   add_below(model, T_world_parent, label);
@@ -144,8 +144,9 @@ void WorldPlan::add_link(const sdf::Link& link, const glm::dmat4& T_world_link, 
         const ModelClass found = class_of(name);
         if (!found.known) continue;
         if (found.name == label.model_class.name) break;
-        owner = &parts.try_emplace(found.name, Label{label.name + "::" + link.Name(), found, {}})
-                     .first->second;
+        owner =
+            &parts.try_emplace(found.name, Label{label.name + "::" + link.Name(), found, {}})
+                 .first->second;
         break;
       }
     }

@@ -36,8 +36,8 @@ struct MeshPart {
 /// Linear RGB of an sRGB colour, each component in [0, 1].
 [[nodiscard]] glm::vec3 linear_colour(const glm::vec3& srgb);
 
-/// The emission of a lamp or a screen. Black for weak ones: editors give surfaces a glow so that
-/// no shadow is black.
+/// The emission of a lamp or a screen. Black for weak ones: editors give surfaces a glow so
+/// that no shadow is black.
 [[nodiscard]] glm::vec3 lamp_emission(const glm::vec3& emission);
 
 /// ".dae" of "Chair.DAE".

@@ -25,7 +25,8 @@ struct ScriptedMaterial {
 
 /// Materials by name, from all files that are added.
 ///
-///     material Shop/Floor : Shop/Base      // what Shop/Base says holds unless it is said anew
+///     material Shop/Floor : Shop/Base      // what Shop/Base says holds unless it is said
+///     anew
 ///     {
 ///       technique { pass { diffuse 0.8 0.8 0.8  texture_unit { texture floor.png } } }
 ///     }

@@ -13,9 +13,11 @@ namespace segsim::worlds::internal {
 /// Looks for models, meshes, scripts and images in these folders, in this order:
 ///
 ///   1. those that the user names, and what lies in their subfolders "*models"
-///   2. GZ_SIM_RESOURCE_PATH, IGN_GAZEBO_RESOURCE_PATH, GAZEBO_MODEL_PATH, GAZEBO_RESOURCE_PATH
+///   2. GZ_SIM_RESOURCE_PATH, IGN_GAZEBO_RESOURCE_PATH, GAZEBO_MODEL_PATH,
+///   GAZEBO_RESOURCE_PATH
 ///   3. the folder of the world and the three above it, each with its subfolders "*models"
-///   4. models that `gz fuel download` or `ign fuel download` has brought to ~/.gz or ~/.ignition
+///   4. models that `gz fuel download` or `ign fuel download` has brought to ~/.gz or
+///   ~/.ignition
 class ResourceFinder {
  public:
   /// @throws core::InputError if one of the folders that the user names does not exist.
@@ -29,7 +31,8 @@ class ResourceFinder {
   ///                                  name that ROS knows, not always that of its folder
   ///   file://media/meshes/a.obj      <folder>/media/meshes/a.obj
   ///   https://fuel.../models/Chair   <folder>/Chair, or the download
-  ///   meshes/a.dae                   beside the file that names it, else <folder>/meshes/a.dae
+  ///   meshes/a.dae                   beside the file that names it, else
+  ///   <folder>/meshes/a.dae
   ///
   /// @param from_folder  Of the file that names it; empty if unknown.
   [[nodiscard]] std::optional<std::filesystem::path> find(
@@ -41,7 +44,8 @@ class ResourceFinder {
   void add_with_models(const std::filesystem::path& folder);
   [[nodiscard]] std::optional<std::filesystem::path> below_folders(
       const std::filesystem::path& path) const;
-  [[nodiscard]] std::optional<std::filesystem::path> find_on_fuel(const std::string& uri) const;
+  [[nodiscard]] std::optional<std::filesystem::path> find_on_fuel(
+      const std::string& uri) const;
 
   std::vector<std::filesystem::path> folders_;
 };

@@ -31,8 +31,8 @@ class VisualMaterials {
   VisualMaterials(const ResourceFinder& finder, MissingFiles& missing)
       : finder_(finder), missing_(missing) {}
 
-  /// Nullopt if nothing is said, or only the name of a script that is missing: meshes then keep
-  /// their own materials.
+  /// Nullopt if nothing is said, or only the name of a script that is missing: meshes then
+  /// keep their own materials.
   /// @param user  Named in messages about missing files.
   [[nodiscard]] std::optional<PlannedMaterial> plan(const sdf::Visual& visual,
                                                     const std::string& user);

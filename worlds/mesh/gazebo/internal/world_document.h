@@ -24,8 +24,9 @@ namespace segsim::worlds::internal {
 void read_world(const std::filesystem::path& world_file, const ResourceFinder& finder,
                 sdf::Root& root, MissingFiles& missing, std::vector<std::string>& warnings);
 
-/// Reads a model of its own, by its URI. @throws core::InputError as above, or if it is missing.
+/// Reads a model of its own, by its URI. @throws core::InputError as above, or if it is
+/// missing.
 void read_model(const std::string& uri, const ResourceFinder& finder, sdf::Root& root,
-                std::vector<std::string>& warnings);
+                MissingFiles& missing, std::vector<std::string>& warnings);
 
 }  // namespace segsim::worlds::internal
