@@ -6,7 +6,10 @@
 
 #include "core/error.h"
 #include "experiments/commands/commands.h"
+#include "experiments/scenes/mesh_source.h"
 #include "experiments/scenes/scene_source.h"
+#include "experiments/specs/gazebo_spec.h"
+#include "experiments/support/text_grid.h"
 
 namespace segsim::experiments::commands {
 namespace {
@@ -16,9 +19,21 @@ namespace fs = std::filesystem;
 struct Flags {
   fs::path world, mesh, out, trajectory;
   std::int64_t flat_seed = -1;
+  std::string on_missing = "error", ceiling = "walls";
   specs::SourceSpec source;
-  bool exr = false, overwrite = false;
+  bool exr = false, overwrite = false, classes = false;
 };
+
+/// What became of the names of a world's objects, and how to correct it.
+void print_classes(const sim::MeshScene& scene) {
+  support::internal::TextGrid grid;
+  grid.header = {"words of the name", "class", "objects"};
+  for (const sim::ClassGuess& guess : scene.class_guesses) {
+    grid.rows.push_back(
+        {guess.words, scene.classes[guess.class_id - 1U].name, std::to_string(guess.count)});
+  }
+  std::printf("%s", support::internal::text_of(grid).c_str());
+}
 
 void capture(Flags flags) {
   const int given = (flags.world.empty() ? 0 : 1) + (flags.mesh.empty() ? 0 : 1) +
@@ -34,6 +49,15 @@ void capture(Flags flags) {
   } else {
     source.type = flags.world.empty() ? specs::SourceType::kMesh : specs::SourceType::kGazebo;
     source.world = flags.world.empty() ? flags.mesh : flags.world;
+    source.gazebo.options.on_missing =
+        specs::parse_on_missing(flags.on_missing, "--on-missing");
+    source.gazebo.options.ceiling = specs::parse_ceiling(flags.ceiling, "--ceiling");
+  }
+  if (flags.classes) {
+    return print_classes(scenes::load_mesh_source(source, worlds::blank_textures()));
+  }
+  if (flags.out.empty()) {
+    throw core::InputError::expected("segsim capture", "--out, a folder", "none");
   }
   scenes::capture_mesh_source(source, flags.out, flags.trajectory, flags.exr, flags.overwrite);
   std::printf("%s: RGB-D sequence in the 7-Scenes layout with exact labels\n",
@@ -48,7 +72,23 @@ void add_capture_command(CLI::App& app) {
   command->add_option("--world", flags->world, "Gazebo world (.world, .sdf)");
   command->add_option("--mesh", flags->mesh, "Mesh file (.obj, .glb, .dae, .ply, ...)");
   command->add_option("--flat", flags->flat_seed, "Procedural flat of this seed");
-  command->add_option("--out", flags->out, "Folder for the recording")->required();
+  command->add_option("--out", flags->out, "Folder for the recording");
+  worlds::GazeboImportOptions& gazebo = flags->source.gazebo.options;
+  command->add_option("--resource-path", gazebo.resource_paths,
+                      "Folder with a world's models, meshes or materials (repeatable)");
+  command
+      ->add_option("--on-missing", flags->on_missing,
+                   "About models and meshes that a world lacks: error | collision | skip")
+      ->capture_default_str();
+  command
+      ->add_option("--ceiling", flags->ceiling,
+                   "Of a world without one: none | walls (their height) | HEIGHT [m] | "
+                   "MODEL@HEIGHT")
+      ->capture_default_str();
+  command->add_option("--class-map", flags->source.gazebo.class_map,
+                      "YAML that corrects the classes that a world's names are taken for");
+  command->add_flag("--classes", flags->classes,
+                    "Print names and classes of the objects, and capture nothing");
   command->add_option("--trajectory", flags->trajectory,
                       "Poses: 'x y z yaw pitch_down' [m, rad] or TUM lines; default: planned");
   specs::CaptureSpec& capture_spec = flags->source.capture;

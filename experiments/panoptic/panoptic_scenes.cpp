@@ -41,6 +41,8 @@ PanopticScene house(const fs::path& data) {
   scene.data = "Gazebo";
   scene.source.type = specs::SourceType::kGazebo;
   scene.source.world = data / "small_house" / "worlds" / "small_house.world";
+  scene.source.gazebo.options.ceiling = {worlds::CeilingKind::kModel, 2.5,
+                                         "aws_robomaker_residential_RoomCeiling_01"};
   scene.source.seed = 1;
   scene.source.voxel_m = 0.025;
   scene.source.capture = {.frames = 420, .width_px = 640, .height_px = 480, .hfov_deg = 90.0};

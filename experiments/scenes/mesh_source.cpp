@@ -1,11 +1,30 @@
 #include "experiments/scenes/mesh_source.h"
 
+#include <functional>
+#include <optional>
+#include <string>
+
 #include "core/check.h"
-#include "worlds/mesh/gazebo_import.h"
+#include "perception/data/class_map.h"
+#include "worlds/mesh/gazebo/gazebo_import.h"
 #include "worlds/mesh/mesh_import.h"
 #include "worlds/procedural/procedural_flat.h"
 
 namespace segsim::experiments::scenes {
+namespace {
+
+/// What a class map says about the words of a model's name; empty without a map.
+std::function<std::optional<std::string>(const std::string&)> corrections(
+    const std::filesystem::path& class_map) {
+  if (class_map.empty()) return {};
+  return [map = perception::read_class_map(class_map)](const std::string& words) {
+    std::optional<std::string> found = map.find(words);
+    if (found && found->empty()) found = "unknown";  // Left out on purpose.
+    return found;
+  };
+}
+
+}  // namespace
 
 sim::MeshScene load_mesh_source(const specs::SourceSpec& source,
                                 const worlds::TextureReader& textures) {
@@ -17,8 +36,8 @@ sim::MeshScene load_mesh_source(const specs::SourceSpec& source,
       return worlds::make_flat(options);
     }
     case specs::SourceType::kGazebo: {
-      worlds::GazeboImportOptions options;
-      options.add_ceiling = true;
+      worlds::GazeboImportOptions options = source.gazebo.options;
+      options.corrected_class = corrections(source.gazebo.class_map);
       return worlds::load_gazebo_world(source.world, options, textures);
     }
     case specs::SourceType::kMesh:

@@ -6,6 +6,7 @@
 
 #include "core/progress.h"
 #include "experiments/scenes/mesh_source.h"
+#include "experiments/specs/gazebo_spec.h"
 #include "reconstruction/datasets/box_annotation.h"
 #include "worlds/capture/capture.h"
 #include "worlds/capture/capture_plan.h"
@@ -39,7 +40,8 @@ std::string describe_capture(const specs::SourceSpec& source) {
       text << "procedural flat, seed " << source.seed;
       break;
     case specs::SourceType::kGazebo:
-      text << "Gazebo world " << source.world.filename().string();
+      text << "Gazebo world " << source.world.filename().string()
+           << specs::describe(source.gazebo);
       break;
     case specs::SourceType::kMesh:
       text << "mesh " << source.world.filename().string();

@@ -24,6 +24,7 @@
 #include "sim/ground/robot.h"
 #include "sim/trial/success_profile.h"
 #include "sim/trial/trial.h"
+#include "worlds/mesh/gazebo/gazebo_options.h"
 
 namespace segsim::experiments::specs {
 
@@ -51,11 +52,18 @@ struct ReconstructSpec {
   std::uint64_t seed = 1;
 };
 
+/// How a Gazebo world is read; see docs/worlds.md.
+struct GazeboSpec {
+  worlds::GazeboImportOptions options;
+  std::filesystem::path class_map;  ///< Corrections of class names; empty: none.
+};
+
 /// What a scene bundle is made from if it does not exist yet.
 struct SourceSpec {
   SourceType type = SourceType::kFlat;
   std::uint64_t seed = 0;                ///< kFlat.
   std::filesystem::path world;           ///< kGazebo, kMesh: a file.
+  GazeboSpec gazebo;                     ///< kGazebo.
   std::filesystem::path folder;          ///< kRgbd.
   std::filesystem::path boxes;           ///< kRgbd: 3-D boxes (JSON); empty if none.
   CaptureSpec capture;                   ///< All but kRgbd.

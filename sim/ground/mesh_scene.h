@@ -43,6 +43,13 @@ struct PointLight {
   float radius_m = 0.3F;  ///< For soft shadows.
 };
 
+/// What became of a wording in the names of a world's objects, for a person to check.
+struct ClassGuess {
+  std::string words;  ///< Of the names, in lower case: "office chair".
+  std::uint16_t class_id = 0;
+  int count = 0;  ///< Objects.
+};
+
 struct MeshScene {
   std::string name;
   std::vector<SubMesh> meshes;
@@ -51,6 +58,8 @@ struct MeshScene {
   std::vector<PointLight> lights;
   std::vector<core::SceneClass> classes;
   std::vector<core::SceneInstance> instances;
+  std::vector<ClassGuess>
+      class_guesses;                  ///< In order of first appearance; empty: by no names.
   std::vector<std::string> warnings;  ///< Counted and shown, for example a missing texture.
   std::string source;                 ///< In words, for provenance.
 

@@ -1,4 +1,4 @@
-#include "worlds/mesh/gazebo_import.h"
+#include "worlds/mesh/gazebo/gazebo_import.h"
 
 #include <algorithm>
 #include <cstdlib>
@@ -36,7 +36,14 @@ class GazeboImport : public ::testing::Test {
     folder_.write("models/chair_model/meshes/tri.dae",
                   collada_triangle("0.01", "1 0 0 0  0 1 0 0  0 0 1 0  0 0 0 1"));
   }
-  sim::MeshScene load(const std::string& text, const GazeboImportOptions& options = {}) {
+  /// Without a ceiling of ours, unless the options say otherwise.
+  static GazeboImportOptions open_top() {
+    GazeboImportOptions options;
+    options.ceiling.kind = CeilingKind::kNone;
+    return options;
+  }
+  sim::MeshScene load(const std::string& text,
+                      const GazeboImportOptions& options = open_top()) {
     folder_.write("worlds/test.world", text);
     return load_gazebo_world(folder_.path() / "worlds" / "test.world", options);
   }
@@ -96,20 +103,18 @@ TEST_F(GazeboImport, PrimitivesFaceOutwardsAndHaveTheirSize) {
   }
 }
 
-TEST_F(GazeboImport, ACeilingCanBeAdded) {
+TEST_F(GazeboImport, ACeilingModelCanBeAdded) {
   folder_.write("models/lid/model.sdf", R"(<sdf version="1.6"><model name="RoomCeiling">
     <static>1</static><link name="l"><visual name="v"><geometry><box><size>2 2 0.1</size></box>
     </geometry></visual></link></model></sdf>)");
   folder_.write("models/lid/model.config", kConfig);
   GazeboImportOptions options;
-  options.add_ceiling = true;
-  options.ceiling_model = "lid";
-  options.ceiling_height_m = 3.0;
+  options.ceiling = {CeilingKind::kModel, 3.0, "lid"};
   const sim::MeshScene scene = load(world(""), options);
   ASSERT_EQ(scene.meshes.size(), 1U);
   EXPECT_EQ(scene.classes[0].name, "ceiling");
   EXPECT_NEAR(scene.meshes[0].positions_m[0].z, 3.0, 0.051);
-  options.ceiling_model = "none";
+  options.ceiling.model = "none";
   EXPECT_THROW((void)load(world(""), options), core::InputError);
 }
 
@@ -142,7 +147,10 @@ TEST(SmallHouse, IsReadWhole) {
   const char* data = std::getenv("SEGSIM_DATA");
   if (data == nullptr) GTEST_SKIP() << "SEGSIM_DATA does not name the folder with small_house";
   const std::filesystem::path folder = std::filesystem::path(data) / "small_house";
-  const sim::MeshScene scene = load_gazebo_world(folder / "worlds" / "small_house.world");
+  GazeboImportOptions options;
+  options.ceiling.kind = CeilingKind::kNone;
+  const sim::MeshScene scene =
+      load_gazebo_world(folder / "worlds" / "small_house.world", options);
   // 145,844 triangles in meshes and two balls of 2 * 48 * 23.
   EXPECT_EQ(scene.triangle_count(), 145844U + 2U * 2208U);
   // 87 models, of which walls (2), floor and carpets (2) are stuff.
@@ -158,7 +166,7 @@ TEST(SmallHouse, IsReadWhole) {
   EXPECT_EQ(count("chair"), 8);
   EXPECT_EQ(count("tv"), 2);
   EXPECT_EQ(count("refrigerator"), 1);
-  EXPECT_EQ(count("object"), 0);
+  EXPECT_EQ(count("unknown"), 0);
   glm::vec3 low(1e9F);
   glm::vec3 high(-1e9F);
   for (const sim::SubMesh& mesh : scene.meshes) {

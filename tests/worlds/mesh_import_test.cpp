@@ -46,7 +46,7 @@ TEST_F(MeshImport, ReadsATexturedObjWithYUp) {
 }
 
 TEST_F(MeshImport, UpAxisAndScaleCanBeSaid) {
-  folder_.write("a.obj", "o box\nv 0 0 0\nv 100 0 0\nv 0 200 0\nf 1 2 3\n");
+  folder_.write("a.obj", "o qwfp\nv 0 0 0\nv 100 0 0\nv 0 200 0\nf 1 2 3\n");
   MeshFileOptions options;
   options.up = UpAxis::kZ;
   options.scale = 0.01;
@@ -55,7 +55,7 @@ TEST_F(MeshImport, UpAxisAndScaleCanBeSaid) {
   EXPECT_NEAR(scene.instances[0].box_max_m.x, 1.0, 1e-6);
   EXPECT_NEAR(scene.instances[0].box_max_m.y, 2.0, 1e-6);
   EXPECT_TRUE(scene.lights.empty());
-  ASSERT_EQ(scene.warnings.size(), 1U) << "\"box\" is no known name";
+  ASSERT_EQ(scene.warnings.size(), 1U) << "\"qwfp\" is no known name";
 }
 
 TEST_F(MeshImport, MissingTextureIsAWarningAndTheColourIsKept) {

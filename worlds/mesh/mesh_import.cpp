@@ -1,7 +1,6 @@
 #include "worlds/mesh/mesh_import.h"
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <limits>
 #include <map>
@@ -19,10 +18,7 @@ namespace fs = std::filesystem;
 
 bool is_y_up(const fs::path& file, UpAxis up) {
   if (up != UpAxis::kAuto) return up == UpAxis::kY;
-  std::string extension = file.extension().string();
-  for (char& c : extension) {
-    c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  }
+  const std::string extension = internal::lower_case_extension(file);
   return extension == ".glb" || extension == ".gltf" || extension == ".obj" ||
          extension == ".fbx";
 }

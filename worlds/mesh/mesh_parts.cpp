@@ -1,8 +1,11 @@
+#include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <cstring>
-#include <span>
 #include <utility>
 
+#include <assimp/DefaultIOSystem.h>
+#include <assimp/MemoryIOWrapper.h>
 #include <assimp/config.h>
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
@@ -12,6 +15,7 @@
 
 #include "core/error.h"
 #include "worlds/mesh/internal/mesh_parts.h"
+#include "worlds/mesh/internal/number_mending.h"
 
 namespace segsim::worlds::internal {
 namespace {
@@ -34,22 +38,26 @@ core::Image<core::Rgb8> from_embedded(const aiTexture& texture, const TextureRea
   return reader.from_bytes(bytes);
 }
 
-/// Places where a texture may be: as the file says, then by its base name in the folders that
-/// Gazebo models use, because many files name a path of the machine that they were made on.
-std::vector<fs::path> texture_candidates(const std::string& name, const fs::path& folder,
-                                         std::span<const fs::path> more_folders) {
-  const std::size_t slash = name.find_last_of('/');
-  const std::string base = slash == std::string::npos ? name : name.substr(slash + 1);
-  const std::string stem = base.substr(0, base.find_last_of('.'));
-  const fs::path materials = folder / ".." / "materials" / "textures";
-  std::vector<fs::path> candidates{folder / name, folder / base, folder / "textures" / base,
-                                   materials / base};
-  for (const fs::path& more : more_folders) candidates.push_back(more / base);
-  // Photoshop and Targa sources are delivered as PNG or JPEG.
-  candidates.push_back(materials / (stem + ".png"));
-  candidates.push_back(materials / (stem + ".jpg"));
-  return candidates;
-}
+/// The file system, with one file whose text has been mended.
+class MendedFile final : public Assimp::DefaultIOSystem {
+ public:
+  MendedFile(std::string file, const std::string& text)
+      : file_(std::move(file)), text_(text) {}
+  Assimp::IOStream* Open(const char* file, const char* mode) override {
+    if (file != file_) return DefaultIOSystem::Open(file, mode);
+    return new Assimp::MemoryIOStream(reinterpret_cast<const std::uint8_t*>(text_.data()),
+                                      text_.size());
+  }
+
+ private:
+  std::string file_;
+  const std::string& text_;
+};
+
+/// Colour in place of one that a missing texture would have covered.
+constexpr glm::vec3 kNoTexture(0.5F);
+
+constexpr float kLeastLampEmission = 0.5F;
 
 bool is_gltf(const fs::path& file) {
   return file.extension() == ".glb" || file.extension() == ".gltf";
@@ -98,9 +106,64 @@ glm::vec3 linear_colour(const glm::vec3& srgb) {
   return linear;
 }
 
+glm::vec3 lamp_emission(const glm::vec3& emission) {
+  const float brightest = std::max({emission.x, emission.y, emission.z});
+  return brightest < kLeastLampEmission ? glm::vec3(0.0F) : emission;
+}
+
+std::string lower_case_extension(const fs::path& file) {
+  std::string extension = file.extension().string();
+  for (char& c : extension) {
+    c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  }
+  return extension;
+}
+
+std::vector<fs::path> texture_files(const std::string& name, const fs::path& folder,
+                                    const UriFinder& find_uri) {
+  std::string path = name;
+  std::replace(path.begin(), path.end(), '\\', '/');
+  const std::size_t slash = path.find_last_of('/');
+  const std::string base = slash == std::string::npos ? path : path.substr(slash + 1);
+  const std::string stem = base.substr(0, base.find_last_of('.'));
+  const fs::path materials = folder / ".." / "materials" / "textures";
+  std::vector<fs::path> candidates;
+  const auto add_found = [&](const std::string& uri) {
+    if (!find_uri) return;
+    if (const auto found = find_uri(uri, folder)) candidates.push_back(*found);
+  };
+  if (path.find(":/") != std::string::npos) add_found(path);
+  for (const fs::path& place :
+       {folder / path, folder / base, folder / "textures" / base, materials / base}) {
+    candidates.push_back(place);
+  }
+  // "../../photos/a.jpg", where the model has been moved to another depth.
+  std::string below = path;
+  while (below.starts_with("../")) below.erase(0, 3);
+  if (below != path && below.find('/') != std::string::npos) add_found(below);
+  // Photoshop and Targa sources are delivered as PNG or JPEG.
+  candidates.push_back(materials / (stem + ".png"));
+  candidates.push_back(materials / (stem + ".jpg"));
+
+  std::vector<fs::path> files;
+  for (const fs::path& candidate : candidates) {
+    std::error_code error;
+    const fs::path file = fs::canonical(candidate, error);
+    if (!error && fs::is_regular_file(file)) files.push_back(file);
+  }
+  return files;
+}
+
 int MeshFileReader::add_texture(const std::string& key, core::Image<core::Rgb8> image) {
   scene_.textures.push_back(std::move(image));
   return textures_[key] = static_cast<int>(scene_.textures.size()) - 1;
+}
+
+int MeshFileReader::texture_of_file(const fs::path& file) {
+  const std::string key = fs::canonical(file).string();
+  if (const auto known = textures_.find(key); known != textures_.end()) return known->second;
+  core::Image<core::Rgb8> image = pixels_.from_file(key);
+  return image.empty() ? -1 : add_texture(key, std::move(image));
 }
 
 int MeshFileReader::texture(const aiScene& file_scene, const std::string& name,
@@ -111,17 +174,8 @@ int MeshFileReader::texture(const aiScene& file_scene, const std::string& name,
     core::Image<core::Rgb8> image = from_embedded(*embedded, pixels_);
     if (!image.empty()) return add_texture(key, std::move(image));
   } else {
-    std::string path = name;
-    for (char& c : path) c = c == '\\' ? '/' : c;
-    for (const fs::path& candidate :
-         texture_candidates(path, file.parent_path(), texture_folders_)) {
-      std::error_code error;
-      const std::string key = fs::canonical(candidate, error).string();
-      if (error || !fs::is_regular_file(key)) continue;
-      if (const auto known = textures_.find(key); known != textures_.end())
-        return known->second;
-      core::Image<core::Rgb8> image = pixels_.from_file(key);
-      if (!image.empty()) return add_texture(key, std::move(image));
+    for (const fs::path& found : texture_files(name, file.parent_path(), find_uri_)) {
+      if (const int index = texture_of_file(found); index >= 0) return index;
     }
   }
   scene_.warnings.push_back("missing texture: " + name + " of " + file.filename().string());
@@ -138,12 +192,16 @@ sim::Material MeshFileReader::read_material(const aiScene& file_scene,
     if (!is_gltf(file)) material.albedo = linear_colour(material.albedo);
   }
   if (source.Get(AI_MATKEY_COLOR_EMISSIVE, colour) == AI_SUCCESS) {
-    material.emission = glm::vec3(colour.r, colour.g, colour.b);
+    material.emission = lamp_emission({colour.r, colour.g, colour.b});
   }
   aiString name;
   if (source.GetTexture(aiTextureType_DIFFUSE, 0, &name) == AI_SUCCESS) {
     material.texture = texture(file_scene, name.C_Str(), file);
     if (material.texture >= 0 && !is_gltf(file)) material.albedo = glm::vec3(1.0F);
+    // Files whose texture covers everything often leave the colour below it black.
+    if (material.texture < 0 && material.albedo == glm::vec3(0.0F)) {
+      material.albedo = kNoTexture;
+    }
   }
   return material;
 }
@@ -154,7 +212,15 @@ const std::vector<MeshPart>& MeshFileReader::read(const fs::path& file) {
   if (!fs::is_regular_file(file)) {
     throw core::InputError::expected(file.string(), "a mesh file", "none");
   }
+  const MendedText mended = mend_numbers(file);
+  if (mended.count > 0) {
+    scene_.warnings.push_back("mended " + std::to_string(mended.count) + " numbers of " +
+                              file.filename().string() + ", the first of which is \"" +
+                              mended.first + "\"");
+  }
   Assimp::Importer importer;
+  // The importer owns and deletes it.
+  if (mended.changed) importer.SetIOHandler(new MendedFile(file.string(), mended.text));
   // Gazebo, too, takes COLLADA's coordinates as they are; the unit is applied by the root
   // node.
   importer.SetPropertyBool(AI_CONFIG_IMPORT_COLLADA_IGNORE_UP_DIRECTION, true);

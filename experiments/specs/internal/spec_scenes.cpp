@@ -1,6 +1,7 @@
 // Scenes of a spec and where they come from.
 #include <algorithm>
 
+#include "experiments/specs/gazebo_spec.h"
 #include "experiments/specs/internal/spec_readers.h"
 #include "experiments/support/numbers_in_range.h"
 #include "reconstruction/labels/panoptic_head.h"
@@ -23,6 +24,24 @@ CaptureSpec read_capture(const ConfigNode& source) {
       support::number_within(*node, "camera_height_m", capture.camera_height_m, 0.05, 3.0);
   node->finish();
   return capture;
+}
+
+GazeboSpec read_gazebo(const ConfigNode& source, const Variables& variables) {
+  GazeboSpec gazebo;
+  worlds::GazeboImportOptions& options = gazebo.options;
+  for (const ConfigNode& folder : source.list("resource_paths")) {
+    options.resource_paths.push_back(variables.expand(folder));
+  }
+  if (source.has("on_missing")) {
+    const ConfigNode node = source.child("on_missing");
+    options.on_missing = parse_on_missing(node.as_text(), node.where());
+  }
+  if (source.has("ceiling")) {
+    const ConfigNode node = source.child("ceiling");
+    options.ceiling = parse_ceiling(node.as_text(), node.where());
+  }
+  if (source.has("class_map")) gazebo.class_map = variables.expand(source.child("class_map"));
+  return gazebo;
 }
 
 ReconstructSpec read_reconstruct(const ConfigNode& node, const Variables& variables) {
@@ -103,6 +122,8 @@ SourceSpec read_source(const ConfigNode& node, const Variables& variables) {
       source.seed = read_seed(node, 0);
       break;
     case SourceType::kGazebo:
+      source.gazebo = read_gazebo(node, variables);
+      [[fallthrough]];
     case SourceType::kMesh:
       source.world = variables.expand(node.child("world"));
       source.seed = read_seed(node, 0);  // Of the capture path.

@@ -189,10 +189,12 @@ TEST_P(FoldedConvolutionCases, AgreesWithLibtorch) {
          {torch::randn({1, 12, 16, 16}),
           torch::randn({3, 12, 7, 11}).contiguous(torch::MemoryFormat::ChannelsLast),
           wide.narrow(1, 5, 12), torch::randn({1, 12, 1, 1})}) {
-      const auto wanted = [&](const torch::Tensor& b) {
+      const auto wanted = [&](const torch::Tensor& b) -> torch::Tensor {
         const std::int64_t after = kernel / 2, before = after - form.less_before;
-        const auto y = torch::conv2d(torch::constant_pad_nd(x, {before, after, before, after}),
-                                     weight, b, stride, 0, 1, groups);
+        const std::int64_t step[] = {stride, stride}, none[] = {0, 0}, one[] = {1, 1};
+        const torch::Tensor y =
+            torch::conv2d(torch::constant_pad_nd(x, {before, after, before, after}), weight, b,
+                          step, none, one, groups);
         switch (form.activation) {
           case Activation::kNone:
             return y;
