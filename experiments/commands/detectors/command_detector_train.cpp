@@ -72,6 +72,9 @@ class TrainingFlags {
   void add_data() {
     add("--train", &TrainOptions::train_json, "COCO JSON, for example of `segsim label`")
         ->required();
+    add("--classes", &TrainOptions::class_names,
+        "Classes of the detector; default: those of --from, else of --train. Rows of classes "
+        "that --from knows by name are kept");
     add("--mix", &TrainOptions::mix_json,
         "COCO JSON of which a share is mixed in, against forgetting");
     add("--mix-share", &TrainOptions::mix_share, "That share, [0, 1); default 0.25");

@@ -61,8 +61,9 @@ TEST(CenterNet, PreparedForInferenceItSaysTheSame) {
     import_tensors(*folded, export_tensors(*network), "copy");
     folded->prepare_for_inference();
     const HeatMaps plain = network->forward(x), quick = folded->forward(x);
-    EXPECT_LT(largest(plain.classes.sigmoid() - quick.classes.sigmoid()), 1e-5);
-    EXPECT_LT(largest(plain.sides_px - quick.sides_px), 1e-3);
+    // Of a random network the values are large: rounding is relative to them.
+    EXPECT_LT(largest(plain.classes - quick.classes), 1e-5 * largest(plain.classes));
+    EXPECT_LT(largest(plain.sides_px - quick.sides_px), 1e-5 * largest(plain.sides_px));
     EXPECT_GT(largest(plain.classes - plain.classes.mean()), 0.1);
   }
 }
