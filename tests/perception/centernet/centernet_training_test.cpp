@@ -117,7 +117,9 @@ TEST(CenterNetTraining, NewClassesTakeTheRowsOfTheirNamesAndLearnFaster) {
     const bool frozen = tensor.name.rfind("stem", 0) == 0 ||
                         tensor.name.rfind("blocks", 0) == 0 ||
                         tensor.name.rfind("widen", 0) == 0;
-    if (frozen) EXPECT_EQ(now.values, tensor.values) << tensor.name;
+    if (frozen) {
+      EXPECT_EQ(now.values, tensor.values) << tensor.name;
+    }
     body = std::max(body, change(tensor, now));
   }
   // The first step of Adam moves everything by the rate.
