@@ -10,8 +10,8 @@
 #include "perception/checkpoint/weights_file.h"
 #include "perception/training/training.h"
 #include "perception/training/training_config.h"
+#include "tests/perception/training_pictures.h"
 #include "tests/temporary_folder.h"
-#include "training_pictures.h"
 
 namespace segsim::perception {
 namespace {
