@@ -188,7 +188,7 @@ TEST_P(FoldedConvolutionCases, AgreesWithLibtorch) {
     for (const auto& x :
          {torch::randn({1, 12, 16, 16}),
           torch::randn({3, 12, 7, 11}).contiguous(torch::MemoryFormat::ChannelsLast),
-          wide.narrow(1, 5, 12), torch::randn({1, 12, 1, 1})}) {
+          wide.narrow(1, 5, 12), torch::randn({1, 12, 1 + less_before, 1 + less_before})}) {
       const auto wanted = [&](const torch::Tensor& b) -> torch::Tensor {
         const std::int64_t after = kernel / 2, before = after - form.less_before;
         const std::int64_t step[] = {stride, stride}, none[] = {0, 0}, one[] = {1, 1};
