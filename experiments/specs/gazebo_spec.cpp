@@ -1,12 +1,12 @@
 #include "experiments/specs/gazebo_spec.h"
 
-#include <array>
 #include <charconv>
 #include <optional>
 #include <sstream>
 
 #include "core/error.h"
 #include "core/file_io.h"
+#include "core/name_table.h"
 
 namespace segsim::experiments::specs {
 namespace {
@@ -15,7 +15,8 @@ using worlds::CeilingKind;
 using worlds::CeilingOptions;
 using worlds::OnMissing;
 
-constexpr auto kOnMissing = std::to_array<const char*>({"error", "collision", "skip"});
+constexpr core::NameTable<OnMissing, OnMissing::kSkip> kOnMissing(
+    "what is done about missing files", {"error", "collision", "skip"});
 
 /// Captures were described without their ceiling when this was the only one.
 constexpr const char* kFirstCeiling = "aws_robomaker_residential_RoomCeiling_01@2.5";
@@ -61,9 +62,7 @@ CeilingOptions parse_ceiling(const std::string& text, const std::string& place) 
 }
 
 OnMissing parse_on_missing(const std::string& text, const std::string& place) {
-  for (std::size_t i = 0; i < kOnMissing.size(); ++i) {
-    if (text == kOnMissing[i]) return static_cast<OnMissing>(i);
-  }
+  if (const auto on_missing = kOnMissing.find(text)) return *on_missing;
   throw core::InputError::expected(place, "error, collision or skip", "\"" + text + "\"");
 }
 
@@ -73,8 +72,7 @@ std::string describe(const GazeboSpec& spec) {
     text += ", ceiling " + ceiling;
   }
   if (spec.options.on_missing != OnMissing::kError) {
-    text += std::string(", missing files: ") +
-            kOnMissing[static_cast<std::size_t>(spec.options.on_missing)];
+    text += std::string(", missing files: ") + kOnMissing.name(spec.options.on_missing);
   }
   for (const std::filesystem::path& folder : spec.options.resource_paths) {
     text += ", resources of " + folder.filename().string();
