@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <string_view>
 
 #include "core/process/kernel_choice.h"
 #include "experiments/results/leakage.h"
@@ -111,6 +112,17 @@ void note_new_classes(ResultTable& table) {
                         table.before + "\" is that of the classes that it knows.");
 }
 
+/// Labels that fine-tuning learns from, where they are not the truth.
+void note_masks(ResultTable& table) {
+  static constexpr std::string_view kPrefix = "masks/";
+  for (const auto& [name, words] : table.run.provenance) {
+    if (!name.starts_with(kPrefix)) continue;
+    table.notes.push_back("Labels of " + name.substr(kPrefix.size()) + " for \"" +
+                          table.after + "\" were learnt from masks: " + words +
+                          ". Success is judged by the exact ones.");
+  }
+}
+
 /// The effect that this comparison is an experiment about.
 void note_paper(ResultTable& table) {
   const bool tuned = std::any_of(table.scenes.begin(), table.scenes.end(),
@@ -170,6 +182,7 @@ void note_comparison(ResultTable& table) {
   note_leakage(table);
   note_start_region(table);
   note_new_classes(table);
+  note_masks(table);
   note_paper(table);
   if (table.scenes.size() < kScenesForClaim) {
     table.notes.emplace_back(

@@ -61,6 +61,11 @@ Inputs prepare_inputs(const specs::ExperimentSpec& spec, const fs::path& work, i
   Inputs inputs;
   inputs.detectors = detectors.finish(workers);
   inputs.new_classes = detectors.new_classes();
+  for (const internal::SceneTask& scene : scenes.all()) {
+    if (!scene.learnt) continue;
+    inputs.masks[scene.spec->name] = scene.learnt->words;
+    inputs.learnt_bundles.push_back(scene.learnt->bundle.folder);
+  }
   inputs.scenes = scenes.take();
   return inputs;
 }

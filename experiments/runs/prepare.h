@@ -6,6 +6,8 @@
 /// on.
 
 #include <filesystem>
+#include <map>
+#include <string>
 #include <vector>
 
 #include "experiments/specs/spec.h"
@@ -30,6 +32,10 @@ struct Inputs {
   trials::PreparedDetectors detectors;
   /// Goals that the detector 'before' does not know and fine-tuning teaches.
   std::vector<std::string> new_classes;
+  /// What fine-tuning learns scenes from whose labels come from masks: by name, in words, and
+  /// the folders of those bundles.
+  std::map<std::string, std::string> masks;
+  std::vector<std::filesystem::path> learnt_bundles;
 };
 
 /// Makes what is missing, and loads it: scenes and their episodes, views of them, weights

@@ -346,6 +346,7 @@ std::vector<fs::path> bundles_of(const Inputs& inputs) {
   std::vector<fs::path> folders;
   for (const trials::LoadedScene& scene : inputs.scenes)
     folders.push_back(scene.bundle.folder);
+  folders.insert(folders.end(), inputs.learnt_bundles.begin(), inputs.learnt_bundles.end());
   return folders;
 }
 
@@ -395,6 +396,9 @@ RunReport run_experiment(const specs::ExperimentSpec& spec, const RunOptions& op
                arm_rows(spec, inputs.detectors, inputs.scenes), static_cast<int>(all.size()));
   if (!inputs.new_classes.empty()) {
     store.set_provenance(report.run_id, "new_classes", support::listed(inputs.new_classes));
+  }
+  for (const auto& [scene, words] : inputs.masks) {
+    store.set_provenance(report.run_id, "masks/" + scene, words);
   }
   std::vector<records::TrialRow> trials = store.trials(report.run_id);
   std::vector<trials::TrialTask> tasks =

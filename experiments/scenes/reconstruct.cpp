@@ -1,7 +1,5 @@
 #include "experiments/scenes/reconstruct.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <cstdio>
 #include <map>
@@ -14,8 +12,10 @@
 #include "core/error.h"
 #include "core/progress.h"
 #include "core/version.h"
+#include "experiments/scenes/bundle_folder.h"
 #include "experiments/scenes/coverage.h"
 #include "experiments/scenes/robot_pictures.h"
+#include "experiments/scenes/scene_surfels.h"
 #include "perception/data/image_file.h"
 #include "reconstruction/lifting/cloud_start.h"
 #include "reconstruction/training/training_pack.h"
@@ -214,10 +214,7 @@ core::SceneBundle reconstruct_bundle(const reconstruction::RgbdSequence& sequenc
   move_cameras(parts.levelling, cameras);
   decimate_shape(shape, options.surface.max_error_m);
 
-  const fs::path temporary = folder.string() + ".tmp" + std::to_string(::getpid());
-  fs::remove_all(temporary);
-  fs::create_directories(temporary);
-  try {
+  write_bundle_folder(folder, [&](const fs::path& temporary) {
     core::SceneManifest manifest;
     manifest.name = options.name;
     manifest.created_by = std::string("segsim ") + core::version();
@@ -241,15 +238,9 @@ core::SceneBundle reconstruct_bundle(const reconstruction::RgbdSequence& sequenc
     }
 
     renderer::write_surfels_ply(temporary / manifest.surfels.name, scene.surfels);
-    if (scene.model) {
-      renderer::write_panoptic_model(temporary / renderer::kPanopticFileName, *scene.model);
-    }
+    parts.labels.name = write_label_files(temporary, scene.model, scene.field);
     parts.cameras.name = core::kCamerasFileName;
     core::write_camera_path(temporary / parts.cameras.name, cameras);
-    if (scene.field) {
-      parts.labels.name = renderer::kPanopticFieldFileName;
-      renderer::write_panoptic_field(temporary / parts.labels.name, *scene.field);
-    }
     for (const std::string& warning :
          write_shape(temporary, shape, options.robot, collision, manifest, parts)) {
       std::fprintf(stderr, "warning: %s\n", warning.c_str());
@@ -259,13 +250,8 @@ core::SceneBundle reconstruct_bundle(const reconstruction::RgbdSequence& sequenc
       add_coverage(temporary, scene, shape.camera_positions_m, options, manifest);
       core::write_bundle_manifest(temporary, manifest, parts);
     }
-    fs::remove_all(folder);
-    fs::rename(temporary, folder);
-    if (options.training) training::remove_training_state(training_folder(options, folder));
-  } catch (...) {
-    fs::remove_all(temporary);
-    throw;
-  }
+  });
+  if (options.training) training::remove_training_state(training_folder(options, folder));
   return core::load_bundle(folder);
 }
 

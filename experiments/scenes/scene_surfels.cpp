@@ -40,6 +40,15 @@ SceneSurfels load_scene_surfels(const core::SceneBundle& bundle) {
                                                    unedited.surfels->size()));
 }
 
+std::string write_label_files(const std::filesystem::path& folder,
+                              const std::optional<renderer::PanopticModel>& model,
+                              const std::shared_ptr<const renderer::PanopticField>& field) {
+  if (model) renderer::write_panoptic_model(folder / renderer::kPanopticFileName, *model);
+  if (field == nullptr) return "";
+  renderer::write_panoptic_field(folder / renderer::kPanopticFieldFileName, *field);
+  return renderer::kPanopticFieldFileName;
+}
+
 SceneSurfels edited_surfels(const SceneSurfels& unedited, const renderer::LabelEdits& edits) {
   if (edits.empty()) return unedited;
   auto surfels = std::make_shared<renderer::SurfelCloud>(*unedited.surfels);

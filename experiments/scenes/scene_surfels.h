@@ -3,7 +3,10 @@
 /// @file
 /// A bundle's surfels and how they are labelled, for everything that draws a bundle.
 
+#include <filesystem>
 #include <memory>
+#include <optional>
+#include <string>
 
 #include "core/scene_bundle.h"
 #include "renderer/files/label_edits.h"
@@ -25,6 +28,13 @@ struct SceneSurfels {
 /// As they were made, without those labels.
 /// @throws core::InputError for a damaged file.
 [[nodiscard]] SceneSurfels load_unedited_surfels(const core::SceneBundle& bundle);
+
+/// Writes what labels the surfels of a bundle beside their own ids: the trained model, if
+/// there is one, and the label distributions, if there are.
+/// @return  Name of the file with the distributions, for core::BundleParts; empty without.
+[[nodiscard]] std::string write_label_files(
+    const std::filesystem::path& folder, const std::optional<renderer::PanopticModel>& model,
+    const std::shared_ptr<const renderer::PanopticField>& field);
 
 /// The scene with other labels; what `edits` does not touch is shared or copied as it is.
 [[nodiscard]] SceneSurfels edited_surfels(const SceneSurfels& unedited,

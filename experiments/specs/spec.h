@@ -58,6 +58,24 @@ struct GazeboSpec {
   std::filesystem::path class_map;  ///< Corrections of class names; empty: none.
 };
 
+/// Where the masks come from that a scene's labels for fine-tuning are learnt from. Without it
+/// they are the recording's own labels, by which success is judged in any case.
+enum class MaskSource : std::uint8_t {
+  kSimulate,  ///< The recording's labels, spoilt as a segmenter spoils them.
+  kFolder,    ///< Of whatever segmenter (docs/masks.md).
+  kDetect,    ///< Boxes of a detector, cut out by depth and colour.
+};
+struct MaskSpec {
+  MaskSource source = MaskSource::kSimulate;
+  double level = 1.0;              ///< kSimulate: 1 is as noisy as published.
+  bool fit = false;                ///< kSimulate: first scale the noise to what is published.
+  std::uint64_t seed = 1;          ///< kSimulate.
+  std::filesystem::path folder;    ///< kFolder.
+  std::filesystem::path detector;  ///< kDetect: weights, or a model of others.
+  std::string prompt;              ///< kDetect: "chair. couch."; empty: all of its classes.
+  std::optional<float> score_threshold;  ///< kDetect: default: the detector's own.
+};
+
 /// What a scene bundle is made from if it does not exist yet.
 struct SourceSpec {
   SourceType type = SourceType::kFlat;
@@ -72,6 +90,7 @@ struct SourceSpec {
   RigSpec rig;                           ///< kRgbd.
   double voxel_m = 0.02;                 ///< Lifting resolution.
   std::optional<ReconstructSpec> reconstruct;  ///< None: lifting alone.
+  std::optional<MaskSpec> masks;  ///< Only with `reconstruct`: by training masks agree.
 };
 
 struct SceneSpec {

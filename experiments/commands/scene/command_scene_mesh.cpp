@@ -12,6 +12,7 @@
 #include "core/error.h"
 #include "core/version.h"
 #include "experiments/commands/scene/scene_commands.h"
+#include "experiments/scenes/bundle_folder.h"
 #include "experiments/scenes/bundle_shape.h"
 #include "experiments/scenes/coverage.h"
 #include "experiments/scenes/mesh_accuracy.h"
@@ -122,17 +123,8 @@ void write_remeshed(const fs::path& folder, const RemeshFlags& flags,
 
 void remesh(const RemeshFlags& flags) {
   const core::SceneBundle bundle = core::load_bundle(flags.bundle);
-  const fs::path temporary = flags.out.string() + ".tmp" + std::to_string(::getpid());
-  fs::remove_all(temporary);
-  fs::create_directories(temporary);
-  try {
-    write_remeshed(temporary, flags, bundle);
-    fs::remove_all(flags.out);
-    fs::rename(temporary, flags.out);
-  } catch (...) {
-    fs::remove_all(temporary);
-    throw;
-  }
+  scenes::write_bundle_folder(
+      flags.out, [&](const fs::path& folder) { write_remeshed(folder, flags, bundle); });
   static_cast<void>(core::load_bundle(flags.out));
   std::printf("%s: see `segsim scene inspect`\n", flags.out.string().c_str());
 }

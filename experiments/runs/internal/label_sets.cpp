@@ -114,10 +114,14 @@ void LabelSet::draw(std::size_t k, const LabelWork& work) {
     options.avoid_radius_m = spec_.detectors.finetune->start_clearance_m;
   }
   const trials::LoadedScene& loaded = *scenes_[k]->loaded;
-  drawn_[k] =
-      detection::label_views({loaded.bundle, loaded.world, {loaded.surfels, loaded.labels}},
-                             options, folder_)
-          .dataset;
+  const std::optional<LearntLabels>& learnt = scenes_[k]->learnt;
+  const bool judges = rule_.purpose == "test";  // By the truth.
+  const detection::LabelledScene labelled =
+      learnt && !judges
+          ? detection::LabelledScene{learnt->bundle, loaded.world, learnt->surfels}
+          : detection::LabelledScene{
+                loaded.bundle, loaded.world, {loaded.surfels, loaded.labels}};
+  drawn_[k] = detection::label_views(labelled, options, folder_).dataset;
 }
 
 void LabelSet::write(const LabelWork& work) const {
@@ -142,6 +146,9 @@ support::StepRecord LabelSet::record(const LabelWork& work) const {
   for (const SceneTask* scene : scenes_) {
     text << "; " << scene->spec->name << " at " << scene->spec->camera_height_m << " m "
          << core::sha256_of_file(scene->spec->bundle / "scene.yaml");
+    if (scene->learnt) {
+      text << ", learnt " << core::sha256_of_file(scene->learnt->bundle.folder / "scene.yaml");
+    }
     if (finetune.start_clearance_m <= 0.0) continue;
     text << ", " << finetune.start_clearance_m << " m from";
     for (const glm::dvec2& start_m : trials::starts_of(*scene->loaded)) {

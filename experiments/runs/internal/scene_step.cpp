@@ -64,18 +64,12 @@ void SceneStep::reconstruct() const {
   std::printf("reconstructing scene %s\n", scene_.name.c_str());
   const core::ProgressPrefix prefix(scene_.name + ": ");
   const specs::SourceSpec& source = *scene_.source;
-  reconstruction::SequenceOptions sequence_options;
-  sequence_options.on_bad_frame = reconstruction::OnBadFrame::kSkip;
-  if (source.type == specs::SourceType::kRgbd)
-    sequence_options.floor_height_m = source.floor_height_m;
-  sequence_options = scenes::with_rig(recording_, sequence_options, source.rig);
-  const auto sequence = scenes::open_recording(recording_, source.boxes, sequence_options);
-
+  const auto sequence = open_recording();
   scenes::ReconstructOptions options;
   options.name = scene_.name;
   options.source = scenes::describe_capture(source);
   options.source_sha256 = record_.recipe_sha256();
-  options.collision.floor_is_known = sequence_options.floor_height_m.has_value();
+  options.collision.floor_is_known = reading().floor_height_m.has_value();
   options.lift.voxel_m = source.voxel_m;
   options.lift.frame_step = source.frame_step;
   options.robot = spec_.robot;
@@ -87,6 +81,18 @@ void SceneStep::reconstruct() const {
   }
   scenes::reconstruct_bundle(*sequence, options, scene_.bundle);
   record_.mark_done();
+}
+
+reconstruction::SequenceOptions SceneStep::reading() const {
+  const specs::SourceSpec& source = *scene_.source;
+  reconstruction::SequenceOptions options;
+  options.on_bad_frame = reconstruction::OnBadFrame::kSkip;
+  if (source.type == specs::SourceType::kRgbd) options.floor_height_m = source.floor_height_m;
+  return scenes::with_rig(recording_, options, source.rig);
+}
+
+std::unique_ptr<reconstruction::RgbdSequence> SceneStep::open_recording() const {
+  return scenes::open_recording(recording_, scene_.source->boxes, reading());
 }
 
 std::optional<training::TrainingOptions> SceneStep::training() const {

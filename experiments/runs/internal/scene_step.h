@@ -4,12 +4,14 @@
 /// The bundle of one scene: how it is made, and whether it is there.
 
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 
 #include "experiments/specs/spec.h"
 #include "experiments/support/step_record.h"
 #include "experiments/training/training_run.h"
+#include "reconstruction/datasets/rgbd_sequence.h"
 
 namespace segsim::experiments::runs::internal {
 
@@ -33,8 +35,13 @@ class SceneStep {
   void capture() const;
   void reconstruct() const;
 
- private:
+  /// The recording, once it is captured.
+  [[nodiscard]] std::unique_ptr<reconstruction::RgbdSequence> open_recording() const;
+  /// How the scene is trained; its work folder is not set. None: lifted.
   [[nodiscard]] std::optional<training::TrainingOptions> training() const;
+
+ private:
+  [[nodiscard]] reconstruction::SequenceOptions reading() const;
   [[nodiscard]] std::string recipe() const;
 
   const specs::ExperimentSpec& spec_;

@@ -15,13 +15,29 @@ namespace segsim::experiments::runs::internal {
 namespace fs = std::filesystem;
 using support::TaskGraph;
 
+namespace {
+
+/// Trains with the part of libtorch's threads that one of `at_once` trainings takes. Sums are
+/// split among them: reproducible work leaves them at one.
+template <class Training>
+void with_part_of_threads(int at_once, const Training& train) {
+  std::optional<perception::ThreadCountScope> part;
+  if (at_once > 1 && core::kernel_choice() == core::KernelChoice::kFast) {
+    part.emplace(std::max(1, support::processor_count() / at_once));
+  }
+  train();
+}
+
+}  // namespace
+
 SceneTasks::SceneTasks(const specs::ExperimentSpec& spec, fs::path work,
                        support::StageTimes& times)
     : spec_(spec), work_(std::move(work)), times_(times) {
   for (const specs::SceneSpec& scene : spec.scenes) {
-    scenes_.push_back({&scene});
+    scenes_.emplace_back().spec = &scene;
     if (scene.source) {
       steps_.emplace_back(spec, scene, work_);
+      if (scene.source->masks) label_steps_.emplace_back(steps_.back(), work_);
     } else {
       check_bundle(scene.bundle);
     }
@@ -48,16 +64,21 @@ void SceneTasks::add_to(TaskGraph& graph, int workers) {
       support::StageTimes::Timer timer(times_, "reconstruction/" + step.scene().name);
       if (!step.is_current()) {
         timer.working();
-        std::optional<perception::ThreadCountScope> part;
-        // Sums are split among libtorch's threads: reproducible work leaves them at one.
-        if (at_once > 1 && core::kernel_choice() == core::KernelChoice::kFast) {
-          part.emplace(std::max(1, support::processor_count() / at_once));
-        }
-        step.reconstruct();
+        with_part_of_threads(at_once, [&] { step.reconstruct(); });
       }
       check_bundle(step.scene().bundle);
     };
     bundles[step.scene().name] = graph.add(make, needs);
+  }
+  for (const LabelStep& step : label_steps_) {
+    const std::string& name = step.scene().scene().name;
+    const auto make = [this, &step, &name, at_once] {
+      support::StageTimes::Timer timer(times_, "labels from masks/" + name);
+      if (step.is_current()) return;
+      timer.working();
+      with_part_of_threads(at_once, [&] { step.make(); });
+    };
+    bundles[name] = graph.add(make, {bundles.at(name)});
   }
   for (SceneTask& scene : scenes_) {
     std::vector<TaskGraph::Id> needs;
@@ -74,7 +95,20 @@ void SceneTasks::load(SceneTask& scene) {
   support::StageTimes::Timer timer(times_, "episodes");
   std::fprintf(stderr, "segsim: loading %s\n", scene.spec->title.c_str());
   scene.loaded.emplace(trials::load_scene(spec_, *scene.spec, scene.spec->bundle, work_));
+  if (const LabelStep* step = label_step_of(*scene.spec)) {
+    scene.learnt.emplace(step->load());
+    // It is the same place: weights that have seen the one have seen the other.
+    scene.learnt->bundle.manifest.surfels.sha256 =
+        scene.loaded->bundle.manifest.surfels.sha256;
+  }
   if (scene.loaded->episodes_made) timer.working();
+}
+
+const LabelStep* SceneTasks::label_step_of(const specs::SceneSpec& scene) const {
+  const auto found =
+      std::find_if(label_steps_.begin(), label_steps_.end(),
+                   [&](const LabelStep& step) { return &step.scene().scene() == &scene; });
+  return found == label_steps_.end() ? nullptr : &*found;
 }
 
 std::vector<trials::LoadedScene> SceneTasks::take() {

@@ -8,6 +8,7 @@
 #include <optional>
 #include <vector>
 
+#include "experiments/runs/internal/label_step.h"
 #include "experiments/runs/internal/scene_step.h"
 #include "experiments/specs/spec.h"
 #include "experiments/support/stage_times.h"
@@ -18,8 +19,11 @@ namespace segsim::experiments::runs::internal {
 
 /// A scene of the spec, and the task that loads it.
 struct SceneTask {
-  const specs::SceneSpec* spec;
+  const specs::SceneSpec* spec = nullptr;
   std::optional<trials::LoadedScene> loaded{};  ///< Once the task has ended.
+  /// What a detector learns the scene from, once the task has ended; nullopt: from `loaded`,
+  /// whose labels are the recording's.
+  std::optional<LearntLabels> learnt{};
   support::TaskGraph::Id task = 0;
 };
 
@@ -40,11 +44,14 @@ class SceneTasks {
 
  private:
   void load(SceneTask& scene);
+  /// The step that learns labels for a scene; nullptr: none does.
+  [[nodiscard]] const LabelStep* label_step_of(const specs::SceneSpec& scene) const;
 
   const specs::ExperimentSpec& spec_;
   std::filesystem::path work_;
   support::StageTimes& times_;
-  std::deque<SceneStep> steps_;  ///< Of scenes with a source.
+  std::deque<SceneStep> steps_;        ///< Of scenes with a source.
+  std::deque<LabelStep> label_steps_;  ///< Of scenes whose source has masks.
   std::deque<SceneTask> scenes_;
 };
 

@@ -45,6 +45,9 @@ SceneSpec reconstructed_again(const ExperimentSpec& spec, SceneSpec scene,
   scene.title += ", reconstruction " + std::to_string(reconstruction);
   scene.bundle += suffix;
   scene.source->reconstruct->seed += static_cast<std::uint64_t>(reconstruction - 1);
+  if (scene.source->masks) {  // Each begins with what a segmenter sees anew.
+    scene.source->masks->seed += static_cast<std::uint64_t>(reconstruction - 1);
+  }
   return scene;
 }
 

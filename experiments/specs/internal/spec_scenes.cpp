@@ -65,6 +65,39 @@ ReconstructSpec read_reconstruct(const ConfigNode& node, const Variables& variab
   return reconstruct;
 }
 
+/// One of the keys of MaskSource.
+MaskSpec read_masks(const ConfigNode& node, const Variables& variables) {
+  MaskSpec masks;
+  const auto simulate = node.optional_child("simulate");
+  const auto detect = node.optional_child("detect");
+  const bool folder = node.has("folder");
+  const int given = static_cast<int>(simulate.has_value()) +
+                    static_cast<int>(detect.has_value()) + static_cast<int>(folder);
+  if (given != 1) {
+    node.fail("one of the keys simulate, folder and detect", std::to_string(given));
+  }
+  if (simulate) {
+    masks.level = support::number_within(*simulate, "level", masks.level, 0.0, 10.0);
+    masks.fit = simulate->boolean_or("fit", false);
+    masks.seed = read_seed(*simulate, masks.seed);
+    simulate->finish();
+  } else if (folder) {
+    masks.source = MaskSource::kFolder;
+    masks.folder = variables.expand(node.child("folder"));
+  } else {
+    masks.source = MaskSource::kDetect;
+    masks.detector = variables.expand(detect->child("detector"));
+    masks.prompt = detect->text_or("prompt", "");
+    if (detect->has("threshold")) {
+      masks.score_threshold =
+          static_cast<float>(support::number_within(*detect, "threshold", 0.0, 0.0, 1.0));
+    }
+    detect->finish();
+  }
+  node.finish();
+  return masks;
+}
+
 }  // namespace
 
 Variables::Variables(const SpecFolders& folders, const fs::path& spec_file)
@@ -143,6 +176,15 @@ SourceSpec read_source(const ConfigNode& node, const Variables& variables) {
   source.voxel_m = support::number_within(node, "voxel_m", source.voxel_m, 0.002, 0.5);
   if (const auto reconstruct = node.optional_child("reconstruct")) {
     source.reconstruct = read_reconstruct(*reconstruct, variables);
+  }
+  if (const auto masks = node.optional_child("masks")) {
+    source.masks = read_masks(*masks, variables);
+    if (!source.reconstruct || source.reconstruct->head == "none") {
+      masks->fail(
+          "source.reconstruct with a head beside it: labels of single views agree by "
+          "training",
+          source.reconstruct ? "head none" : "none");
+    }
   }
   node.finish();
   return source;

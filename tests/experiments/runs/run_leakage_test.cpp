@@ -7,6 +7,7 @@
 #include "perception/checkpoint/lineage.h"
 #include "perception/data/image_file.h"
 #include "perception/training/training.h"
+#include "tests/experiments/start_weights.h"
 #include "tests/experiments/tiny_scene.h"
 #include "tests/experiments/tiny_spec.h"
 
@@ -23,35 +24,9 @@ class RunLeakageTest : public testing::Test {
   static void SetUpTestSuite() {
     folder_ = new TemporaryFolder("run_leakage");
     TinyScene().write(folder_->path() / "tiny");
-    write_start_weights();
+    write_start_weights(folder_->path());
   }
   static void TearDownTestSuite() { delete folder_; }
-
-  /// Weights that learnt for one step from a picture of a place far away.
-  static void write_start_weights() {
-    perception::CocoDataset dataset;
-    dataset.class_names = {"chair", "couch"};
-    perception::LabeledImage image{1, "far.png", 32, 32, {}};
-    perception::LabeledBox box;
-    box.box = {4, 4, 20, 20};
-    box.area_px2 = 256;
-    image.boxes = {box};
-    dataset.images = {image};
-    dataset.scenes = std::vector<perception::ImagedScene>{{"far", std::string(64, 'f')}};
-    perception::write_image(*folder_ / image.file,
-                            core::Image<core::Rgb8>(32, 32, {90, 80, 70}));
-    perception::write_coco(*folder_ / "far.json", dataset);
-    perception::TrainOptions options;
-    options.train_json = *folder_ / "far.json";
-    options.output = *folder_ / "start.weights";
-    options.width = 0.25;
-    options.input_px = 64;
-    options.steps = 1;
-    options.batch = 2;
-    options.threads = 1;
-    options.show_progress = false;
-    (void)perception::train(options);
-  }
 
   /// Everything but the trials.
   static runs::RunReport prepare(const std::string& work, const std::string& arms,
