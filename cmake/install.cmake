@@ -52,7 +52,7 @@ install(TARGETS segsim segsim_main segsim_light
   RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT program)
 # Specs name weights and budgets relative to themselves, so the folders keep their places.
 set(segsim_data_folder ${CMAKE_INSTALL_DATADIR}/segsim)
-foreach(folder budgets class_maps engines label_maps scene_lists specs trials)
+foreach(folder budgets class_maps engines label_maps scene_lists specs suites trials)
   install(DIRECTORY experiments/${folder} DESTINATION ${segsim_data_folder}/experiments
     COMPONENT program PATTERN "*.cpp" EXCLUDE PATTERN "*.h" EXCLUDE PATTERN internal EXCLUDE)
 endforeach()

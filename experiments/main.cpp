@@ -11,6 +11,7 @@ namespace commands = segsim::experiments::commands;
 void add_commands(CLI::App& app) {
   commands::add_run_command(app);
   commands::add_table_command(app);
+  commands::add_suite_command(app);
   commands::add_capture_command(app);
   commands::add_reconstruct_command(app);
   commands::scene::add_scene_command(app);

@@ -34,7 +34,7 @@ ROOMS = {
     "nav": ("grid", "mapping", "objects", "planning", "motion", "value", "behaviours", "frontier", "vlfm", "policies"),
     "sim": ("ground", "time", "sensors", "trial", "gazebo"),
     "worlds": ("mesh", "mesh/gazebo", "procedural", "capture", "surface", "masks"),
-    "experiments": ("support", "specs", "drawing", "episodes", "records", "results", "reproducibility", "training", "scenes",
+    "experiments": ("support", "specs", "drawing", "episodes", "records", "results", "suites", "reproducibility", "training", "scenes",
                     "detection", "benchmarks", "video", "trials", "runs", "films", "panoptic", "scripted_trials", "report",
                     "web", "dashboard", "scene_labels", "commands/light", "commands", "commands/detectors",
                     "commands/scene", "."),

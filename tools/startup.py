@@ -33,6 +33,7 @@ def commands(results):
     return [
         (["--version"], True), (["--help"], True), (["table", results], True), (["compare", results], True),
         (["plan", "--psi", "0.3", "--delta", "0.2"], True), (["export", results, "-o", f"{results}/trials.csv"], True),
+        (["suite", "list"], True), (["suite", "verify", "--help"], True),
         (["trial", "check", "--help"], True), (["trial", "check", drive], True),
         (["run", "--help"], False), (["render", "--help"], False), (["doctor"], False),
     ]

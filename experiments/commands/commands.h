@@ -11,6 +11,8 @@ namespace segsim::experiments::commands {
 
 void add_run_command(CLI::App& app);
 void add_table_command(CLI::App& app);
+/// `segsim suite run`, `table` and those of segsim-light.
+void add_suite_command(CLI::App& app);
 void add_capture_command(CLI::App& app);
 void add_reconstruct_command(CLI::App& app);
 void add_render_command(CLI::App& app);

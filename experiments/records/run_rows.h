@@ -27,8 +27,9 @@ struct RunRow {
   std::string started, ended;  ///< UTC, ISO 8601; `ended` is empty while trials are missing.
   /// What else a result may depend on, by name: "clock", "library/<name>",
   /// "training_scenes/<arm>", "leakage/<arm>" (from ArmRow::exposure), "time/<stage>",
-  /// "shard"; of merged runs "merged/<shard>"; "masks/<scene>" where
-  /// fine-tuning learns a scene from masks.
+  /// "shard"; of merged runs "merged/<shard>"; "pool/<scene>"; "weights/<arm>/<scene>" of arms
+  /// that have weights of their own in every scene (ArmRow::weights_sha256 is then of all);
+  /// "masks/<scene>" where fine-tuning learns a scene from masks.
   std::map<std::string, std::string> provenance{};
 };
 

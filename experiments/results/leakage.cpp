@@ -140,6 +140,14 @@ std::vector<ToldArm> told_arms(const ResultTable& table) {
   return told;
 }
 
+/// Whether the arm has other weights in every scene.
+bool has_own_weights(const ResultTable& table, const ToldArm& arm) {
+  const auto first =
+      table.run.provenance.lower_bound("weights/" + arm.rows.front()->name + "/");
+  return first != table.run.provenance.end() &&
+         first->first.starts_with("weights/" + arm.rows.front()->name + "/");
+}
+
 /// "a", "b" and "c"
 std::string listed(const std::vector<std::string>& words) {
   std::string text;
@@ -225,9 +233,23 @@ std::string leakage_word(const ResultTable& table, const records::ArmRow& traini
   return word_for(worst_of({&training}, scenes_of(table, "")));
 }
 
+std::string leakage_word(const ResultTable& table, const records::ArmRow& training,
+                         const std::string& scene) {
+  return word_for(worst_of({&training}, scenes_of(table, scene)));
+}
+
 std::string leakage_word(const ResultTable& table, const std::string& arm,
                          const std::string& scene) {
   return word_for(worst_of(rows_of(table, arm), scenes_of(table, scene)));
+}
+
+std::string leakage_word(const ResultTable& table, const std::string& arm,
+                         const std::vector<std::string>& scenes) {
+  Leakage worst = Leakage::kNone;
+  for (const std::string& scene : scenes) {
+    worst = std::max(worst, worst_of(rows_of(table, arm), scenes_of(table, scene)));
+  }
+  return word_for(worst);
 }
 
 std::string compared_leakage_word(const ResultTable& table, const std::string& scene) {
@@ -241,10 +263,10 @@ std::string compared_leakage_word(const ResultTable& table, const std::string& s
 void note_leakage(ResultTable& table) {
   const std::vector<ToldArm> told = told_arms(table);
   note_tuned(table, told);
-  std::vector<std::string> clean;
+  std::vector<std::string> clean, clean_by_scene;
   for (const ToldArm& arm : told) {
     if (arm.finding.worst == Leakage::kNone) {
-      clean.push_back(arm.quoted());
+      (has_own_weights(table, arm) ? clean_by_scene : clean).push_back(arm.quoted());
     } else {
       note_unknown(table, arm);
     }
@@ -253,6 +275,12 @@ void note_leakage(ResultTable& table) {
     table.notes.push_back("Leakage none: no view of the evaluation scenes is in what " +
                           listed(clean) + (clean.size() == 1 ? " was" : " were") +
                           " trained on.");
+  }
+  if (!clean_by_scene.empty()) {
+    table.notes.push_back("Leakage none: " + listed(clean_by_scene) +
+                          (clean_by_scene.size() == 1 ? " has" : " have") +
+                          " weights of their own in every scene, and no view of that scene "
+                          "is in what these were trained on.");
   }
   note_thresholds(table, told);
 }

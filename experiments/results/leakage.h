@@ -8,6 +8,7 @@
 /// of several reconstructions of a scene, the worst counts.
 
 #include <string>
+#include <vector>
 
 #include "experiments/results/table.h"
 
@@ -20,9 +21,16 @@ namespace segsim::experiments::results::internal {
 /// Of one training, in all scenes.
 [[nodiscard]] std::string leakage_word(const ResultTable& table,
                                        const records::ArmRow& training);
+/// Of one training, in one scene. @param scene  Its family.
+[[nodiscard]] std::string leakage_word(const ResultTable& table,
+                                       const records::ArmRow& training,
+                                       const std::string& scene);
 /// @param arm  A family, or one row of one. @param scene  Its family; empty: all scenes.
 [[nodiscard]] std::string leakage_word(const ResultTable& table, const std::string& arm,
                                        const std::string& scene);
+/// @param scenes  Families; the worst of them counts.
+[[nodiscard]] std::string leakage_word(const ResultTable& table, const std::string& arm,
+                                       const std::vector<std::string>& scenes);
 /// Of the arm "after"; without a comparison the worst of all arms.
 [[nodiscard]] std::string compared_leakage_word(const ResultTable& table,
                                                 const std::string& scene);

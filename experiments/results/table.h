@@ -66,9 +66,21 @@ struct GroupSummary {
   /// drawing scenes.
   std::optional<MeanInterval> over_scenes{};
   std::string verdict;
-  bool leak = false;  ///< "After" was fine-tuned on this scene.
+  bool leak = false;                  ///< "After" was fine-tuned on this scene.
+  std::vector<std::string> scenes{};  ///< Families, of a pool.
 
   [[nodiscard]] const ArmSummary* find(const std::string& arm) const;
+};
+
+/// One arm over all scenes, or those of a pool: does what it learnt carry over?
+struct Generalisation {
+  std::string group, arm;  ///< Title of the group; family of the arm.
+  std::size_t scenes = 0;
+  ArmSummary summary;
+  std::string leakage;  ///< "none", "scene" or "unknown": of what decides in each scene.
+  /// SR - SR of "before" on the same episodes; none of "before" itself. One training: with the
+  /// interval of a cluster bootstrap over scenes; several: hierarchical_interval().
+  std::optional<MeanInterval> difference{};
 };
 
 /// One training of the arm under test, over all scenes.
@@ -91,6 +103,9 @@ struct ResultTable {
   bool compares_trainings = false;
   std::vector<GroupSummary> scenes;
   std::optional<GroupSummary> all;  ///< If there is more than one scene.
+  std::vector<GroupSummary> pools;  ///< Of scenes, if the spec has several.
+  /// Of runs with pools, or with arms that have weights of their own in every scene.
+  std::vector<Generalisation> generalisation;
   std::vector<GroupSummary> classes;
   int finished_trials = 0;
   std::vector<std::string> notes;  ///< Printed below the table, in order.

@@ -82,11 +82,14 @@ std::string as_csv(const ResultTable& table) {
       }
       const std::string leakage =
           one ? internal::leakage_word(table, *internal::find_arm(table.arm_rows, arm.arm))
+          : kind == "pool"
+              ? internal::leakage_word(table, arm.arm, group.scenes)
               : internal::leakage_word(table, arm.arm, kind == "scene" ? group.name : "");
       text += "," + leakage + "\n";
     }
   };
   for (const GroupSummary& group : table.scenes) add("scene", group);
+  for (const GroupSummary& group : table.pools) add("pool", group);
   if (table.all) add("all", *table.all);
   for (const GroupSummary& group : table.classes) add("class", group);
   if (table.trainings.size() > 1) {

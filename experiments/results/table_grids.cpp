@@ -2,6 +2,7 @@
 #include "experiments/results/table_grids.h"
 
 #include "core/formatted.h"
+#include "experiments/results/generalisation_grids.h"
 #include "experiments/results/insight_grids.h"
 #include "experiments/results/training_grids.h"
 #include "experiments/support/text_grid.h"
@@ -170,10 +171,15 @@ support::internal::Grid detectors_grid(const ResultTable& table) {
 
 std::vector<support::internal::Grid> grids_of(const ResultTable& table) {
   std::vector<GroupSummary> rows = table.scenes;
+  rows.insert(rows.end(), table.pools.begin(), table.pools.end());
   if (table.all) rows.push_back(*table.all);
   std::vector<support::internal::Grid> grids;
   if (compares(table)) {
     grids.push_back(comparison_grid(table, rows, "Scene", false));
+    if (!table.generalisation.empty()) {
+      grids.push_back(generalisation_grid(table));
+      grids.push_back(mixed_grid(table));
+    }
     if (table.trainings.size() > 1) grids.push_back(trainings_grid(table));
     grids.push_back(comparison_grid(table, table.classes, "Goal", true));
   } else {

@@ -151,6 +151,27 @@ std::string as_json(const ResultTable& table) {
     json["scenes"].push_back(json_group(table, group, group.name));
   }
   if (table.all) json["all"] = json_group(table, *table.all, "");
+  for (const GroupSummary& group : table.pools) {
+    json["pools"].push_back(json_group(table, group, ""));
+    json["pools"].back()["leakage"] = leakage_word(table, table.after, group.scenes);
+    json["pools"].back()["scenes"] = group.scenes;
+    for (const ArmSummary& arm : group.arms) {
+      json["pools"].back()["arms"][arm.arm]["leakage"] =
+          leakage_word(table, arm.arm, group.scenes);
+    }
+  }
+  for (const Generalisation& row : table.generalisation) {
+    json["generalisation"].push_back({{"group", row.group},
+                                      {"arm", row.arm},
+                                      {"scenes", row.scenes},
+                                      {"successes", row.summary.success.successes},
+                                      {"episodes", row.summary.success.trials},
+                                      {"trainings", row.summary.members},
+                                      {"leakage", row.leakage}});
+    if (!row.difference) continue;
+    json["generalisation"].back()["difference"] = row.difference->mean;
+    json["generalisation"].back()["interval95"] = json_interval(row.difference->interval);
+  }
   json["classes"] = nlohmann::ordered_json::array();
   for (const GroupSummary& group : table.classes) {
     json["classes"].push_back(json_group(table, group, ""));

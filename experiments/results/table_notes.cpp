@@ -110,6 +110,11 @@ void note_new_classes(ResultTable& table) {
                         ", and no trial for them can succeed by it; fine-tuning gave \"" +
                         table.after + "\" heads of their own for them. The AP50 of \"" +
                         table.before + "\" is that of the classes that it knows.");
+  const auto untaught = table.run.provenance.find("untaught_goals");
+  if (untaught == table.run.provenance.end()) return;
+  table.notes.push_back(
+      "Untaught goals: where a detector is tuned on other scenes, none of these shows " +
+      untaught->second + ". No trial for them can succeed there by it.");
 }
 
 /// Labels that fine-tuning learns from, where they are not the truth.
@@ -168,6 +173,17 @@ void note_one_training(ResultTable& table) {
   }
 }
 
+/// What stands for many files in the grids above.
+void note_own_weights(ResultTable& table) {
+  const bool any =
+      std::any_of(table.run.provenance.begin(), table.run.provenance.end(),
+                  [](const auto& row) { return row.first.starts_with("weights/"); });
+  if (!any) return;
+  table.notes.emplace_back(
+      "Arms with weights of their own in every scene: AP50, score threshold and their like "
+      "are means over scenes, and the hash of the weights is that of the list of all.");
+}
+
 void note_comparison(ResultTable& table) {
   if (table.before.empty() || table.after.empty()) {
     table.notes.emplace_back("Rates: Wilson 95 % interval.");
@@ -184,6 +200,7 @@ void note_comparison(ResultTable& table) {
   note_new_classes(table);
   note_masks(table);
   note_paper(table);
+  note_own_weights(table);
   if (table.scenes.size() < kScenesForClaim) {
     table.notes.emplace_back(
         "Fewer than 5 scenes: no claim beyond these scenes is supported.");

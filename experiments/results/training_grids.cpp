@@ -12,9 +12,6 @@
 namespace segsim::experiments::results::internal {
 namespace {
 
-/// d < 0.1 m, a tenth of what most rules ask for.
-constexpr const char* kStrictestRule = "habitat-hm3d";
-
 std::string percent(double share) { return core::print("%.0f %%", 100.0 * share); }
 
 /// Trials of an arm by a named rule, over all scenes; none if they are not attributed.

@@ -12,6 +12,9 @@
 
 namespace segsim::experiments::results::internal {
 
+/// d < 0.1 m, a tenth of what most rules ask for: a named rule.
+inline constexpr const char* kStrictestRule = "habitat-hm3d";
+
 /// "one training", "3 trainings", "6 trainings in 2 reconstructions"; empty if training is not
 /// what is compared.
 [[nodiscard]] std::string trainings_in_words(const ResultTable& table);

@@ -23,6 +23,7 @@
 #include "experiments/runs/internal/task_queue.h"
 #include "experiments/runs/prepare.h"
 #include "experiments/runs/run_provenance.h"
+#include "experiments/specs/tuning_set.h"
 #include "experiments/support/folder_lock.h"
 #include "experiments/support/listed.h"
 #include "experiments/support/step_record.h"
@@ -44,7 +45,8 @@ std::string number_text(double value) {
 /// The run to go on with, or a new one.
 std::int64_t open_run(records::Store& store, const specs::ExperimentSpec& spec,
                       const RunOptions& options, const std::vector<records::SceneRow>& scenes,
-                      const std::vector<records::ArmRow>& arms, int planned_trials) {
+                      const std::vector<records::ArmRow>& arms, int planned_trials,
+                      const std::map<std::string, std::string>& more_provenance) {
   const std::vector<records::RunRow> runs = store.runs();
   if (!runs.empty() && !options.new_run) {
     const records::RunRow& last = runs.back();
@@ -90,6 +92,7 @@ std::int64_t open_run(records::Store& store, const specs::ExperimentSpec& spec,
   run.planned_n = spec.planned_n;
   run.planned_trials = planned_trials;
   run.provenance = run_provenance(spec, options.shard);
+  run.provenance.insert(more_provenance.begin(), more_provenance.end());
   return store.begin_run(run, scenes, arms);
 }
 
@@ -116,6 +119,38 @@ void check_goals_known(const specs::ExperimentSpec& spec, const Inputs& inputs) 
                                        support::listed(unknown));
     }
   }
+}
+
+/// New classes that a robot searches for by a head that no scene has taught: those of one
+/// scene alone, where the detector is tuned on others. "Small house: wardrobe; ..."
+std::string untaught_goals(const specs::ExperimentSpec& spec, const Inputs& inputs) {
+  const bool elsewhere =
+      std::any_of(spec.arms.begin(), spec.arms.end(), [](const specs::ArmSpec& arm) {
+        return arm.detector == specs::ArmDetector::kAfterElsewhere;
+      });
+  std::string text;
+  if (!elsewhere) return text;
+  for (const trials::LoadedScene& scene : inputs.scenes) {
+    if (scene.spec->reconstruction != 1) continue;
+    const specs::TuningSet set =
+        specs::tuning_set(spec, specs::ArmDetector::kAfterElsewhere, *scene.spec);
+    std::vector<std::string> taught;
+    for (const trials::LoadedScene& other : inputs.scenes) {
+      const std::string& family = other.spec->family;
+      if (std::find(set.scenes.begin(), set.scenes.end(), family) == set.scenes.end())
+        continue;
+      for (const core::SceneClass& c : other.bundle.manifest.classes) taught.push_back(c.name);
+    }
+    std::vector<std::string> untaught =
+        trials::unknown_goals(trials::searched_classes(scene), taught);
+    std::erase_if(untaught, [&](const std::string& name) {
+      const std::vector<std::string>& added = inputs.new_classes;
+      return std::find(added.begin(), added.end(), name) == added.end();
+    });
+    if (untaught.empty()) continue;
+    text += (text.empty() ? "" : "; ") + scene.spec->title + ": " + support::listed(untaught);
+  }
+  return text;
 }
 
 /// All cells of the experiment, scene by scene; the arms of an episode follow one another, so
@@ -393,9 +428,12 @@ RunReport run_experiment(const specs::ExperimentSpec& spec, const RunOptions& op
   RunReport report;
   report.run_id =
       open_run(store, spec, options, scene_rows(inputs.scenes),
-               arm_rows(spec, inputs.detectors, inputs.scenes), static_cast<int>(all.size()));
+               arm_rows(spec, inputs.detectors, inputs.scenes), static_cast<int>(all.size()),
+               generalisation_provenance(spec, inputs.detectors));
   if (!inputs.new_classes.empty()) {
     store.set_provenance(report.run_id, "new_classes", support::listed(inputs.new_classes));
+    const std::string untaught = untaught_goals(spec, inputs);
+    if (!untaught.empty()) store.set_provenance(report.run_id, "untaught_goals", untaught);
   }
   for (const auto& [scene, words] : inputs.masks) {
     store.set_provenance(report.run_id, "masks/" + scene, words);

@@ -1,6 +1,7 @@
 #include "experiments/runs/run_provenance.h"
 
 #include <algorithm>
+#include <set>
 #include <span>
 
 #include <sqlite3.h>
@@ -14,6 +15,7 @@
 #include "core/process/measurement_record.h"
 #include "experiments/detection/weights_exposure.h"
 #include "experiments/specs/clock_spec.h"
+#include "experiments/specs/tuning_set.h"
 #include "perception/detector/library_versions.h"
 #include "renderer/scene/simd_target.h"
 #include "worlds/mesh/library_versions.h"
@@ -35,12 +37,17 @@ std::string training_scenes(const specs::ExperimentSpec& spec, const specs::ArmS
       return "those of the given weights";
     case specs::ArmDetector::kBefore:
       return before;
+    case specs::ArmDetector::kAfterHere:
+      return before + ", in every scene this scene";
     case specs::ArmDetector::kAfter:
+    case specs::ArmDetector::kAfterElsewhere:
       break;
   }
   if (!detectors.finetune) return "those of the given weights";
   std::string scenes;
   for (const std::string& scene : detectors.finetune->scenes) scenes += ", " + scene;
+  if (arm.detector == specs::ArmDetector::kAfterElsewhere)
+    scenes += ", in each of these without its own fold";
   return before + scenes;
 }
 
@@ -85,6 +92,76 @@ records::SceneExposure exposure_of_arm(const specs::ExperimentSpec& spec,
   std::erase_if(exposure.same_name,
                 [&](const std::string& name) { return exposure.is_trained_on(name); });
   return exposure;
+}
+
+/// The row of an arm that has the same weights everywhere, or none.
+void add_file(const specs::ExperimentSpec& spec, const specs::ArmSpec& arm,
+              const trials::PreparedDetectors& detectors,
+              std::span<const detection::EvaluationScene> evaluated, records::ArmRow& row) {
+  const trials::PreparedWeights weights = trials::weights_of(arm, {}, detectors);
+  row.detector = weights.file.empty() ? "oracle" : weights.file.filename().string();
+  if (!weights.file.empty()) {
+    row.weights_sha256 = core::sha256_of_file(weights.file);
+    row.exposure = exposure_of_arm(spec, arm, weights.file, evaluated);
+  }
+  row.held_out = weights.held_out;
+  row.start_leak = weights.start_leak;
+}
+
+void add_new(const std::vector<std::string>& names, const std::string& wanted,
+             std::vector<std::string>& to) {
+  if (std::find(names.begin(), names.end(), wanted) != names.end()) to.push_back(wanted);
+}
+
+/// The row of an arm that has weights of its own in every scene. What they had seen counts in
+/// the scene that they decide in: of others they may well have.
+void add_scenes(const specs::ExperimentSpec& spec, const specs::ArmSpec& arm,
+                const trials::PreparedDetectors& detectors,
+                std::span<const detection::EvaluationScene> evaluated, records::ArmRow& row) {
+  std::string hashes;
+  std::set<std::filesystem::path> files;
+  records::SceneExposure all;
+  records::HeldOutPrecision mean;
+  records::StartLeak leak;
+  int scenes = 0, measured = 0;
+  for (const specs::SceneSpec& scene : spec.scenes) {
+    if (scene.reconstruction != arm.reconstruction) continue;
+    const trials::PreparedWeights weights = trials::weights_of(arm, scene.name, detectors);
+    ++scenes;
+    files.insert(weights.file);
+    hashes += scene.name + " " + core::sha256_of_file(weights.file) + "\n";
+    const records::SceneExposure one = exposure_of_arm(spec, arm, weights.file, evaluated);
+    add_new(one.trained_on, scene.name, all.trained_on);
+    add_new(one.threshold_on, scene.name, all.threshold_on);
+    add_new(one.same_name, scene.name, all.same_name);
+    all.known = std::max(all.known, one.known);
+    if (weights.start_leak) {
+      leak.views += weights.start_leak->views;
+      leak.near_starts += weights.start_leak->near_starts;
+      leak.radius_m = weights.start_leak->radius_m;
+    }
+    if (!weights.held_out) continue;
+    ++measured;
+    mean.views += weights.held_out->views;
+    for (const auto value :
+         {&records::HeldOutPrecision::ap50, &records::HeldOutPrecision::ap,
+          &records::HeldOutPrecision::score_threshold, &records::HeldOutPrecision::precision,
+          &records::HeldOutPrecision::recall}) {
+      mean.*value += (*weights.held_out).*value;
+    }
+  }
+  for (const auto value :
+       {&records::HeldOutPrecision::ap50, &records::HeldOutPrecision::ap,
+        &records::HeldOutPrecision::score_threshold, &records::HeldOutPrecision::precision,
+        &records::HeldOutPrecision::recall}) {
+    mean.*value /= std::max(1, measured);
+  }
+  row.detector = std::to_string(files.size()) + " files for " + std::to_string(scenes) +
+                 (scenes == 1 ? " scene" : " scenes");
+  row.weights_sha256 = core::sha256_hex(hashes);
+  row.exposure = all;
+  if (measured > 0) row.held_out = mean;
+  if (leak.views > 0) row.start_leak = leak;
 }
 
 }  // namespace
@@ -150,20 +227,32 @@ std::vector<records::ArmRow> arm_rows(const specs::ExperimentSpec& spec,
     row.family = arm.family;
     row.reconstruction = arm.reconstruction;
     row.finetune_seed = arm.finetune_seed;
-    const trials::PreparedWeights weights = trials::weights_of(arm, detectors);
-    row.detector = weights.file.empty() ? "oracle" : weights.file.filename().string();
-    if (!weights.file.empty()) {
-      row.weights_sha256 = core::sha256_of_file(weights.file);
-      row.exposure = exposure_of_arm(spec, arm, weights.file, evaluated);
+    if (specs::is_tuned_by_scene(arm.detector)) {
+      add_scenes(spec, arm, detectors, evaluated, row);
+    } else {
+      add_file(spec, arm, detectors, evaluated, row);
     }
-    row.held_out = weights.held_out;
-    row.start_leak = weights.start_leak;
     for (const specs::SceneSpec& scene : spec.scenes) {
       if (spec.leaks(arm, scene) || (row.exposure && row.exposure->is_trained_on(scene.name)))
         row.tuned_on += (row.tuned_on.empty() ? "" : ", ") + scene.name;
     }
     row.score_threshold = arm.score_threshold.value_or(-1.0);
     rows.push_back(std::move(row));
+  }
+  return rows;
+}
+
+std::map<std::string, std::string> generalisation_provenance(
+    const specs::ExperimentSpec& spec, const trials::PreparedDetectors& detectors) {
+  std::map<std::string, std::string> rows;
+  for (const specs::SceneSpec& scene : spec.scenes) {
+    if (!scene.pool.empty()) rows["pool/" + scene.family] = scene.pool;
+    for (const specs::ArmSpec& arm : spec.arms) {
+      const bool runs = scene.reconstruction == arm.reconstruction;
+      if (!runs || !specs::is_tuned_by_scene(arm.detector)) continue;
+      rows["weights/" + arm.name + "/" + scene.name] =
+          core::sha256_of_file(trials::weights_of(arm, scene.name, detectors).file);
+    }
   }
   return rows;
 }

@@ -32,6 +32,11 @@ namespace segsim::experiments::runs {
     const specs::ExperimentSpec& spec, const trials::PreparedDetectors& detectors,
     const std::vector<trials::LoadedScene>& scenes);
 
+/// RunRow::provenance of weights that are others in every scene: "weights/<arm>/<scene>", and
+/// of pools: "pool/<family of scenes>".
+[[nodiscard]] std::map<std::string, std::string> generalisation_provenance(
+    const specs::ExperimentSpec& spec, const trials::PreparedDetectors& detectors);
+
 /// Refuses to go on with a run whose inputs are not what they were.
 /// @throws core::InputError naming the scene or arm.
 void check_same_inputs(const records::Store& store, std::int64_t run_id,

@@ -9,6 +9,7 @@
 #include "core/error.h"
 #include "core/file_io.h"
 #include "experiments/specs/internal/spec_readers.h"
+#include "experiments/specs/tuning_set.h"
 #include "experiments/support/numbers_in_range.h"
 #include "sim/ground/robot.h"
 
@@ -114,6 +115,20 @@ void check_new_name(const std::vector<Element>& before, const std::string& name,
   }
 }
 
+/// What an arm whose detector is tuned scene by scene needs.
+void check_tuning(const DetectorSpec& detectors, const ArmSpec& arm, const ConfigNode& node) {
+  if (!is_tuned_by_scene(arm.detector)) return;
+  const ConfigNode detector = node.child("detector");
+  if (!detectors.finetune) {
+    detector.fail("a section detectors.finetune for " + detector.as_text(), "none");
+  }
+  if (arm.detector == ArmDetector::kAfterElsewhere && detectors.finetune->scenes.size() < 2) {
+    detector.fail(
+        "two or more scenes that detectors.finetune is for, so that there are others",
+        std::to_string(detectors.finetune->scenes.size()));
+  }
+}
+
 void read_lists(const ConfigNode& root, const Variables& variables, const SpecFolders& folders,
                 ExperimentSpec& spec) {
   for (const ConfigNode& node : root.child("scenes").as_list()) {
@@ -127,6 +142,7 @@ void read_lists(const ConfigNode& root, const Variables& variables, const SpecFo
     ArmSpec arm = internal::read_arm(node, variables);
     check_new_name(spec.arms, arm.name, node);
     check_arm_clock(spec.clock, arm.clock, node);
+    check_tuning(spec.detectors, arm, node);
     spec.arms.push_back(std::move(arm));
   }
   if (spec.arms.empty()) root.child("arms").fail("at least one arm", "none");
@@ -161,8 +177,8 @@ const ArmSpec* ExperimentSpec::find_arm(const std::string& arm_name) const {
 }
 
 bool ExperimentSpec::leaks(const ArmSpec& arm, const SceneSpec& scene) const {
-  if (arm.detector != ArmDetector::kAfter || !detectors.finetune) return false;
-  const std::vector<std::string>& tuned = detectors.finetune->scenes;
+  if (!is_fine_tuned(arm.detector) || !detectors.finetune) return false;
+  const std::vector<std::string> tuned = tuning_set(*this, arm.detector, scene).scenes;
   return arm.reconstruction == scene.reconstruction &&
          std::find(tuned.begin(), tuned.end(), scene.family) != tuned.end();
 }

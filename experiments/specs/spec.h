@@ -98,6 +98,7 @@ struct SceneSpec {
   std::string family;      ///< The name in the spec: of all reconstructions of the scene.
   int reconstruction = 1;  ///< Which of them this is; from 2 on `name` is "<family>.r2", ...
   std::string title;       ///< For tables.
+  std::string pool;        ///< Of scenes that a table puts into one row; empty: none.
   std::filesystem::path bundle;      ///< Default: ${work}/scenes/<name>.
   std::optional<SourceSpec> source;  ///< None: the bundle must exist.
   std::vector<std::string> goals;    ///< Class names to search for.
@@ -121,7 +122,8 @@ struct PretrainSpec {
 struct FinetuneSpec {
   std::uint64_t seed = 2;  ///< Of the first training, and of the held-out views of all.
   std::vector<std::string>
-      scenes;  ///< Names; default all. A scene listed here *leaks* into its own trials.
+      scenes;     ///< Names; default all. A scene listed here *leaks* into its own trials.
+  int folds = 0;  ///< Of `after-elsewhere` over `scenes`; 0: each scene is one.
   int views_per_scene = 200;
   int width_px = 0, height_px = 0;  ///< Of the views; 0 = as the robot's camera.
   int steps = 600;
@@ -157,7 +159,14 @@ struct DetectorSpec {
 };
 
 /// Which detector an arm runs.
-enum class ArmDetector : std::uint8_t { kBefore, kAfter, kOracle, kFile };
+enum class ArmDetector : std::uint8_t {
+  kBefore,
+  kAfter,
+  kOracle,
+  kFile,
+  kAfterHere,      ///< tuning_set.h
+  kAfterElsewhere  ///< tuning_set.h
+};
 
 /// One arm of the spec is an arm here for each of its trainings and reconstructions.
 struct ArmSpec {
@@ -165,7 +174,7 @@ struct ArmSpec {
   std::string family;      ///< The name in the spec.
   int reconstruction = 1;  ///< It runs in these scenes only.
   ArmDetector detector = ArmDetector::kOracle;
-  std::optional<std::uint64_t> finetune_seed;  ///< kAfter that is fine-tuned by this run.
+  std::optional<std::uint64_t> finetune_seed;  ///< If this run fine-tunes its detector.
   std::filesystem::path weights;               ///< kFile.
   std::optional<double> score_threshold;       ///< None: the one stored with the weights.
   std::optional<nav::PolicyChoice> policy;     ///< None: the spec's.

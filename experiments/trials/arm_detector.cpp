@@ -25,7 +25,7 @@ bool is_prompted(const specs::ArmSpec& arm) {
 std::unique_ptr<core::Detector> load_arm_detector(const specs::ArmSpec& arm,
                                                   const PreparedDetectors& detectors,
                                                   const LoadedScene& scene) {
-  const std::filesystem::path file = weights_of(arm, detectors).file;
+  const std::filesystem::path file = weights_of(arm, scene.spec->name, detectors).file;
   std::optional<float> threshold;
   if (arm.score_threshold) threshold = static_cast<float>(*arm.score_threshold);
   if (!perception::is_foreign_detector(file)) {

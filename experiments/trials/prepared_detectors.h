@@ -12,6 +12,8 @@
 #include <glm/vec2.hpp>
 
 #include "experiments/records/held_out_precision.h"
+#include "experiments/specs/spec.h"
+#include "experiments/specs/tuning_set.h"
 
 namespace segsim::experiments::trials {
 
@@ -24,7 +26,14 @@ struct PreparedWeights {
 /// Starts of a scene's evaluation episodes [m].
 using Starts = std::vector<glm::dvec2>;
 
-/// By the name of the arm: those with detectors 'before' and 'after'.
+/// By the name of the arm, of those with detectors 'before' and 'after'; by prepared_key() of
+/// those that are tuned scene by scene.
 using PreparedDetectors = std::map<std::string, PreparedWeights>;
+
+/// Where an arm's weights for a scene are. @param scene  Its name.
+[[nodiscard]] inline std::string prepared_key(const specs::ArmSpec& arm,
+                                              const std::string& scene) {
+  return specs::is_tuned_by_scene(arm.detector) ? arm.name + "\n" + scene : arm.name;
+}
 
 }  // namespace segsim::experiments::trials

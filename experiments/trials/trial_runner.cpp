@@ -143,10 +143,11 @@ Starts starts_of(const LoadedScene& scene) {
   return starts_m;
 }
 
-PreparedWeights weights_of(const specs::ArmSpec& arm, const PreparedDetectors& detectors) {
+PreparedWeights weights_of(const specs::ArmSpec& arm, const std::string& scene,
+                           const PreparedDetectors& detectors) {
   if (arm.detector == specs::ArmDetector::kFile)
     return {arm.weights, std::nullopt, std::nullopt};
-  const auto found = detectors.find(arm.name);
+  const auto found = detectors.find(prepared_key(arm, scene));
   return found == detectors.end() ? PreparedWeights{} : found->second;
 }
 
@@ -195,7 +196,7 @@ TrialRunner::ArmDetectorSlot& TrialRunner::detector_for(const LoadedScene& scene
                                                         const specs::ArmSpec& arm) {
   const bool oracle = arm.detector == specs::ArmDetector::kOracle;
   // A prompted detector looks for the goals of its scene.
-  const bool per_scene = oracle || is_prompted(arm);
+  const bool per_scene = oracle || is_prompted(arm) || specs::is_tuned_by_scene(arm.detector);
   ArmDetectorSlot& slot = slots_[per_scene ? scene.spec->name + "/" + arm.name : arm.name];
   if (slot.detector != nullptr) return slot;
   if (oracle) {

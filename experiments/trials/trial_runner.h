@@ -85,8 +85,8 @@ struct TrialTask {
   TrialViewer* viewer = nullptr;  ///< Of this trial; does not change it.
 };
 
-/// Weights of an arm; empty for the oracle.
-[[nodiscard]] PreparedWeights weights_of(const specs::ArmSpec& arm,
+/// Weights of an arm in a scene; empty for the oracle. @param scene  Its name.
+[[nodiscard]] PreparedWeights weights_of(const specs::ArmSpec& arm, const std::string& scene,
                                          const PreparedDetectors& detectors);
 
 /// Runs trials one after another: one object per thread, with renderers and detectors of its
@@ -132,7 +132,7 @@ class TrialRunner {
   std::optional<SharedViews> views_;  ///< Of the episode that ran last.
   std::string views_of_;              ///< Its scene and name.
   std::map<std::string, ArmDetectorSlot>
-      slots_;  ///< By arm; the oracle's and prompted ones by scene and arm.
+      slots_;  ///< By arm; those that differ between scenes by scene and arm.
 };
 
 }  // namespace segsim::experiments::trials

@@ -27,6 +27,8 @@ inline constexpr CommandWord kCommands[] = {
     {"table",
      "Print the table of a run, or one of the paper's: text, Markdown, LaTeX, CSV, JSON",
      true},
+    {"suite", "Suites of scenes and episodes that others run, too: list, show, run, verify",
+     true},
     {"capture", "Record a mesh world with a virtual RGB-D camera: colour, depth, exact labels",
      false},
     {"reconstruct", "Make a scene bundle from posed RGB-D frames: lift, then train", false},
@@ -78,6 +80,17 @@ inline constexpr CommandWord kTrialCommands[] = {
      false},
 };
 
+inline constexpr CommandWord kSuiteCommands[] = {
+    {"list", "The suites that come with the program", true},
+    {"show", "Scenes, arms and hash of a suite; with --spec the spec that it stands for",
+     true},
+    {"run", "Prepare and run it as `segsim run` does, then write page, episodes and manifest",
+     false},
+    {"table", "Print the table of a suite's run, and write page, episodes and manifest",
+     false},
+    {"verify", "Compare the hashes of two runs, or of one with the suite that is here", true},
+};
+
 /// The entry of this name; null if there is none.
 constexpr const CommandWord* find_command(std::span<const CommandWord> list,
                                           std::string_view name) {
@@ -107,6 +120,7 @@ constexpr bool is_light(std::span<const char* const> words) {
   };
   const std::string_view name = entry->name;
   return !(name == "table" && names_heavy(kTableCommands)) &&
+         !(name == "suite" && names_heavy(kSuiteCommands)) &&
          !(name == "trial" && names_heavy(kTrialCommands));
 }
 

@@ -44,6 +44,12 @@ void add_table(CLI::App& app) {
   add_all(add_run_table(app), kTableCommands, kAdders);
 }
 
+void add_suite(CLI::App& app) {
+  static constexpr Adder kAdders[] = {
+      {"list", add_suite_list}, {"show", add_suite_show}, {"verify", add_suite_verify}};
+  add_all(add_suite_group(app), kSuiteCommands, kAdders);
+}
+
 void add_trial(CLI::App& app) {
   static constexpr Adder kAdders[] = {{"check", add_trial_check}};
   add_all(add_trial_group(app), kTrialCommands, kAdders);
@@ -66,6 +72,7 @@ CLI::App& add_trial_group(CLI::App& app) {
 
 void add_light_commands(CLI::App& app) {
   static constexpr Adder kAdders[] = {{"table", add_table},
+                                      {"suite", add_suite},
                                       {"compare", add_compare_command},
                                       {"plan", add_plan_command},
                                       {"export", add_export_command},

@@ -67,7 +67,8 @@ struct ArmWeights {
   std::string name;  ///< "before", "after.s3".
   fs::path weights;
   detection::HeldOutSets sets;
-  trials::PreparedWeights prepared;
+  bool judged_elsewhere = true;  ///< If the spec measures that.
+  trials::PreparedWeights prepared{};
 };
 
 void choose_thresholds(std::vector<ArmWeights>& arms, const specs::ExperimentSpec& spec,
@@ -79,6 +80,7 @@ void choose_thresholds(std::vector<ArmWeights>& arms, const specs::ExperimentSpe
     detection::HeldOutSets foreign;
     render_foreign_sets(spec, work, foreign);
     for (ArmWeights& arm : arms) {
+      if (!arm.judged_elsewhere) continue;
       arm.sets.source = foreign.source;
       arm.sets.unseen = foreign.unseen;
     }
@@ -99,10 +101,16 @@ void choose_thresholds(std::vector<ArmWeights>& arms, const specs::ExperimentSpe
 DetectorPreparation::DetectorPreparation(const specs::ExperimentSpec& spec,
                                          const std::deque<SceneTask>& scenes, fs::path work,
                                          support::StageTimes& times)
-    : spec_(spec), scenes_(scenes), work_(std::move(work)), times_(times) {
+    : spec_(spec),
+      scenes_(scenes),
+      work_(std::move(work)),
+      times_(times),
+      scene_views_(spec, scenes, work_) {
   const specs::DetectorSpec& detectors = spec.detectors;
   const bool needs_after = needs(specs::ArmDetector::kAfter);
-  wanted_ = needs_after || needs(specs::ArmDetector::kBefore);
+  wanted_ = std::any_of(spec.arms.begin(), spec.arms.end(), [](const specs::ArmSpec& arm) {
+    return arm.detector == specs::ArmDetector::kBefore || specs::is_fine_tuned(arm.detector);
+  });
   if (!wanted_) return;
   if (needs_after && !detectors.finetune && !fs::exists(detectors.after)) {
     throw core::InputError::expected(
@@ -121,8 +129,13 @@ DetectorPreparation::DetectorPreparation(const specs::ExperimentSpec& spec,
     held_out_.push_back({label_scenes_of(spec, r, scenes), {}, {}});
   }
   for (const Training& training : trainings_) {
-    training_views_.push_back(
-        add_set(training.reconstruction, "train", training.seed, training.suffix));
+    training_views_.emplace_back();
+    if (training.set.name.empty()) {
+      training_views_.back() =
+          add_set(training.reconstruction, "train", training.seed, training.suffix);
+    } else {
+      scene_views_.want(training, sets_);
+    }
   }
   for (int r = 1; r <= reconstructions; ++r) {
     HeldOutViews& views = held_out_[static_cast<std::size_t>(r - 1)];
@@ -135,6 +148,15 @@ DetectorPreparation::DetectorPreparation(const specs::ExperimentSpec& spec,
 bool DetectorPreparation::needs(specs::ArmDetector detector) const {
   return std::any_of(spec_.arms.begin(), spec_.arms.end(),
                      [&](const specs::ArmSpec& arm) { return arm.detector == detector; });
+}
+
+std::vector<const SceneTask*> DetectorPreparation::learnt_scenes() const {
+  if (!needs(specs::ArmDetector::kAfterHere)) return held_out(1).scenes;
+  std::vector<const SceneTask*> all;
+  for (const SceneTask& scene : scenes_) {
+    if (scene.spec->reconstruction == 1) all.push_back(&scene);
+  }
+  return all;
 }
 
 fs::path DetectorPreparation::add_set(int reconstruction, const char* purpose,
@@ -171,7 +193,7 @@ void DetectorPreparation::add_to(TaskGraph& graph) {
 bool DetectorPreparation::knows_all_goals() const {
   const std::vector<std::string> known =
       perception::read_weights(spec_.detectors.before).class_names;
-  const std::vector<const SceneTask*>& tuned = held_out(1).scenes;
+  const std::vector<const SceneTask*> tuned = learnt_scenes();
   return std::all_of(tuned.begin(), tuned.end(), [&](const SceneTask* scene) {
     return !scene->spec->goals.empty() &&
            trials::unknown_goals(scene->spec->goals, known).empty();
@@ -181,7 +203,7 @@ bool DetectorPreparation::knows_all_goals() const {
 void DetectorPreparation::choose_classes() {
   class_names_ = perception::read_weights(spec_.detectors.before).class_names;
   if (knows_all_goals()) return;
-  for (const SceneTask* scene : held_out(1).scenes) {
+  for (const SceneTask* scene : learnt_scenes()) {
     for (const std::string& name :
          trials::unknown_goals(trials::searched_classes(*scene->loaded), class_names_)) {
       class_names_.push_back(name);
@@ -221,40 +243,49 @@ trials::PreparedDetectors DetectorPreparation::finish(int workers) {
 trials::PreparedDetectors DetectorPreparation::tuned(int workers) {
   const fs::path& before = spec_.detectors.before;
   std::vector<FineTuning> steps;
+  std::vector<TrainingViews> views;
   for (std::size_t k = 0; k < trainings_.size(); ++k) {
-    steps.emplace_back(spec_, before, new_classes_, training_views_[k],
-                       held_out(trainings_[k].reconstruction).validation, trainings_[k],
-                       work_);
+    if (training_views_[k].empty()) {
+      views.push_back(scene_views_.of(trainings_[k]));
+    } else {
+      const HeldOutViews& of_all = held_out(trainings_[k].reconstruction);
+      views.push_back({of_all.scenes, training_views_[k], of_all.validation, of_all.test});
+    }
+    steps.emplace_back(spec_, before, new_classes_, views[k].train, views[k].validation,
+                       trainings_[k], work_);
   }
   fine_tune(spec_, steps, work_, workers, times_);
 
   std::vector<ArmWeights> arms;
-  const auto add = [&](const std::string& name, int reconstruction, const fs::path& weights,
-                       const std::vector<std::string>& unknown) {
-    const HeldOutViews& views = held_out(reconstruction);
-    arms.push_back({name, weights, {views.validation, views.test, {}, {}, unknown}, {}});
-  };
   for (int r = 1; r <= spec_.repetitions.reconstruct_seeds; ++r) {
-    add("before" + specs::repetition_suffix(spec_, r, std::nullopt), r, before, new_classes_);
+    arms.push_back({"before" + specs::repetition_suffix(spec_, r, std::nullopt),
+                    before,
+                    {held_out(r).validation, held_out(r).test, {}, {}, new_classes_}});
   }
   for (std::size_t k = 0; k < trainings_.size(); ++k) {
-    add("after" + trainings_[k].suffix, trainings_[k].reconstruction, steps[k].output(), {});
-    arms.back().prepared.start_leak =
-        start_leak(training_views_[k], held_out(trainings_[k].reconstruction).scenes,
-                   spec_.detectors.finetune->start_clearance_m);
+    arms.push_back({"after" + trainings_[k].suffix,
+                    steps[k].output(),
+                    {views[k].validation, views[k].test, {}, {}, {}}});
+    arms.back().judged_elsewhere = trainings_[k].set.name.empty();  // Of many it takes hours.
+    arms.back().prepared.start_leak = start_leak(views[k].train, views[k].run_in,
+                                                 spec_.detectors.finetune->start_clearance_m);
   }
   choose_thresholds(arms, spec_, class_names_, work_, workers, times_);
 
   trials::PreparedDetectors prepared;
   for (const specs::ArmSpec& arm : spec_.arms) {
     const bool is_before = arm.detector == specs::ArmDetector::kBefore;
-    if (!is_before && arm.detector != specs::ArmDetector::kAfter) continue;
-    const std::string name =
-        (is_before ? "before" : "after") +
-        specs::repetition_suffix(spec_, arm.reconstruction, arm.finetune_seed);
-    const auto found = std::find_if(arms.begin(), arms.end(),
-                                    [&](const ArmWeights& a) { return a.name == name; });
-    prepared[arm.name] = found->prepared;
+    if (!is_before && !specs::is_fine_tuned(arm.detector)) continue;
+    for (const specs::SceneSpec& scene : spec_.scenes) {
+      if (scene.reconstruction != arm.reconstruction) continue;
+      const std::string name =
+          is_before
+              ? "before" + specs::repetition_suffix(spec_, arm.reconstruction, std::nullopt)
+              : "after" + training_in(spec_, arm, scene).suffix;
+      const auto found = std::find_if(arms.begin(), arms.end(),
+                                      [&](const ArmWeights& a) { return a.name == name; });
+      prepared[trials::prepared_key(arm, scene.name)] = found->prepared;
+    }
   }
   return prepared;
 }

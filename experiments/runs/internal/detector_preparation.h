@@ -13,6 +13,7 @@
 #include "experiments/runs/internal/fine_tuning.h"
 #include "experiments/runs/internal/label_sets.h"
 #include "experiments/runs/internal/scene_tasks.h"
+#include "experiments/runs/internal/scene_views.h"
 #include "experiments/specs/spec.h"
 #include "experiments/support/stage_times.h"
 #include "experiments/support/task_graph.h"
@@ -47,6 +48,8 @@ class DetectorPreparation {
   };
 
   [[nodiscard]] bool needs(specs::ArmDetector detector) const;
+  /// Of the first reconstruction: whose goals some training learns.
+  [[nodiscard]] std::vector<const SceneTask*> learnt_scenes() const;
   void pretrain();
   /// Fills in class_names_ and new_classes_.
   void choose_classes();
@@ -66,8 +69,9 @@ class DetectorPreparation {
   ViewProgress progress_;
   std::deque<LabelSet> sets_;            ///< Empty if nothing is tuned.
   std::optional<LabelWork> label_work_;  ///< Once tasks are added.
+  SceneViews scene_views_;
   std::vector<Training> trainings_;
-  std::vector<std::filesystem::path> training_views_;  ///< By training.
+  std::vector<std::filesystem::path> training_views_;  ///< By training; empty: scene_views_.
   std::vector<HeldOutViews> held_out_;                 ///< By reconstruction, from 1.
 };
 

@@ -45,18 +45,26 @@ int trainings_at_once(int trainings, int places) {
 
 }  // namespace
 
+Training training_in(const specs::ExperimentSpec& spec, const specs::ArmSpec& arm,
+                     const specs::SceneSpec& scene) {
+  specs::TuningSet set = specs::tuning_set(spec, arm.detector, scene);
+  const std::string suffix =
+      (set.name.empty() ? "" : "." + set.name) +
+      specs::repetition_suffix(spec, arm.reconstruction, arm.finetune_seed);
+  return {arm.reconstruction, arm.finetune_seed.value_or(0), suffix, std::move(set)};
+}
+
 std::vector<Training> trainings_of(const specs::ExperimentSpec& spec) {
   std::vector<Training> trainings;
   for (const specs::ArmSpec& arm : spec.arms) {
     if (!arm.finetune_seed) continue;
-    const auto same = [&](const Training& training) {
-      return training.reconstruction == arm.reconstruction &&
-             training.seed == *arm.finetune_seed;
-    };
-    if (std::any_of(trainings.begin(), trainings.end(), same)) continue;
-    trainings.push_back(
-        {arm.reconstruction, *arm.finetune_seed,
-         specs::repetition_suffix(spec, arm.reconstruction, arm.finetune_seed)});
+    for (const specs::SceneSpec& scene : spec.scenes) {
+      if (scene.reconstruction != arm.reconstruction) continue;
+      Training training = training_in(spec, arm, scene);
+      const auto same = [&](const Training& other) { return other.suffix == training.suffix; };
+      if (std::any_of(trainings.begin(), trainings.end(), same)) continue;
+      trainings.push_back(std::move(training));
+    }
   }
   return trainings;
 }

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "experiments/specs/spec.h"
+#include "experiments/specs/tuning_set.h"
 #include "experiments/support/stage_times.h"
 #include "experiments/support/step_record.h"
 
@@ -22,9 +23,13 @@ inline constexpr int kViewsPerRoom = 8;
 struct Training {
   int reconstruction = 1;
   std::uint64_t seed = 0;
-  std::string suffix;  ///< Of its files.
+  std::string suffix;      ///< Of its files.
+  specs::TuningSet set{};  ///< That its views show.
 };
 
+/// The one whose detector the arm runs in the scene. The arm is fine-tuned by this run.
+[[nodiscard]] Training training_in(const specs::ExperimentSpec& spec,
+                                   const specs::ArmSpec& arm, const specs::SceneSpec& scene);
 /// Each once, though several arms may run its detector.
 [[nodiscard]] std::vector<Training> trainings_of(const specs::ExperimentSpec& spec);
 

@@ -20,6 +20,28 @@ PretrainSpec read_pretrain(const ConfigNode& node) {
   return pretrain;
 }
 
+/// Names of the scenes in the pools that the key `pools` lists, in the order of the spec.
+std::vector<std::string> scenes_of_pools(const ConfigNode& node,
+                                         const std::vector<SceneSpec>& scenes) {
+  if (node.has("scenes")) node.child("pools").fail("one of the keys scenes and pools", "both");
+  std::vector<std::string> pools, wanted, chosen;
+  for (const SceneSpec& scene : scenes) {
+    const bool is_new = std::find(pools.begin(), pools.end(), scene.pool) == pools.end();
+    if (!scene.pool.empty() && is_new) pools.push_back(scene.pool);
+  }
+  if (pools.empty()) node.child("pools").fail("scenes with the key pool", "none");
+  for (const ConfigNode& element : node.list("pools")) {
+    wanted.push_back(pools[core::one_of(element, element.as_text(), pools)]);
+  }
+  for (const SceneSpec& scene : scenes) {
+    if (std::find(wanted.begin(), wanted.end(), scene.pool) != wanted.end()) {
+      chosen.push_back(scene.name);
+    }
+  }
+  if (chosen.empty()) node.child("pools").fail("at least one pool", "none");
+  return chosen;
+}
+
 FinetuneSpec read_finetune(const ConfigNode& node, const std::vector<SceneSpec>& scenes) {
   FinetuneSpec finetune;
   finetune.seed = read_seed(node, finetune.seed);
@@ -38,6 +60,11 @@ FinetuneSpec read_finetune(const ConfigNode& node, const std::vector<SceneSpec>&
                          (near.empty() ? "" : " (near: " + near + ")"));
       }
     }
+  }
+  if (node.has("pools")) finetune.scenes = scenes_of_pools(node, scenes);
+  if (node.has("folds")) {
+    const int most = static_cast<int>(finetune.scenes.size());
+    finetune.folds = support::count_within(node, "folds", 0, 2, std::max(2, most));
   }
   finetune.views_per_scene =
       support::count_within(node, "views_per_scene", finetune.views_per_scene, 1, 100000);
@@ -96,6 +123,10 @@ ArmSpec read_arm(const ConfigNode& node, const Variables& variables) {
     arm.detector = ArmDetector::kBefore;
   } else if (detector == "after") {
     arm.detector = ArmDetector::kAfter;
+  } else if (detector == "after-here") {
+    arm.detector = ArmDetector::kAfterHere;
+  } else if (detector == "after-elsewhere") {
+    arm.detector = ArmDetector::kAfterElsewhere;
   } else if (detector == "oracle") {
     arm.detector = ArmDetector::kOracle;
   } else if (detector.find_first_of("/.$") != std::string::npos) {
@@ -103,7 +134,8 @@ ArmSpec read_arm(const ConfigNode& node, const Variables& variables) {
     arm.weights = variables.expand(node.child("detector"));
   } else {
     (void)core::choice(node, "detector",
-                       {"before", "after", "oracle", "a path of weights or of a model"});
+                       {"before", "after", "after-here", "after-elsewhere", "oracle",
+                        "a path of weights or of a model"});
   }
   if (node.has("policy")) arm.policy = read_policy(node, variables);
   if (node.has("score_threshold")) {

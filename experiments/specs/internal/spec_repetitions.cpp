@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "experiments/specs/internal/spec_readers.h"
+#include "experiments/specs/tuning_set.h"
 #include "experiments/support/numbers_in_range.h"
 
 namespace segsim::experiments::specs {
@@ -17,7 +18,7 @@ void check_finetune_seeds(const ConfigNode& node, const ExperimentSpec& spec) {
   if (seeds == 1) return;
   const bool trains = spec.detectors.finetune &&
                       std::any_of(spec.arms.begin(), spec.arms.end(), [](const ArmSpec& arm) {
-                        return arm.detector == ArmDetector::kAfter;
+                        return is_fine_tuned(arm.detector);
                       });
   if (trains) return;
   node.child("finetune_seeds")
@@ -73,7 +74,7 @@ std::vector<ArmSpec> expanded_arms(const ExperimentSpec& spec) {
   };
   for (int r = 1; r <= spec.repetitions.reconstruct_seeds; ++r) {
     for (const ArmSpec& arm : spec.arms) {
-      if (arm.detector != ArmDetector::kAfter || !spec.detectors.finetune) {
+      if (!is_fine_tuned(arm.detector) || !spec.detectors.finetune) {
         add(arm, r, std::nullopt);
         continue;
       }

@@ -195,6 +195,7 @@ SceneSpec read_scene(const ConfigNode& node, const Variables& variables,
   SceneSpec scene;
   scene.name = scene.family = read_name(node, "name");
   scene.title = node.text_or("title", scene.name);
+  if (node.has("pool")) scene.pool = read_name(node, "pool");
   scene.bundle = node.has("bundle") ? variables.expand(node.child("bundle"))
                                     : folders.work / "scenes" / scene.name;
   if (const auto source = node.optional_child("source")) {

@@ -1,0 +1,31 @@
+#pragma once
+
+/// @file
+/// Flags of commands that run an experiment, and what they print: `segsim run` and `segsim
+/// suite run`.
+
+#include <string>
+
+#include "experiments/runs/run.h"
+
+namespace CLI {
+class App;
+}
+
+namespace segsim::experiments::commands {
+
+struct RunFlags {
+  std::string shard;
+  runs::RunOptions options;
+};
+
+/// @param flags  Outlives the command.
+void add_run_flags(CLI::App& command, RunFlags& flags);
+
+/// Runs it and prints table, digests, times. @return  How it ended: check_end() throws that.
+runs::RunReport run_and_print(const specs::ExperimentSpec& spec, const RunFlags& flags);
+
+/// @throws what its exit code stands for, if the run did not end well.
+void check_end(const runs::RunReport& report);
+
+}  // namespace segsim::experiments::commands
