@@ -48,6 +48,15 @@ struct WideSize {
   std::uint32_t width_px = 0, height_px = 0;
 };
 
+/// As soon as it is known: a picture that is too large is told so, whole or not.
+WideSize checked_size(const WideSize& size, const std::string& place) {
+  const std::uint64_t pixels = std::uint64_t{size.width_px} * size.height_px;
+  if (pixels > 0 && pixels <= static_cast<std::uint64_t>(kMostPixels)) return size;
+  throw InputError::expected(
+      place, pixels == 0 ? "an image" : "at most " + std::to_string(kMostPixels) + " pixels",
+      std::to_string(size.width_px) + " x " + std::to_string(size.height_px));
+}
+
 WideSize check_png(std::string_view bytes, const std::string& place) {
   WideSize size;
   std::size_t at = kPngSignature.size();
@@ -68,7 +77,8 @@ WideSize check_png(std::string_view bytes, const std::string& place) {
           "a wrong checksum in the chunk at byte " + std::to_string(at));
     }
     if (type == "IHDR" && length >= 8) {
-      size = {big_endian(bytes, at + 8, 4), big_endian(bytes, at + 12, 4)};
+      size =
+          checked_size({big_endian(bytes, at + 8, 4), big_endian(bytes, at + 12, 4)}, place);
     }
     if (type == "IEND") return size;
     at += length + 12;
@@ -111,7 +121,8 @@ WideSize check_jpeg(std::string_view bytes, const std::string& place) {
       break;
     } else {
       if (is_frame_header(marker) && at + 9 <= bytes.size()) {
-        size = {big_endian(bytes, at + 7, 2), big_endian(bytes, at + 5, 2)};
+        size =
+            checked_size({big_endian(bytes, at + 7, 2), big_endian(bytes, at + 5, 2)}, place);
       }
       in_scan = marker == kStartOfScan;
       at += 2 + big_endian(bytes, at + 2, 2);
@@ -134,12 +145,7 @@ PictureSize check_picture(std::string_view bytes, const std::string& place) {
   }
   const WideSize size =
       bytes.starts_with(kJpegStart) ? check_jpeg(bytes, place) : check_png(bytes, place);
-  const std::uint64_t pixels = std::uint64_t{size.width_px} * size.height_px;
-  if (pixels == 0 || pixels > static_cast<std::uint64_t>(kMostPixels)) {
-    throw InputError::expected(
-        place, "an image of 1 ... " + std::to_string(kMostPixels) + " pixels",
-        std::to_string(size.width_px) + " x " + std::to_string(size.height_px));
-  }
+  static_cast<void>(checked_size(size, place));  // A PNG may lack the chunk that has it.
   return {static_cast<int>(size.width_px), static_cast<int>(size.height_px)};
 }
 

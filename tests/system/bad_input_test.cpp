@@ -221,7 +221,7 @@ TEST_F(DamagedFiles, Worlds) {
 
 TEST_F(DamagedFiles, WeightsAndViews) {
   expect_all_refused("shape.pt", "detector import", "--out " + in("x.weights"));
-  const fs::path views = damaged_ / "truncated-jpeg-views" / "val_views.json";
+  const fs::path views = damaged_ / "truncated-jpeg-views" / "labels.json";
   expect_all_refused(".weights", "detector evaluate --on " + views.string() + " --weights");
   EXPECT_EQ(try_out("detector evaluate --on " + views.string() +
                     " --weights " SEGSIM_WEIGHTS "/source_rooms.weights")

@@ -47,6 +47,8 @@ class CheckedFiles final : public Assimp::DefaultIOSystem {
  public:
   CheckedFiles(std::string file, const MendedText& mended)
       : file_(std::move(file)), changed_(mended.changed), text_(mended.text) {}
+  /// The default opens the file to see.
+  bool Exists(const char* file) const override { return core::can_be_read(file); }
   Assimp::IOStream* Open(const char* file, const char* mode) override {
     if (!core::can_be_read(file)) return nullptr;
     if (!changed_ || file != file_) return DefaultIOSystem::Open(file, mode);

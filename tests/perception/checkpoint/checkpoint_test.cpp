@@ -188,11 +188,20 @@ TEST(Checkpoint, BoundsWhatManyNamesAskFor) {
   const auto refusal = [&](const std::string& value) {
     return input_error_of([&] { (void)read_bytes(folder, file_of(value)); });
   };
-  std::vector<std::pair<std::string, std::string>> views;
-  for (int k = 0; k < 1000; ++k)
-    views.emplace_back(text("w" + std::to_string(k)), tensor_of(0, {6}, {1}));
-  EXPECT_EQ(refusal(pickled::ordered_dict({views.begin(), views.begin() + 4})), "no error");
-  EXPECT_THAT(refusal(pickled::ordered_dict(views)), HasSubstr("times the file's bytes"));
+  // So many views of one storage, which is most of the file.
+  const auto refusal_of_views = [&](int count) {
+    std::vector<std::pair<std::string, std::string>> views;
+    for (int k = 0; k < count; ++k) {
+      views.emplace_back(text("w" + std::to_string(k)),
+                         pickled::tensor("FloatStorage", "0", 20'000, 0, {20'000}, {1}));
+    }
+    const std::string bytes = make_zip(
+        {{"x/data.pkl", pickled::kBegin + pickled::ordered_dict(views) + pickled::kEnd},
+         {"x/data/0", raw(std::vector<float>(20'000, 1.0F), false)}});
+    return input_error_of([&] { (void)read_bytes(folder, bytes); });
+  };
+  EXPECT_EQ(refusal_of_views(4), "no error");
+  EXPECT_THAT(refusal_of_views(10), HasSubstr("times the file's bytes"));
   EXPECT_THAT(refusal(state_of(tensor_of(0, std::vector<std::int64_t>(9, 1),
                                          std::vector<std::int64_t>(9, 1)))),
               HasSubstr("at most 8 sides"));
