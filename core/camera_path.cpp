@@ -7,6 +7,7 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
+#include "core/input/bounds.h"
 
 namespace segsim::core {
 namespace {
@@ -21,7 +22,7 @@ class Line {
 
   [[nodiscard]] double number() {
     double value = 0.0;
-    if (!(in_ >> value) || !std::isfinite(value)) fail("a finite number");
+    if (!(in_ >> value) || !within_world(value)) fail("a finite number within 1e7");
     return value;
   }
   [[nodiscard]] std::string word() {
@@ -52,7 +53,9 @@ CameraIntrinsics read_intrinsics(Line line) {
   camera.cx_px = line.number();
   camera.cy_px = line.number();
   const auto side = [](double px) { return px >= 1.0 && px <= 65535.0; };
-  if (!side(width) || !side(height) || !(camera.fx_px > 0.0) || !(camera.fy_px > 0.0)) {
+  const double pixels = width * height;
+  if (!side(width) || !side(height) || !(pixels <= static_cast<double>(kMostPixels)) ||
+      !(camera.fx_px > 0.0) || !(camera.fy_px > 0.0)) {
     line.fail("sides of 1 ... 65535 px and focal lengths above 0");
   }
   camera.width_px = static_cast<int>(width);

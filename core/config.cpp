@@ -1,12 +1,16 @@
 #include "core/config.h"
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 #include <set>
 
 #include <yaml-cpp/yaml.h>
 
 #include "core/error.h"
+#include "core/file_io.h"
+#include "core/input/regular_file.h"
+#include "core/internal/yaml_document.h"
 
 namespace segsim::core {
 namespace {
@@ -53,29 +57,18 @@ struct ConfigNode::Impl {
 };
 
 ConfigNode ConfigNode::load(const std::filesystem::path& file) {
-  try {
-    auto impl = std::make_shared<Impl>();
-    impl->node = YAML::LoadFile(file.string());
-    impl->origin = file.string();
-    return ConfigNode(impl);
-  } catch (const YAML::BadFile&) {
+  if (!can_be_read(file)) {
     throw InputError::expected(file.string(), "a readable YAML file", "none");
-  } catch (const YAML::ParserException& error) {
-    throw InputError::expected(file.string() + ":" + std::to_string(error.mark.line + 1),
-                               "valid YAML", error.msg);
   }
+  return parse(read_file(file), file.string());
 }
 
 ConfigNode ConfigNode::parse(const std::string& text, const std::string& origin) {
-  try {
-    auto impl = std::make_shared<Impl>();
-    impl->node = YAML::Load(text);
-    impl->origin = origin;
-    return ConfigNode(impl);
-  } catch (const YAML::ParserException& error) {
-    throw InputError::expected(origin + ":" + std::to_string(error.mark.line + 1),
-                               "valid YAML", error.msg);
-  }
+  internal::check_yaml(text, origin);
+  auto impl = std::make_shared<Impl>();
+  impl->node = YAML::Load(text);
+  impl->origin = origin;
+  return ConfigNode(impl);
 }
 
 std::string ConfigNode::where() const { return impl_->place(); }
@@ -85,7 +78,15 @@ bool ConfigNode::is_scalar() const { return impl_->node.IsScalar(); }
 
 bool ConfigNode::has(const std::string& key) const {
   impl_->known.insert(key);
-  return impl_->node.IsMap() && impl_->node[key].IsDefined() && !impl_->node[key].IsNull();
+  if (!impl_->node.IsMap()) return false;
+  const YAML::Node value = impl_->node[key];
+  if (!value.IsDefined()) return false;
+  // An empty value or `~` would silently stand for the default.
+  if (value.IsNull()) {
+    throw InputError::expected(where() + (impl_->path.empty() ? ": " : ".") + key,
+                               "a value (leave the key out for its default)", "nothing");
+  }
+  return true;
 }
 
 ConfigNode ConfigNode::child(const std::string& key) const {
@@ -166,6 +167,7 @@ double ConfigNode::as_number() const {
   if (!impl_->node.IsScalar() || !YAML::convert<double>::decode(impl_->node, value)) {
     fail("a number", describe(impl_->node));
   }
+  if (!std::isfinite(value)) fail("a finite number", describe(impl_->node));
   return value;
 }
 

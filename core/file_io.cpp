@@ -14,6 +14,7 @@
 
 #include "core/check.h"
 #include "core/error.h"
+#include "core/input/regular_file.h"
 
 namespace segsim::core {
 namespace {
@@ -23,6 +24,19 @@ namespace fs = std::filesystem;
 fs::path temporary_name(const fs::path& file) {
   return file.parent_path() / ("." + file.stem().string() + ".tmp" +
                                std::to_string(::getpid()) + file.extension().string());
+}
+
+/// Asks before it opens: opening a pipe waits for a writer.
+std::ifstream open_to_read(const fs::path& file) {
+  std::ifstream stream;
+  if (can_be_read(file)) stream.open(file, std::ios::binary);
+  if (!stream.is_open()) {
+    std::error_code error;
+    const bool other = fs::exists(file, error) && !can_be_read(file);
+    throw InputError::expected(file.string(), "a readable file",
+                               other ? "no regular file" : "none");
+  }
+  return stream;
 }
 
 class Sha256 {
@@ -94,10 +108,7 @@ void write_file_atomically(const fs::path& file,
 }
 
 std::string read_file(const fs::path& file) {
-  std::ifstream stream(file, std::ios::binary);
-  if (!stream || fs::is_directory(file)) {
-    throw InputError::expected(file.string(), "a readable file", "none");
-  }
+  std::ifstream stream = open_to_read(file);
   std::ostringstream text;
   text << stream.rdbuf();
   return std::move(text).str();
@@ -114,8 +125,7 @@ std::string sha256_hex(const std::string& text) {
 }
 
 std::string sha256_of_file(const fs::path& file) {
-  std::ifstream stream(file, std::ios::binary);
-  if (!stream) throw InputError::expected(file.string(), "a readable file", "none");
+  std::ifstream stream = open_to_read(file);
   Sha256 hash;
   std::vector<char> buffer(1U << 20U);
   while (stream.read(buffer.data(), static_cast<std::streamsize>(buffer.size())) ||

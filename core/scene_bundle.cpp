@@ -12,6 +12,8 @@
 #include "core/config.h"
 #include "core/error.h"
 #include "core/file_io.h"
+#include "core/formatted.h"
+#include "core/input/bounds.h"
 
 namespace segsim::core {
 namespace {
@@ -23,7 +25,12 @@ constexpr const char* kSchema = "segsim.scene";
 glm::dvec3 read_vec3(const ConfigNode& node, const std::string& key) {
   const std::vector<double> v = node.numbers(key);
   if (v.size() != 3) node.child(key).fail("3 numbers", std::to_string(v.size()));
-  return {v[0], v[1], v[2]};
+  const glm::dvec3 value(v[0], v[1], v[2]);
+  if (!within_world(value)) {
+    node.child(key).fail(print("numbers within %g", kFarthest_m),
+                         print("(%g, %g, %g)", value.x, value.y, value.z));
+  }
+  return value;
 }
 
 std::uint16_t read_id(const ConfigNode& node, const std::string& key) {
@@ -241,6 +248,11 @@ SceneBundle load_bundle(const fs::path& folder) {
     node.finish();
     if (!class_ids.contains(instance.class_id)) {
       node.fail("a listed class", std::to_string(instance.class_id));
+    }
+    for (int axis = 0; axis < 3; ++axis) {
+      if (instance.box_min_m[axis] <= instance.box_max_m[axis]) continue;
+      node.fail("box_min_m up to box_max_m",
+                print("%g and %g", instance.box_min_m[axis], instance.box_max_m[axis]));
     }
     if (instance.id == 0 || !instance_ids.insert(instance.id).second) {
       node.fail("a new instance id > 0", std::to_string(instance.id));

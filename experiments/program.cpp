@@ -1,12 +1,23 @@
 #include "experiments/program.h"
 
+#include <algorithm>
+#include <cmath>
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <exception>
+#include <filesystem>
 #include <new>
+#include <stdexcept>
+#include <string>
+#include <system_error>
+#include <vector>
 
 #include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
 
+#include "core/check.h"
+#include "core/config.h"
 #include "core/error.h"
 #include "core/interrupted.h"
 #include "core/process/process_memory.h"
@@ -15,10 +26,124 @@
 namespace segsim::experiments {
 namespace {
 
-constexpr int kCheckFailedExit = 1;
-constexpr int kInputErrorExit = 2;
-constexpr int kInternalErrorExit = 3;
-constexpr int kInterruptedExit = 4;
+enum ExitCode {
+  kDone = 0,
+  kCheckFailed = 1,
+  kInputError = 2,
+  kInternalError = 3,
+  kStopped = 4
+};
+
+/// One line, whatever a damaged file has put into a message.
+int end(ExitCode code, const std::string& message) {
+  std::string line = message;
+  std::replace_if(
+      line.begin(), line.end(),
+      [](char c) { return c == '\n' || c == '\r' || c == '\t' || c == '\0'; }, ' ');
+  std::fprintf(stderr, "segsim: %s\n", line.c_str());
+  return code;
+}
+
+int end_on_input(const std::string& place, const std::string& expected,
+                 const std::string& found) {
+  return end(kInputError, core::InputError::expected(place, expected, found).what());
+}
+
+/// What every exception means to the user: the one place that decides. Readers throw
+/// core::InputError with the place; what libraries throw in their stead is the fault of the
+/// input as well, and only says less about where. What is left is a bug of ours.
+/// @param command  The place where nothing closer is known: "segsim render".
+int end_of(const std::exception_ptr& thrown, const std::string& command) {
+  try {
+    std::rethrow_exception(thrown);
+  } catch (const core::InputError& error) {
+    return end(kInputError, error.what());
+  } catch (const core::Interrupted& error) {
+    return end(kStopped, error.what());
+  } catch (const core::CheckFailed& error) {
+    return end(kCheckFailed, error.what());
+  } catch (const std::filesystem::filesystem_error& error) {  // A name beyond NAME_MAX.
+    const std::string path = error.path1().string();
+    return end_on_input(path.empty() ? command : path, "a file or folder that can be used",
+                        error.code().message());
+  } catch (const std::system_error& error) {  // No thread is left.
+    return end_on_input(command, "what it needs of the system", error.code().message());
+  } catch (const nlohmann::json::exception& error) {
+    return end_on_input(command, "JSON of the documented form", error.what());
+  } catch (const std::bad_alloc&) {
+    return end(kInputError, "expected memory for the scene and its images, found none");
+  } catch (const std::length_error& error) {
+    return end_on_input(command, "sizes that fit into memory",
+                        std::string("one that does not (") + error.what() + ")");
+  } catch (const std::exception& error) {
+    return end(kInternalError, std::string("internal error: ") + error.what());
+  } catch (...) {
+    return end(kInternalError, "internal error: an exception of unknown kind");
+  }
+}
+
+/// Nothing but a whole number that is not finite: "nan", "-inf", "1e999".
+bool is_not_finite(const std::string& word) {
+  char* stop = nullptr;
+  const double value = std::strtod(word.c_str(), &stop);
+  return stop != word.c_str() && *stop == '\0' && !std::isfinite(value);
+}
+
+/// No flag takes a NaN or an infinity, and a range lets NaN through, as it is neither below
+/// nor above: so all flags that take numbers refuse them here.
+void refuse_non_numbers(CLI::App& app) {
+  for (CLI::Option* option : app.get_options()) {
+    if (option->get_type_name().starts_with("TEXT")) continue;  // A name may be "nan".
+    option->check(
+        [](const std::string& word) {
+          return is_not_finite(word) ? "expected a finite number, found " + word
+                                     : std::string();
+        },
+        "");
+  }
+  for (CLI::App* command : app.get_subcommands([](CLI::App*) { return true; })) {
+    refuse_non_numbers(*command);
+  }
+}
+
+/// CLI11 answers `segsim nosuch --help` with the help of what stands before the unknown word,
+/// as if all were well.
+/// @throws core::InputError for a word in the place of a subcommand that is none.
+void require_known_command(CLI::App& app, int argc, char** argv) {
+  std::string place = "segsim";
+  CLI::App* at = &app;
+  for (int i = 1; i < argc && at->get_require_subcommand_min() > 0; ++i) {
+    const std::string word = argv[i];
+    // `segsim` itself has flags alone; behind a subcommand a flag may take the next word.
+    if (word.starts_with('-')) {
+      if (at == &app) continue;
+      return;
+    }
+    CLI::App* next = nullptr;
+    std::vector<std::string> names;
+    for (CLI::App* known : at->get_subcommands([](CLI::App*) { return true; })) {
+      names.push_back(known->get_name());
+      if (names.back() == word) next = known;
+    }
+    if (next == nullptr) {
+      const std::string near = core::nearest_word(word, names);
+      throw core::InputError::expected(
+          place,
+          "a subcommand of `" + place + " --help`" +
+              (near.empty() ? "" : " (did you mean \"" + near + "\"?)"),
+          "\"" + word + "\"");
+    }
+    place += " " + word;
+    at = next;
+  }
+}
+
+/// "segsim render" of a command line: a place for errors that know none.
+std::string command_of(int argc, char** argv) {
+  std::string command = "segsim";
+  if (argc > 1 && argv[1][0] != '-') command += std::string(" ") + argv[1];
+  return command;
+}
 
 }  // namespace
 
@@ -40,29 +165,18 @@ int run_program(int argc, char** argv, void (*add_commands)(CLI::App& app)) {
       "the disk,\n3 internal error, 4 stopped by a signal with trials left.\n"
       "Each subcommand has its own --help.");
   add_commands(app);
+  refuse_non_numbers(app);
 
   try {
+    require_known_command(app, argc, argv);
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    const int code = app.exit(error);  // Prints help or the message.
-    return code == 0 ? 0 : kInputErrorExit;
-  } catch (const core::InputError& error) {
-    std::fprintf(stderr, "segsim: %s\n", error.what());
-    return kInputErrorExit;
-  } catch (const core::Interrupted& error) {
-    std::fprintf(stderr, "segsim: %s\n", error.what());
-    return kInterruptedExit;
-  } catch (const core::CheckFailed& error) {
-    std::fprintf(stderr, "segsim: %s\n", error.what());
-    return kCheckFailedExit;
-  } catch (const std::bad_alloc&) {
-    std::fprintf(stderr, "segsim: expected memory for the scene and its images, found none\n");
-    return kInputErrorExit;
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "segsim: internal error: %s\n", error.what());
-    return kInternalErrorExit;
+    if (error.get_exit_code() == 0) return app.exit(error);  // Prints help or the version.
+    return end(kInputError, std::string(error.what()) + " (--help says what can be given)");
+  } catch (...) {
+    return end_of(std::current_exception(), command_of(argc, argv));
   }
-  return 0;
+  return kDone;
 }
 
 }  // namespace segsim::experiments

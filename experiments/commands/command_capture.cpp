@@ -6,6 +6,7 @@
 
 #include "core/error.h"
 #include "experiments/commands/commands.h"
+#include "experiments/commands/light/flag_values.h"
 #include "experiments/scenes/mesh_source.h"
 #include "experiments/scenes/scene_source.h"
 #include "experiments/specs/gazebo_spec.h"
@@ -71,7 +72,8 @@ void add_capture_command(CLI::App& app) {
   CLI::App* command = add_listed(app, kCommands, "capture");
   command->add_option("--world", flags->world, "Gazebo world (.world, .sdf)");
   command->add_option("--mesh", flags->mesh, "Mesh file (.obj, .glb, .dae, .ply, ...)");
-  command->add_option("--flat", flags->flat_seed, "Procedural flat of this seed");
+  command->add_option("--flat", flags->flat_seed, "Procedural flat of this seed")
+      ->check(CLI::NonNegativeNumber);
   command->add_option("--out", flags->out, "Folder for the recording");
   worlds::GazeboImportOptions& gazebo = flags->source.gazebo.options;
   command->add_option("--resource-path", gazebo.resource_paths,
@@ -92,16 +94,21 @@ void add_capture_command(CLI::App& app) {
   command->add_option("--trajectory", flags->trajectory,
                       "Poses: 'x y z yaw pitch_down' [m, rad] or TUM lines; default: planned");
   specs::CaptureSpec& capture_spec = flags->source.capture;
-  command->add_option("--frames", capture_spec.frames, "Most frames to record")
+  command->add_option("--frames", capture_spec.frames, "Most frames to record; 0: all")
+      ->check(CLI::Range(0, 1'000'000))
       ->capture_default_str();
   command->add_option("--width", capture_spec.width_px, "Image width [px]")
+      ->check(image_side())
       ->capture_default_str();
   command->add_option("--height", capture_spec.height_px, "Image height [px]")
+      ->check(image_side())
       ->capture_default_str();
   command
       ->add_option("--hfov-deg", capture_spec.hfov_deg, "Horizontal field of view [degrees]")
+      ->check(field_of_view_deg())
       ->capture_default_str();
   command->add_option("--camera-height", capture_spec.camera_height_m, "Camera height [m]")
+      ->check(camera_height_m())
       ->capture_default_str();
   command
       ->add_option("--path-seed", flags->source.seed,

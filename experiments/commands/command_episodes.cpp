@@ -11,6 +11,7 @@
 #include "core/bundle_parts.h"
 #include "core/error.h"
 #include "experiments/commands/commands.h"
+#include "experiments/commands/light/flag_values.h"
 #include "experiments/episodes/episodes.h"
 #include "experiments/episodes/habitat_episodes.h"
 #include "experiments/results/statistics.h"
@@ -31,8 +32,10 @@ struct ViewerFlags {
 
   void add_to(CLI::App& command) {
     command.add_option("--width", width_px, "Of the robot's image [px]")
+        ->check(image_side())
         ->capture_default_str();
     command.add_option("--height", height_px, "Of the robot's image [px]")
+        ->check(image_side())
         ->capture_default_str();
     command.add_option("--hfov-deg", hfov_deg, "Of the robot's camera")
         ->check(CLI::Range(10.0, 150.0))
@@ -40,8 +43,10 @@ struct ViewerFlags {
     command.add_option("--pitch-down-deg", pitch_down_deg, "Of the robot's camera")
         ->check(CLI::Range(-60.0, 60.0))
         ->capture_default_str();
-    command.add_option("--camera-height", camera_height_m,
-                       "Of the robot's camera [m] (default: the bundle's)");
+    command
+        .add_option("--camera-height", camera_height_m,
+                    "Of the robot's camera [m] (default: the bundle's)")
+        ->check(commands::camera_height_m());
   }
   [[nodiscard]] episodes::EpisodeViewer viewer(const core::SceneManifest& manifest) const {
     constexpr double kRadians = std::numbers::pi / 180.0;
@@ -160,8 +165,10 @@ void add_generate(CLI::App& episodes) {
       ->check(CLI::Range(1, 100000000))
       ->capture_default_str();
   command->add_option("--min-start", rules.min_start_m, "Shortest geodesic [m]")
+      ->check(length_m())
       ->capture_default_str();
   command->add_option("--max-start", rules.max_start_m, "Longest geodesic [m]")
+      ->check(length_m())
       ->capture_default_str();
   command
       ->add_option("--min-ratio", rules.min_ratio,

@@ -14,6 +14,7 @@
 #include "core/error.h"
 #include "core/progress.h"
 #include "experiments/commands/commands.h"
+#include "experiments/commands/light/flag_values.h"
 #include "experiments/reproducibility/backend_warning.h"
 #include "experiments/scenes/scene_surfels.h"
 #include "experiments/support/stop_signal.h"
@@ -261,16 +262,16 @@ void add_camera_flags(CLI::App& command, CameraFlags& camera) {
       ->check(CLI::Range(-90.0, 90.0))
       ->capture_default_str();
   command.add_option("--hfov-deg", camera.hfov_deg, "Horizontal field of view [degrees]")
-      ->check(CLI::Range(10.0, 170.0))
+      ->check(field_of_view_deg())
       ->capture_default_str();
   command.add_option("--rate", camera.rate_hz, "Images a second, in simulated time")
       ->check(CLI::Range(0.1, 1000.0))
       ->capture_default_str();
   command.add_option("--width", camera.width_px, "Image width [px]")
-      ->check(CLI::Range(8, 8192))
+      ->check(image_side())
       ->capture_default_str();
   command.add_option("--height", camera.height_px, "Image height [px]")
-      ->check(CLI::Range(8, 8192))
+      ->check(image_side())
       ->capture_default_str();
 }
 
@@ -316,7 +317,8 @@ void add_export(CLI::App& gazebo) {
   command
       ->add_option("--start", flags->start,
                    "x y [m], yaw [degrees]; default: where there is most room")
-      ->expected(3);
+      ->expected(3)
+      ->check(coordinate());
   command
       ->add_option("--flavour", flags->flavour,
                    "Names of plugins: ignition (Fortress), gz (Garden and later)")

@@ -11,6 +11,7 @@
 
 #include "core/error.h"
 #include "experiments/commands/commands.h"
+#include "experiments/commands/light/flag_values.h"
 #include "experiments/commands/recording_flags.h"
 #include "experiments/scenes/placement_picture.h"
 #include "experiments/scenes/reconstruct.h"
@@ -388,15 +389,20 @@ void add_reconstruct_command(CLI::App& app) {
   command
       ->add_option("--camera-height", flags->reconstruct.camera_height_m,
                    "Mast height that suits the recording [m]")
+      ->check(camera_height_m())
       ->capture_default_str();
   core::GeodeticOrigin& origin = flags->reconstruct.origin;
   command->add_option("--latitude", origin.latitude_deg, "Of the world origin [degrees]")
+      ->check(CLI::Range(-90.0, 90.0))
       ->capture_default_str();
   command->add_option("--longitude", origin.longitude_deg, "Of the world origin [degrees]")
+      ->check(CLI::Range(-360.0, 360.0))
       ->capture_default_str();
   command->add_option("--origin-height", origin.height_m, "Of the world origin [m]")
+      ->check(coordinate())
       ->capture_default_str();
   command->add_option("--origin-yaw", origin.yaw_rad, "From east to world +x [rad]")
+      ->check(coordinate())
       ->capture_default_str();
   add_stereo_options(*command, flags);
   add_check_options(*command, flags);

@@ -16,6 +16,7 @@
 #include "core/render.h"
 #include "core/scene_bundle.h"
 #include "experiments/commands/commands.h"
+#include "experiments/commands/light/flag_values.h"
 #include "experiments/drawing/frame_picture.h"
 #include "experiments/reproducibility/backend_warning.h"
 #include "experiments/scenes/viewed_place.h"
@@ -199,6 +200,7 @@ void add_render_command(CLI::App& app) {
           ->add_option("--pose", flags->pose,
                        "Camera in the world: x y z [m], yaw, pitch down [degrees]")
           ->expected(5)
+          ->check(coordinate())
           ->capture_default_str();
   command
       ->add_option("--view", flags->view,
@@ -206,13 +208,13 @@ void add_render_command(CLI::App& app) {
       ->check(CLI::Range(0, 100'000'000))
       ->excludes(pose);
   command->add_option("--width", flags->width_px, "Image width [px]")
-      ->check(CLI::Range(8, 8192))
+      ->check(image_side())
       ->capture_default_str();
   command->add_option("--height", flags->height_px, "Image height [px]")
-      ->check(CLI::Range(8, 8192))
+      ->check(image_side())
       ->capture_default_str();
   command->add_option("--hfov-deg", flags->hfov_deg, "Horizontal field of view [degrees]")
-      ->check(CLI::Range(10.0, 170.0))
+      ->check(field_of_view_deg())
       ->capture_default_str();
   add_strategy_flags(*command, flags->options);
   command->add_flag(

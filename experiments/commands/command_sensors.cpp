@@ -8,6 +8,7 @@
 #include "core/error.h"
 #include "core/scene_bundle.h"
 #include "experiments/commands/commands.h"
+#include "experiments/commands/light/flag_values.h"
 #include "experiments/drawing/floor_plan.h"
 #include "experiments/scenes/scene_surfels.h"
 #include "experiments/trials/sensor_picture.h"
@@ -60,7 +61,8 @@ void add_sensors_command(CLI::App& app) {
           "--pose", flags->pose,
           "Where the robot stands: X Y [m] and heading [deg] (default: where there is "
           "the most room, heading 0)")
-      ->expected(3);
+      ->expected(3)
+      ->check(coordinate());
   command
       ->add_option("--camera-height", flags->camera_height_m,
                    "Of the camera [m] (default: the bundle's)")

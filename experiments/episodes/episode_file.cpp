@@ -6,12 +6,31 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
+#include "core/input/bounds.h"
+#include "core/input/json_depth.h"
 #include "experiments/episodes/episodes.h"
+#include "perception/data/json_node.h"
 
 namespace segsim::experiments::episodes {
 namespace {
 
 using Json = nlohmann::ordered_json;
+using perception::JsonNode;
+
+// What stands in the file is taken as it is or not at all: conversions would make 1 of `true`
+// and any number of 1e23.
+
+int count_of(const JsonNode& node) { return static_cast<int>(node.integer(0, 1'000'000'000)); }
+
+double coordinate_of(const JsonNode& node) {
+  return node.number(-core::kFarthest_m, core::kFarthest_m,
+                     "a coordinate or angle within 1e7");
+}
+
+std::uint64_t seed_of(const JsonNode& node) {
+  if (!node.json().is_number_unsigned()) node.fail("an integer from 0");
+  return node.json().get<std::uint64_t>();
+}
 
 Json json_of(const EpisodeRejections& r) {
   return {{"goals_without_instance", r.goals_without_instance},
@@ -26,18 +45,18 @@ Json json_of(const EpisodeRejections& r) {
           {"starts_too_straight", r.starts.too_straight}};
 }
 
-EpisodeRejections rejections_from(const Json& json) {
+EpisodeRejections rejections_from(const JsonNode& json) {
   EpisodeRejections r;
-  r.goals_without_instance = json.at("goals_without_instance");
-  r.instances_not_visible = json.at("instances_not_visible");
-  r.view_points_tested = json.at("view_points_tested");
-  r.view_points_kept = json.at("view_points_kept");
-  r.starts_goal_visible = json.at("starts_goal_visible");
-  r.starts.too_near = json.at("starts_too_near");
-  r.starts.too_far = json.at("starts_too_far");
-  r.starts.unreachable = json.at("starts_unreachable");
-  r.starts.too_tight = json.at("starts_too_tight");
-  r.starts.too_straight = json.at("starts_too_straight");
+  r.goals_without_instance = count_of(json.at("goals_without_instance"));
+  r.instances_not_visible = count_of(json.at("instances_not_visible"));
+  r.view_points_tested = count_of(json.at("view_points_tested"));
+  r.view_points_kept = count_of(json.at("view_points_kept"));
+  r.starts_goal_visible = count_of(json.at("starts_goal_visible"));
+  r.starts.too_near = count_of(json.at("starts_too_near"));
+  r.starts.too_far = count_of(json.at("starts_too_far"));
+  r.starts.unreachable = count_of(json.at("starts_unreachable"));
+  r.starts.too_tight = count_of(json.at("starts_too_tight"));
+  r.starts.too_straight = count_of(json.at("starts_too_straight"));
   return r;
 }
 
@@ -61,30 +80,37 @@ Json json_of(const sim::Episode& episode) {
 }
 
 sim::Episode episode_from(const Json& json) {
+  const JsonNode node(json, "episode");
   sim::Episode episode;
   episode.id = json.at("id");
   episode.class_name = json.at("class");
-  const Json& start = json.at("start");
+  const std::vector<JsonNode> start = node.at("start").items();
   if (start.size() != 3) throw std::runtime_error("\"start\" must have 3 numbers");
-  episode.start = {start[0], start[1], start[2]};
+  episode.start = {coordinate_of(start[0]), coordinate_of(start[1]), coordinate_of(start[2])};
   const Json& shortest = json.at("shortest_path_m");
-  episode.shortest_path_m =
-      shortest.is_null() ? std::numeric_limits<double>::infinity() : shortest.get<double>();
+  episode.shortest_path_m = shortest.is_null() ? std::numeric_limits<double>::infinity()
+                                               : coordinate_of(node.at("shortest_path_m"));
   if (!(episode.shortest_path_m >= 0.0)) {
     throw std::runtime_error("\"shortest_path_m\" must be null or >= 0");
   }
-  episode.seed = json.at("seed");
-  for (const Json& p : json.at("view_points")) {
+  episode.seed = seed_of(node.at("seed"));
+  for (const JsonNode& point : node.at("view_points").items()) {
+    const std::vector<JsonNode> p = point.items();
     if (p.size() != 2) throw std::runtime_error("a view point must have 2 numbers");
-    episode.view_points_m.emplace_back(p[0].get<double>(), p[1].get<double>());
+    episode.view_points_m.emplace_back(coordinate_of(p[0]), coordinate_of(p[1]));
   }
   const std::size_t places = episode.view_points_m.size();
   if (places == 0 && !shortest.is_null()) throw std::runtime_error("no view points");
   if (json.contains("view_point_instances")) {
-    json["view_point_instances"].get_to(episode.view_point_instance);
+    for (const JsonNode& id : node.at("view_point_instances").items()) {
+      episode.view_point_instance.push_back(static_cast<std::uint16_t>(id.integer(0, 65535)));
+    }
   }
   if (json.contains("view_point_ious")) {
-    json["view_point_ious"].get_to(episode.view_point_iou);
+    for (const JsonNode& iou : node.at("view_point_ious").items()) {
+      episode.view_point_iou.push_back(
+          static_cast<float>(iou.number(0.0, 1.0, "a share in [0, 1]")));
+    }
   }
   for (const std::size_t n :
        {episode.view_point_instance.size(), episode.view_point_iou.size()}) {
@@ -107,12 +133,25 @@ Json json_of(const EpisodeViewer& viewer) {
           {"pitch_down_rad", viewer.camera_pitch_down_rad}};
 }
 
-EpisodeViewer viewer_from(const Json& json) {
+EpisodeViewer viewer_from(const JsonNode& node) {
+  const auto pair = [&](const char* key) {
+    const std::vector<JsonNode> items = node.at(key).items();
+    if (items.size() != 2) node.at(key).fail("2 numbers");
+    return std::pair(coordinate_of(items[0]), coordinate_of(items[1]));
+  };
+  const auto [fx_px, fy_px] = pair("f");
+  const auto [cx_px, cy_px] = pair("c");
+  if (!(fx_px > 0.0 && fy_px > 0.0)) node.at("f").fail("focal lengths above 0");
+  constexpr int kLongestSide_px = 8192;
   EpisodeViewer viewer;
-  viewer.camera = {json.at("width"),   json.at("height"),  json.at("f").at(0),
-                   json.at("f").at(1), json.at("c").at(0), json.at("c").at(1)};
-  viewer.camera_height_m = json.at("camera_height_m");
-  viewer.camera_pitch_down_rad = json.at("pitch_down_rad");
+  viewer.camera = {static_cast<int>(node.at("width").integer(1, kLongestSide_px)),
+                   static_cast<int>(node.at("height").integer(1, kLongestSide_px)),
+                   fx_px,
+                   fy_px,
+                   cx_px,
+                   cy_px};
+  viewer.camera_height_m = coordinate_of(node.at("camera_height_m"));
+  viewer.camera_pitch_down_rad = coordinate_of(node.at("pitch_down_rad"));
   return viewer;
 }
 
@@ -124,8 +163,9 @@ Json json_of(const OracleRecord& oracle) {
           {"flagged", oracle.rate() < OracleRecord::kExpected}};
 }
 
-OracleRecord oracle_from(const Json& json) {
-  return {json.at("successes"), json.at("episodes"), json.at("spl"), json.at("profile")};
+OracleRecord oracle_from(const JsonNode& node) {
+  return {count_of(node.at("successes")), count_of(node.at("episodes")),
+          node.at("spl").number(0.0, 1.0, "a share in [0, 1]"), node.at("profile").text()};
 }
 
 Json header_of(const EpisodeSet& set) {
@@ -156,12 +196,13 @@ EpisodeSet read_header(const Json& json, std::size_t& announced) {
   set.robot = json.at("robot");
   set.rules_sha256 = json.at("rules_sha256");
   set.generator = json.value("generator", std::string());
-  set.seed = json.value("seed", std::uint64_t{0});
+  const JsonNode node(json, "header");
+  set.seed = json.contains("seed") ? seed_of(node.at("seed")) : 0;
   set.navmesh_sha256 = json.value("navmesh_sha256", std::string());
-  if (json.contains("viewer")) set.viewer = viewer_from(json["viewer"]);
-  if (json.contains("oracle")) set.oracle = oracle_from(json["oracle"]);
-  announced = json.at("count");
-  set.rejections = rejections_from(json.at("rejections"));
+  if (json.contains("viewer")) set.viewer = viewer_from(node.at("viewer"));
+  if (json.contains("oracle")) set.oracle = oracle_from(node.at("oracle"));
+  announced = static_cast<std::size_t>(count_of(node.at("count")));
+  set.rejections = rejections_from(node.at("rejections"));
   return set;
 }
 
@@ -181,7 +222,9 @@ EpisodeSet read_episodes(const std::filesystem::path& file) {
   for (int line = 1; start < text.size(); ++line) {
     const std::size_t end = std::min(text.find('\n', start), text.size());
     try {
-      const Json json = Json::parse(text.substr(start, end - start));
+      const std::string document = text.substr(start, end - start);
+      if (core::is_too_deep(document)) throw std::runtime_error("brackets without end");
+      const Json json = Json::parse(document);
       if (line == 1) {
         set = read_header(json, announced);
       } else {

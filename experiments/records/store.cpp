@@ -30,6 +30,17 @@ void Store::Impl::create_or_check_schema() const {
   transaction.commit();
 }
 
+/// SQLite reads a file that was cut short or has flipped bits as far as it can, and leaves out
+/// what it does not find: rows would be missing from a table without a word.
+void Store::Impl::check_integrity() const {
+  Statement check(db, file, "PRAGMA quick_check(1)");
+  const std::string found = check.step() ? check.text() : "no answer";
+  if (found == "ok") return;
+  throw core::InputError::expected(
+      file.string(),
+      "an undamaged results database (`segsim merge` makes it anew from shards)", found);
+}
+
 void Store::Impl::create_schema() const {
   if (query_integer("SELECT COUNT(*) FROM sqlite_master", 0) != 0) {
     throw core::InputError::expected(file.string(), "a results database of segsim",
@@ -69,6 +80,7 @@ Store::Store(const std::filesystem::path& file) : impl_(std::make_unique<Impl>()
                                      sqlite3_errmsg(impl_->db));
   }
   sqlite3_busy_timeout(impl_->db, 10000);
+  impl_->check_integrity();
   impl_->execute("PRAGMA journal_mode = WAL");
   impl_->execute("PRAGMA synchronous = FULL");
   impl_->execute("PRAGMA foreign_keys = ON");

@@ -15,6 +15,7 @@ using Kind = PickleValue::Kind;
 
 constexpr std::size_t kMaxBytes = std::size_t{64} << 20U;
 constexpr std::size_t kMaxValues = 1'000'000;
+constexpr std::size_t kLongestName = 1024;
 
 /// Packages whose names may appear. They are never imported; the list tells a model file from
 /// one that was made to run something in readers less careful than this one.
@@ -113,6 +114,10 @@ class PickleMachine {
   }
 
   void push_name(std::string_view module, std::string_view name) {
+    // Both may be texts that were stored once and are named again and again.
+    if (module.size() + name.size() > kLongestName) {
+      refuse("names of at most 1024 characters", std::to_string(module.size() + name.size()));
+    }
     PickleValue value;
     value.kind = Kind::kName;
     value.text = std::string(module) + " " + std::string(name);

@@ -3,6 +3,7 @@
 
 #include "core/check.h"
 #include "core/file_io.h"
+#include "core/input/json_depth.h"
 #include "perception/checkpoint/byte_reader.h"
 #include "perception/checkpoint/internal/formats.h"
 
@@ -62,6 +63,10 @@ void read_safetensors(TensorFile& file) {
         "neither, in " + std::to_string(file.bytes.size()) + " bytes");
   }
   const std::string header(reader.take(length));
+  if (core::is_too_deep(header)) {
+    throw core::InputError::expected(file.place, "a safetensors header",
+                                     "brackets nested beyond any use");
+  }
   try {
     const Json json = Json::parse(header);
     for (const auto& [name, entry] : json.items()) {

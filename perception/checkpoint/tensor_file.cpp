@@ -13,6 +13,10 @@
 namespace segsim::perception {
 namespace {
 
+/// Tied weights share a storage, and a file may hold a second view of each.
+constexpr std::uint64_t kMostViews = 4;
+constexpr std::size_t kMostSides = 8;
+
 constexpr std::int64_t kMaxElements = std::int64_t{1} << 40U;
 
 template <class Number>
@@ -47,6 +51,27 @@ float read_element(ElementType type, const char* at) {
   std::memcpy(&bits, at, sizeof bits);
   if (type == ElementType::kF16) return from_half(bits);
   return std::bit_cast<float>(static_cast<std::uint32_t>(bits) << 16U);
+}
+
+/// A table of a page can name the numbers of a file so often that memory does not hold them.
+void check_budget(const TensorFile& file) {
+  std::uint64_t bytes_left = kMostViews * file.bytes.size();
+  for (const StoredTensor& tensor : file.tensors) {
+    if (tensor.shape.size() > kMostSides) {
+      throw core::InputError::expected(file.place + ": " + tensor.name,
+                                       "at most " + std::to_string(kMostSides) + " sides",
+                                       std::to_string(tensor.shape.size()));
+    }
+    const auto count = static_cast<std::uint64_t>(element_count(tensor.shape));
+    const std::uint64_t bytes = count * bytes_of(tensor.type);
+    if (bytes > bytes_left) {
+      throw core::InputError::expected(
+          file.place + ": " + tensor.name,
+          "tensors of at most " + std::to_string(kMostViews) + " times the file's bytes",
+          "more");
+    }
+    bytes_left -= bytes;
+  }
 }
 
 void check_names(const TensorFile& file) {
@@ -145,6 +170,7 @@ TensorFile read_tensor_file(const std::filesystem::path& path) {
     read_safetensors(file);
   }
   check_names(file);
+  check_budget(file);
   return file;
 }
 

@@ -1,7 +1,10 @@
+#include <set>
+
 #include <nlohmann/json.hpp>
 
 #include "core/error.h"
 #include "core/file_io.h"
+#include "core/input/json_depth.h"
 #include "perception/checkpoint/internal/formats.h"
 
 namespace segsim::perception {
@@ -27,13 +30,19 @@ ElementType stored_type(const Json& entry, const std::string& place) {
 }
 
 /// Appends the files that hold one group, one after the other.
-void append_shards(const Json& paths, const fs::path& model, TensorFile& file) {
+/// @param read  Names of all files so far.
+void append_shards(const Json& paths, const fs::path& model, TensorFile& file,
+                   std::set<std::string>& read) {
   for (const Json& entry : paths) {
     const std::string name = entry.get<std::string>();
     if (name.empty() || name == "." || name == ".." ||
         name.find_first_of("/\\") != std::string::npos) {
       throw core::InputError::expected(file.place + ": weightsManifest: paths",
                                        "names of files beside it", "'" + name + "'");
+    }
+    if (!read.insert(name).second) {  // A page of names of one file would fill the memory.
+      throw core::InputError::expected(file.place + ": weightsManifest: paths",
+                                       "each file once", "'" + name + "' again");
     }
     file.bytes += core::read_file(model.parent_path() / name);
     if (file.data_name.empty()) file.data_name = name;
@@ -68,11 +77,16 @@ void read_tfjs(TensorFile& file) {
   const std::string text = std::move(file.bytes);
   file.bytes.clear();
   file.data_name.clear();
+  if (core::is_too_deep(text)) {
+    throw core::InputError::expected(file.place, "a TensorFlow.js model",
+                                     "brackets nested beyond any use");
+  }
   try {
     const Json json = Json::parse(text);
+    std::set<std::string> read;
     std::size_t offset = 0;
     for (const Json& group : json.at("weightsManifest")) {
-      append_shards(group.at("paths"), model, file);
+      append_shards(group.at("paths"), model, file, read);
       for (const Json& entry : group.at("weights")) {
         file.tensors.push_back(read_entry(entry, file, offset));
       }

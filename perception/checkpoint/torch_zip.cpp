@@ -13,6 +13,7 @@ namespace {
 using Kind = PickleValue::Kind;
 
 constexpr int kMaxDepth = 64;
+constexpr std::size_t kLongestName = 1024, kMostSides = 8, kMostEntries = 4'000'000;
 constexpr std::size_t kMaxModules = 100'000, kMaxTensors = 100'000;
 
 const std::map<std::string, ElementType>& storage_types() {
@@ -58,7 +59,13 @@ class TreeReader {
   }
   [[nodiscard]] std::string text_of(ValueId id) const {
     const PickleValue& value = pickle_.at(id);
-    return value.kind == Kind::kText ? value.text : std::string();
+    if (value.kind != Kind::kText) return {};
+    // One text may be named a million times.
+    if (value.text.size() > kLongestName) {
+      refuse(value.text.substr(0, 40) + "...", "names of at most 1024 characters",
+             std::to_string(value.text.size()));
+    }
+    return value.text;
   }
   [[nodiscard]] bool is_none(ValueId id) const {
     return id == kNoValue || pickle_.at(id).kind == Kind::kNone;
@@ -102,11 +109,12 @@ class TreeReader {
   }
 
   void read_module(ValueId module, const std::string& prefix, int depth) {
-    if (depth > kMaxDepth || ++modules_ > kMaxModules) {
+    if (depth > kMaxDepth || ++modules_ > kMaxModules || prefix.size() > kLongestName) {
       refuse(prefix.substr(0, 80), "a tree of modules", "one too deep or too large");
     }
     const ValueId attributes = attributes_of(module);
     if (attributes == kNoValue) return;
+    count_entries(attributes, prefix);
     const ValueId children = pickle_.find(attributes, "_modules");
     if (children == kNoValue) {
       read_attributes(attributes, prefix, depth);
@@ -115,12 +123,22 @@ class TreeReader {
     for (const char* kind : {"_parameters", "_buffers"}) {
       const ValueId tensors = pickle_.find(attributes, kind);
       if (is_none(tensors)) continue;
+      count_entries(tensors, prefix);
       for (const auto& [name, value] : pickle_.at(tensors).pairs) {
         if (is_tensor(value)) add_tensor(prefix + text_of(name), value);
       }
     }
+    count_entries(children, prefix);
     for (const auto& [name, child] : pickle_.at(children).pairs) {
       if (!is_none(child)) read_module(child, prefix + text_of(name) + ".", depth + 1);
+    }
+  }
+
+  /// A module may stand in the tree many times, and each time its entries are gone through.
+  void count_entries(ValueId dict, const std::string& prefix) {
+    entries_ += pickle_.at(dict).pairs.size();
+    if (entries_ > kMostEntries) {
+      refuse(prefix.substr(0, 80), "a tree of modules", "one with too many entries");
     }
   }
 
@@ -140,6 +158,9 @@ class TreeReader {
     const PickleValue& tuple = pickle_.at(id);
     if (tuple.kind != Kind::kTuple && tuple.kind != Kind::kList) {
       refuse(name, "a tuple of integers", "another value");
+    }
+    if (tuple.items.size() > kMostSides) {
+      refuse(name, "at most 8 sides", std::to_string(tuple.items.size()));
     }
     for (const ValueId item : tuple.items) {
       if (pickle_.at(item).kind != Kind::kInt) refuse(name, "integers", "another value");
@@ -227,7 +248,7 @@ class TreeReader {
   std::string folder_;
   std::map<std::string, ZipRecord> records_;
   std::map<std::string, bool> checked_;
-  std::size_t modules_ = 0;
+  std::size_t modules_ = 0, entries_ = 0;
 };
 
 /// "archive/" of the record "archive/data.pkl", of which there is one.

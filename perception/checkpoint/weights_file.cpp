@@ -14,11 +14,10 @@
 #include "core/file_io.h"
 #include "perception/checkpoint/lineage.h"
 #include "perception/checkpoint/yolov13_scale.h"
+#include "perception/data/json_node.h"
 
 namespace segsim::perception {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 constexpr char kMagic[] = "SEGSIMW1";
 constexpr std::size_t kMagicBytes = 8, kLengthBytes = 4;
@@ -59,7 +58,9 @@ void append_values(const NamedTensor& tensor, bool half, const std::string& plac
   }
 }
 
-NamedTensor read_tensor(const Json& entry, const std::string& data, const std::string& place) {
+/// @param bytes_left  Of the data, for this tensor and those after it.
+NamedTensor read_tensor(const Json& entry, const std::string& data, const std::string& place,
+                        std::uint64_t& bytes_left) {
   NamedTensor tensor{entry.at("name").get<std::string>(),
                      entry.at("shape").get<std::vector<std::int64_t>>(),
                      {}};
@@ -77,6 +78,14 @@ NamedTensor read_tensor(const Json& entry, const std::string& data, const std::s
         place + ": " + tensor.name, "a tensor inside the data",
         shape_text(tensor.shape) + " at " + std::to_string(offset));
   }
+  // Tensors do not share their numbers: a header of a page could ask for terabytes.
+  const std::uint64_t bytes = static_cast<std::uint64_t>(count) * item_bytes;
+  if (bytes > bytes_left) {
+    throw core::InputError::expected(place + ": " + tensor.name,
+                                     "tensors that have the data to themselves",
+                                     "more numbers than there are");
+  }
+  bytes_left -= bytes;
   tensor.values.resize(static_cast<std::size_t>(count));
   const char* source = data.data() + offset;
   for (float& value : tensor.values) {
@@ -88,6 +97,10 @@ NamedTensor read_tensor(const Json& entry, const std::string& data, const std::s
       std::memcpy(&value, source, 4);
     }
     source += item_bytes;
+    if (!std::isfinite(value)) {
+      throw core::InputError::expected(place + ": " + tensor.name, "finite values",
+                                       std::to_string(value));
+    }
   }
   return tensor;
 }
@@ -133,8 +146,9 @@ DetectorWeights parse(const Json& header, const std::string& data, const std::st
   weights.training = header.at("training").dump();
   (void)recorded_data(weights.training, place);  // A damaged record is a damaged file.
   check_values(weights, place);
+  std::uint64_t bytes_left = data.size();
   for (const Json& entry : header.at("tensors")) {
-    weights.tensors.push_back(read_tensor(entry, data, place));
+    weights.tensors.push_back(read_tensor(entry, data, place, bytes_left));
   }
   return weights;
 }
@@ -220,8 +234,8 @@ DetectorWeights read_weights(const std::filesystem::path& file) {
                                      "a truncated file");
   }
   try {
-    return parse(Json::parse(bytes.substr(begin, length)), bytes.substr(begin + length),
-                 place);
+    return parse(parse_json(bytes.substr(begin, length), place + ": header"),
+                 bytes.substr(begin + length), place);
   } catch (const nlohmann::json::exception& error) {
     throw core::InputError(place + ": header: " + error.what());
   }

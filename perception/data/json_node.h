@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/error.h"
+#include "core/input/json_depth.h"
 
 namespace segsim::perception {
 
@@ -16,6 +17,9 @@ using Json = nlohmann::ordered_json;
 
 /// @throws core::InputError that starts with `place`.
 [[nodiscard]] inline Json parse_json(const std::string& text, const std::string& place) {
+  if (core::is_too_deep(text)) {
+    throw core::InputError::expected(place, "JSON", "brackets nested beyond any use");
+  }
   try {
     return Json::parse(text);
   } catch (const nlohmann::json::exception& error) {

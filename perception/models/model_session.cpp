@@ -6,6 +6,7 @@
 
 #include "core/check.h"
 #include "core/error.h"
+#include "core/input/regular_file.h"
 #include "perception/checkpoint/zip_file.h"
 #include "perception/models/internal/sessions.h"
 
@@ -31,8 +32,9 @@ std::string TensorInfo::describe() const {
 
 std::unique_ptr<ModelSession> open_model(const std::filesystem::path& file) {
   std::array<char, 4> start{};
-  std::ifstream stream(file, std::ios::binary);
-  if (!stream || std::filesystem::is_directory(file)) {
+  std::ifstream stream;
+  if (core::can_be_read(file)) stream.open(file, std::ios::binary);
+  if (!stream.is_open()) {
     throw core::InputError::expected(file.string(), "a model file", "no such file");
   }
   stream.read(start.data(), start.size());

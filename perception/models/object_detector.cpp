@@ -5,6 +5,7 @@
 #include <set>
 
 #include "core/error.h"
+#include "core/input/regular_file.h"
 #include "perception/models/internal/detectors.h"
 
 namespace segsim::perception {
@@ -24,6 +25,7 @@ std::unique_ptr<core::Detector> load_object_detector(const std::filesystem::path
 }
 
 bool is_foreign_detector(const std::filesystem::path& file) {
+  if (!core::can_be_read(file)) return false;  // Who reads it as weights says what is wrong.
   std::ifstream stream(file, std::ios::binary);
   std::string start(7, '\0');
   stream.read(start.data(), static_cast<std::streamsize>(start.size()));

@@ -10,6 +10,9 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
+#include "core/formatted.h"
+#include "core/input/bounds.h"
+#include "core/input/json_depth.h"
 #include "reconstruction/datasets/internal/box_index.h"
 
 namespace segsim::reconstruction {
@@ -17,6 +20,9 @@ namespace {
 
 using core::InputError;
 using nlohmann::json;
+
+/// Every pixel may have to ask all boxes, and every box all cells of their index.
+constexpr std::size_t kMostBoxes = 10'000;
 
 /// COCO's word for classes that annotators call otherwise.
 std::string coco_word(const std::string& name) {
@@ -41,8 +47,10 @@ struct Entry {
     return value[key];
   }
   double number(const json& node, const char* key) const {
-    if (!node.is_number() || !std::isfinite(node.get<double>())) {
-      throw InputError::expected(place + "." + key, "a finite number", node.dump());
+    if (!node.is_number() || !core::within_world(node.get<double>())) {
+      throw InputError::expected(place + "." + key,
+                                 core::print("a finite number within %g", core::kFarthest_m),
+                                 node.dump().substr(0, 40));
     }
     return node.get<double>();
   }
@@ -219,6 +227,9 @@ glm::dvec3 OrientedBox::world_max_m() const { return center_m + world_half(*this
 
 BoxAnnotation read_box_annotation(const std::filesystem::path& file) {
   const std::string text = core::read_file(file);
+  if (core::is_too_deep(text)) {
+    throw InputError::expected(file.string(), "JSON", "brackets nested beyond any use");
+  }
   json root;
   try {
     root = json::parse(text);
@@ -238,6 +249,15 @@ BoxAnnotation read_box_annotation(const std::filesystem::path& file) {
       throw InputError::expected(place + "planes", "an object with the key 'list'", "none");
     }
     read_list((*planes)["list"], place + "planes.list", true, used_ids, annotation);
+  }
+  std::size_t boxes = 0;
+  for (const AnnotatedBox& box : annotation.boxes) {
+    boxes += std::max<std::size_t>(1, box.parts.size());
+  }
+  if (boxes > kMostBoxes) {
+    throw InputError::expected(file.string(),
+                               "at most " + std::to_string(kMostBoxes) + " boxes and parts",
+                               std::to_string(boxes));
   }
   name_boxes(annotation);
   return annotation;

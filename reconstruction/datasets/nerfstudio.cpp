@@ -41,12 +41,15 @@ LensModel model_of(const JsonNode& frame, const JsonNode& root) {
 Lens lens_of(const JsonNode& frame, const JsonNode& root) {
   Lens lens;
   lens.model = model_of(frame, root);
-  lens.camera = {static_cast<int>(value_of(frame, root, "w")),
-                 static_cast<int>(value_of(frame, root, "h")),
-                 value_of(frame, root, "fl_x"),
-                 value_of(frame, root, "fl_y"),
-                 value_of(frame, root, "cx"),
-                 value_of(frame, root, "cy")};
+  const double width_px = value_of(frame, root, "w"), height_px = value_of(frame, root, "h");
+  constexpr double kLongestSide_px = 65535.0;
+  if (!(width_px <= kLongestSide_px && height_px <= kLongestSide_px)) {
+    root.fail("w and h up to 65535",
+              std::to_string(width_px) + " and " + std::to_string(height_px));
+  }
+  lens.camera = {static_cast<int>(width_px),    static_cast<int>(height_px),
+                 value_of(frame, root, "fl_x"), value_of(frame, root, "fl_y"),
+                 value_of(frame, root, "cx"),   value_of(frame, root, "cy")};
   const auto term = [&](const char* key) { return value_or(frame, root, key, 0.0); };
   lens.k = {term("k1"), term("k2"), term("k3"), term("k4")};
   lens.p1 = term("p1"), lens.p2 = term("p2");

@@ -14,6 +14,7 @@
 #include <pcl/io/ply_io.h>
 
 #include "core/error.h"
+#include "core/input/regular_file.h"
 
 namespace segsim::reconstruction {
 namespace {
@@ -24,8 +25,9 @@ enum class Kind { kPcd, kPly };
 
 /// By the first line that says something: names of files may lie.
 Kind kind_of(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  if (!in || std::filesystem::is_directory(file)) {
+  std::ifstream in;
+  if (core::can_be_read(file)) in.open(file, std::ios::binary);
+  if (!in.is_open()) {
     throw InputError::expected(file.string(), "a point cloud (PCD or PLY)", "no such file");
   }
   std::string line;

@@ -9,6 +9,7 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
+#include "core/input/bounds.h"
 #include "renderer/files/internal/ply_reader.h"
 
 namespace segsim::renderer {
@@ -136,7 +137,11 @@ float sigmoid(float x) {
 void read_surfel(const RowReader& row, const Columns& columns, std::size_t i,
                  SurfelCloud& surfels) {
   for (int axis = 0; axis < 3; ++axis) {
-    surfels.position_m[i][axis] = row(columns.position[axis], "position");
+    const float position_m = row(columns.position[axis], "position");
+    if (!core::within_world(static_cast<double>(position_m))) {
+      row.refuse("a position within 1e7 m", std::to_string(position_m));
+    }
+    surfels.position_m[i][axis] = position_m;
   }
   surfels.R_world_surfel[i] = rotation_of(row, columns.rotation);
   surfels.scale_m[i] = {activated_scale_m(row, columns.scale[0]),

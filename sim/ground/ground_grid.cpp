@@ -9,6 +9,7 @@
 #include <glm/geometric.hpp>
 
 #include "core/check.h"
+#include "sim/ground/ground_limit.h"
 
 namespace segsim::sim {
 namespace {
@@ -144,6 +145,7 @@ GridFrame grid_over(const TriangleMesh& mesh, double cell_m, double margin_m) {
   }
   const glm::dvec2 first = glm::floor((lo - margin_m) / cell_m);
   const glm::dvec2 last = glm::ceil((hi + margin_m) / cell_m);
+  require_ground_cells(last.x - first.x, last.y - first.y, "collision mesh");
   return {.origin_m = first * cell_m,
           .cell_m = cell_m,
           .width = static_cast<int>(last.x - first.x),

@@ -18,7 +18,10 @@
 #include "core/check.h"
 #include "core/error.h"
 #include "core/file_io.h"
+#include "core/input/bounds.h"
+#include "sim/ground/ground_limit.h"
 #include "sim/ground/internal/navmesh_access.h"
+#include "sim/ground/internal/navmesh_tile.h"
 #include "sim/ground/no_room.h"
 
 namespace segsim::sim {
@@ -280,6 +283,11 @@ Navmesh Navmesh::build(const TriangleMesh& mesh, const NavmeshSettings& settings
     for (int corner = 0; corner < 3; ++corner) indices.push_back(static_cast<int>(t[corner]));
   }
   const rcConfig config = recast_config(settings, vertices);
+  const auto cells = [&](int axis) {
+    return (static_cast<double>(config.bmax[axis]) - static_cast<double>(config.bmin[axis])) /
+           settings.cell_m;
+  };
+  require_ground_cells(cells(0), cells(2), "navigation mesh");
   rcContext context(false);
   const CompactPtr compact = build_heightfield(context, config, vertices, indices);
   const ContoursPtr contours(rcAllocContourSet());
@@ -342,9 +350,9 @@ Navmesh Navmesh::load(const std::filesystem::path& file) {
     throw core::InputError::expected(place, std::to_string(size) + " bytes of mesh",
                                      std::to_string(text.size() - at));
   }
-  return Navmesh(std::make_unique<Impl>(
-      settings,
-      std::vector<unsigned char>(text.begin() + static_cast<std::ptrdiff_t>(at), text.end())));
+  std::vector<unsigned char> block(text.begin() + static_cast<std::ptrdiff_t>(at), text.end());
+  internal::check_navmesh_tile(block, place);
+  return Navmesh(std::make_unique<Impl>(settings, std::move(block)));
 }
 
 const dtNavMesh& internal::NavmeshAccess::mesh(const Navmesh& navmesh) {
@@ -358,6 +366,8 @@ int Navmesh::polygon_count() const { return impl_->tile().header->polyCount; }
 const std::vector<double>& Navmesh::island_areas_m2() const { return impl_->island_areas_m2; }
 
 std::optional<NavPoint> Navmesh::nearest(const glm::dvec3& p_m, double reach_m) const {
+  // Detour compares squared distances, and takes the winner without asking whether it has one.
+  if (!core::within_world(p_m)) return std::nullopt;
   const Xyz center = to_y_up(p_m);
   const Xyz extents = {static_cast<float>(reach_m), 1.0F, static_cast<float>(reach_m)};
   dtPolyRef ref = 0;
@@ -394,6 +404,7 @@ glm::dvec3 Navmesh::random_point(core::RandomStream& random, int island) const {
 
 std::optional<NavPath> Navmesh::find_path(const glm::dvec3& from_m,
                                           const glm::dvec3& to_m) const {
+  if (!core::within_world(from_m) || !core::within_world(to_m)) return std::nullopt;
   const Xyz extents = {0.5F, 1.0F, 0.5F};
   const Xyz from = to_y_up(from_m);
   const Xyz to = to_y_up(to_m);

@@ -10,6 +10,7 @@
 
 #include "core/check.h"
 #include "core/error.h"
+#include "core/input/bounds.h"
 #include "sim/ground/internal/navmesh_access.h"
 
 namespace segsim::sim {
@@ -95,6 +96,7 @@ NavmeshWalker& NavmeshWalker::operator=(NavmeshWalker&&) noexcept = default;
 
 std::optional<NavmeshWalker> NavmeshWalker::place(const Navmesh& navmesh,
                                                   const glm::dvec3& p_m) {
+  if (!core::within_world(p_m)) return std::nullopt;
   auto impl = std::make_unique<Impl>();
   impl->query.reset(dtAllocNavMeshQuery());
   const dtNavMesh& mesh = internal::NavmeshAccess::mesh(navmesh);

@@ -12,6 +12,9 @@
 #include <glm/geometric.hpp>
 
 #include "core/check.h"
+#include "core/error.h"
+#include "core/formatted.h"
+#include "core/input/bounds.h"
 #include "core/process/kernel_choice.h"
 
 namespace segsim::sim {
@@ -131,6 +134,22 @@ RayHit hit_of(const Query& query) {
   return hit;
 }
 
+/// Embree ends the process on numbers that single precision cannot square, wherever they come
+/// from. Readers refuse them with file and line; this is the last door.
+void require_ray(const glm::vec3& origin_m, const glm::vec3& direction) {
+  constexpr float kLongest2 = 1e30F;
+  if (core::within_world(glm::dvec3(origin_m)) &&
+      glm::dot(direction, direction) <= kLongest2) {
+    return;
+  }
+  throw core::InputError::expected(
+      "a ray", core::print("an origin within %g m and a finite direction", core::kFarthest_m),
+      core::print("(%g, %g, %g) and (%g, %g, %g)", static_cast<double>(origin_m.x),
+                  static_cast<double>(origin_m.y), static_cast<double>(origin_m.z),
+                  static_cast<double>(direction.x), static_cast<double>(direction.y),
+                  static_cast<double>(direction.z)));
+}
+
 RTCRay make_ray(const glm::vec3& origin_m, const glm::vec3& direction, float t_near,
                 float t_far) {
   RTCRay ray{};
@@ -151,6 +170,13 @@ void attach_mesh(RTCDevice device, RTCScene scene, const SubMesh& mesh, MeshBuff
   for (const glm::uvec3& triangle : mesh.triangles) {
     const unsigned int largest = std::max({triangle.x, triangle.y, triangle.z});
     SEGSIM_CHECK(largest < mesh.positions_m.size(), "vertex " + std::to_string(largest));
+  }
+  for (const glm::vec3& p_m : mesh.positions_m) {
+    if (core::within_world(glm::dvec3(p_m))) continue;
+    throw core::InputError::expected(
+        "mesh", core::print("vertices within %g m of the origin", core::kFarthest_m),
+        core::print("(%g, %g, %g)", static_cast<double>(p_m.x), static_cast<double>(p_m.y),
+                    static_cast<double>(p_m.z)));
   }
   RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
   if (!mesh.triangles.empty()) {
@@ -218,6 +244,7 @@ RayScene::~RayScene() = default;
 
 RayHit RayScene::cast(const glm::vec3& origin_m, const glm::vec3& direction, float t_near,
                       float t_far) const {
+  require_ray(origin_m, direction);
   Query asked = make_query(origin_m, direction, t_near, t_far);
   QueryContext context(&asked);
   RTCRayHit query{};
@@ -236,6 +263,7 @@ std::array<RayHit, 8> RayScene::cast8(const glm::vec3& origin_m,
   alignas(32) RTCRayHit8 query{};
   alignas(32) std::array<int, 8> valid{};
   for (std::size_t i = 0; i < 8; ++i) {
+    require_ray(origin_m, directions[i]);
     asked[i] = make_query(origin_m, directions[i], 0.0F, kFar);
     valid[i] = -1;
     query.ray.org_x[i] = origin_m.x;
@@ -258,6 +286,7 @@ std::array<RayHit, 8> RayScene::cast8(const glm::vec3& origin_m,
 
 bool RayScene::occluded(const glm::vec3& origin_m, const glm::vec3& direction, float t_near,
                         float t_far) const {
+  require_ray(origin_m, direction);
   Query asked = make_query(origin_m, direction, t_near, t_far);
   QueryContext context(&asked);
   RTCRay ray = make_ray(origin_m, direction, t_near, t_far);

@@ -10,6 +10,8 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
+#include "core/formatted.h"
+#include "core/input/bounds.h"
 
 namespace segsim::sim {
 namespace {
@@ -23,6 +25,9 @@ struct Property {
   int bytes = 0;
   int count_bytes = 0;
 };
+
+/// Every property is looked at once for each vertex.
+constexpr std::size_t kMostProperties = 1024;
 
 struct Element {
   std::string name;
@@ -94,6 +99,10 @@ std::vector<Element> read_header(std::istream& in, const std::string& place) {
       Property property = property_of_type(type, place);
       property.count_bytes = count_bytes;
       words >> property.name;
+      if (elements.back().properties.size() >= kMostProperties) {
+        throw core::InputError::expected(
+            place, "at most " + std::to_string(kMostProperties) + " properties", "more");
+      }
       elements.back().properties.push_back(property);
     } else if (word == "end_header") {
       if (!binary) {
@@ -163,7 +172,12 @@ void read_vertices(const Element& element, ByteReader& bytes, const std::string&
   if (column[0] < 0 || column[1] < 0 || column[2] < 0) {
     throw core::InputError::expected(place, "real vertex properties x, y, z", "others");
   }
-  if (element.count > bytes.left()) {
+  std::size_t vertex_bytes = 0;
+  for (const Property& property : element.properties) {
+    vertex_bytes += static_cast<std::size_t>(property.bytes);
+  }
+  // Before memory is asked for: the count is only what the header says.
+  if (element.count > bytes.left() / vertex_bytes) {
     throw core::InputError::expected(place, "more data", "the end of the file");
   }
   mesh.positions_m.reserve(element.count);
@@ -176,9 +190,11 @@ void read_vertices(const Element& element, ByteReader& bytes, const std::string&
     for (int axis = 0; axis < 3; ++axis) {
       p[axis] = static_cast<float>(
           values[static_cast<std::size_t>(column[static_cast<std::size_t>(axis)])]);
-      if (!std::isfinite(p[axis])) {
-        throw core::InputError::expected(place + ", vertex " + std::to_string(v),
-                                         "finite coordinates", "NaN or infinity");
+      if (!core::within_world(static_cast<double>(p[axis]))) {
+        throw core::InputError::expected(
+            place + ", vertex " + std::to_string(v),
+            core::print("finite coordinates within %g m", core::kFarthest_m),
+            core::print("%g", static_cast<double>(p[axis])));
       }
     }
     mesh.positions_m.push_back(p);
@@ -196,11 +212,12 @@ void read_faces(const Element& element, ByteReader& bytes, const std::string& pl
   for (std::size_t f = 0; f < element.count; ++f) {
     for (std::size_t k = 0; k < element.properties.size(); ++k) {
       const Property& property = element.properties[k];
-      const int count = property.count_bytes > 0
-                            ? static_cast<int>(bytes.scalar('u', property.count_bytes))
-                            : 1;
+      const auto count =
+          property.count_bytes > 0
+              ? static_cast<std::int64_t>(bytes.scalar('u', property.count_bytes))
+              : std::int64_t{1};
       if (k == 0) corners.clear();
-      for (int i = 0; i < count; ++i) {
+      for (std::int64_t i = 0; i < count; ++i) {
         const double value = bytes.scalar(property.kind, property.bytes);
         if (k > 0) continue;
         if (value < 0.0 || value >= limit) {

@@ -66,6 +66,43 @@ TEST(ConfigNode, BrokenYamlAndMissingFileAreInputErrors) {
               HasSubstr("/nonexistent/x.yaml: expected a readable YAML file"));
 }
 
+TEST(ConfigNode, AKeyThatStandsTwiceIsRefused) {
+  const auto error_of = [](const std::string& text) {
+    return message_of([&] { (void)ConfigNode::parse(text, "f.yaml"); });
+  };
+  EXPECT_EQ(error_of("a: 1\nb: {c: 2, d: 3, c: 4}\n"),
+            "f.yaml:2: expected each key once, found \"c\" again");
+  EXPECT_EQ(error_of("l:\n- {a: 1}\n- {a: 2}\nk: {l: 1}\n"), "no error");
+  EXPECT_EQ(error_of("a: &x 1\nb: *x\n*x : 3\n"),
+            "f.yaml:3: expected a text as a key, found another node");
+}
+
+TEST(ConfigNode, AliasesOfAliasesDoNotGrowBeyondMemory) {
+  std::string text = "a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]\n";
+  for (int k = 1; k < 12; ++k) {
+    const std::string below = "*a" + std::to_string(k - 1);
+    std::string line = "a" + std::to_string(k) + ": &a" + std::to_string(k) + " [";
+    for (int i = 0; i < 10; ++i) line += (i == 0 ? "" : ", ") + below;
+    text += line + "]\n";
+  }
+  EXPECT_THAT(message_of([&] { (void)ConfigNode::parse(text, "f.yaml"); }),
+              HasSubstr("expected at most 1000000 nodes"));
+  EXPECT_THAT(message_of([] { (void)ConfigNode::parse("a: &a [1, *a]\n", "f.yaml"); }),
+              HasSubstr("f.yaml:1"));
+}
+
+TEST(ConfigNode, NothingIsNoValue) {
+  for (const char* text : {"a: ~\n", "a:\n", "a: null\n"}) {
+    const ConfigNode root = ConfigNode::parse(text, "f.yaml");
+    EXPECT_THAT(message_of([&] { (void)root.number_or("a", 1.0); }),
+                HasSubstr("a: expected a value (leave the key out for its default)"));
+  }
+  for (const char* word : {".nan", ".inf", "-.inf", "1e999"}) {
+    const ConfigNode root = ConfigNode::parse("a: " + std::string(word) + "\n", "f.yaml");
+    EXPECT_THAT(message_of([&] { (void)root.number("a"); }), HasSubstr("number, found"));
+  }
+}
+
 TEST(NearestWord, FindsTyposAndRefusesStrangers) {
   EXPECT_EQ(nearest_word("detecter", {"detector", "policy"}), "detector");
   EXPECT_EQ(nearest_word("zzzzzzzzzz", {"detector", "policy"}), "");

@@ -1,5 +1,6 @@
 #include "core/file_io.h"
 
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <filesystem>
@@ -61,6 +62,21 @@ TEST_F(FileIo, Sha256MatchesTheStandardsExample) {
             "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
   write_file_atomically(folder_ / "x", [](std::ostream& out) { out << "abc"; });
   EXPECT_EQ(sha256_of_file(folder_ / "x"), sha256_hex("abc"));
+}
+
+/// Opening a pipe would wait for a writer, and a device has no end.
+TEST_F(FileIo, OnlyRegularFilesAreOpened) {
+  const fs::path pipe = folder_ / "pipe";
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  for (const fs::path& file : {pipe, fs::path("/dev/zero"), folder_}) {
+    EXPECT_THROW((void)read_file(file), InputError) << file;
+    EXPECT_THROW((void)sha256_of_file(file), InputError) << file;
+  }
+}
+
+TEST_F(FileIo, NamesThatNoSystemTakesAreBadInput) {
+  EXPECT_THROW((void)read_file(folder_ / std::string(5000, 'a')), InputError);
+  EXPECT_THROW((void)sha256_of_file(folder_ / std::string(300, 'a')), InputError);
 }
 
 }  // namespace

@@ -235,6 +235,18 @@ TEST_F(SceneBundleTest, InstanceOfAnUnlistedClassIsRefused) {
   EXPECT_THAT(refusal(), HasSubstr("expected a listed class, found 9"));
 }
 
+TEST_F(SceneBundleTest, BoxesAreOrderedAndInTheWorld) {
+  edit("box_min_m: [0, 0, 0]", "box_min_m: [0, 2, 0]");
+  EXPECT_THAT(refusal(), HasSubstr("expected box_min_m up to box_max_m, found 2 and 0.5"));
+  edit("box_min_m: [0, 2, 0]", "box_min_m: [0, -1e300, 0]");
+  EXPECT_THAT(refusal(), HasSubstr("expected numbers within 1e+07"));
+}
+
+TEST_F(SceneBundleTest, FilesInTheBundleAreRegular) {
+  edit("name: surfels.ply", "name: /dev/zero");
+  EXPECT_THAT(refusal(), HasSubstr("/dev/zero: expected a readable file"));
+}
+
 TEST_F(SceneBundleTest, NoManifestIsRefused) {
   fs::remove(folder_ / "scene.yaml");
   EXPECT_THAT(refusal(), HasSubstr("expected a scene bundle with scene.yaml"));

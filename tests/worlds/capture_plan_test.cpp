@@ -91,6 +91,15 @@ TEST(CapturePlan, ASceneWithoutFloorIsRefused) {
   EXPECT_THROW((void)plan_capture_trajectory(sim::MeshScene{}), core::InputError);
 }
 
+TEST(CapturePlan, AFarVertexIsRefusedBeforeItCostsAnything) {
+  for (const glm::vec3& far_m : {glm::vec3(1e6F, 1e6F, 0.0F), glm::vec3(0.0F, 0.0F, 1e6F)}) {
+    sim::MeshScene scene = box_room();
+    sim::SubMesh& mesh = scene.meshes.front();
+    mesh.positions_m[mesh.triangles.front().x] = far_m;
+    EXPECT_THROW((void)plan_capture_trajectory(scene, {}), core::InputError);
+  }
+}
+
 TEST(ReadTrajectory, BothFormats) {
   const TemporaryFolder folder;
   folder.write("t.txt", "# comment\n\n1 2 1.5 1.5707963267948966 0\n0.5 1 2 3 0 0 0 1\r\n");
@@ -117,6 +126,9 @@ TEST(ReadTrajectory, ErrorsNameTheLine) {
   EXPECT_THAT(message("1 2 3 4 5\n1 2 3\n"), HasSubstr("t.txt:2: expected 5 numbers"));
   EXPECT_THAT(message("1 2 x 4 5\n"), HasSubstr("t.txt:1: expected numbers, found \"x\""));
   EXPECT_THAT(message("1 2 nan 4 5\n"), HasSubstr("t.txt:1: expected numbers"));
+  EXPECT_THAT(message("-1e308 0 1.2 0 0\n"),
+              HasSubstr("t.txt:1: expected numbers within 1e+07"));
+  EXPECT_EQ(message("1e12 1 2 3 0 0 0 1\n"), "accepted") << "a time of TUM";
   EXPECT_THAT(message("0 1 2 3 0 0 0 2\n"), HasSubstr("t.txt:1: expected a unit quaternion"));
   EXPECT_THAT(message("# nothing\n"), HasSubstr("expected poses"));
 }

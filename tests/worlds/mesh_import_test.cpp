@@ -1,5 +1,7 @@
 #include "worlds/mesh/mesh_import.h"
 
+#include <sys/stat.h>
+
 #include <filesystem>
 #include <fstream>
 
@@ -115,6 +117,52 @@ TEST_F(MeshImport, BadFilesAreInputErrors) {
   folder_.write("far.obj", "o box\nv 0 0 0\nv 1e60 0 0\nv 0 1 0\nf 1 2 3\n");
   EXPECT_THROW((void)load_mesh_file(folder_.path() / "far.obj"), core::InputError)
       << "a coordinate that overflows to infinity";
+}
+
+/// The message of load_mesh_file.
+std::string refusal(const std::filesystem::path& file) {
+  try {
+    (void)load_mesh_file(file);
+  } catch (const core::InputError& error) {
+    return error.what();
+  }
+  return "no error";
+}
+
+/// assimp would append indices until memory ends.
+TEST_F(MeshImport, AWordAmongTheIndicesOfColladaIsRefused) {
+  const std::string good = collada_triangle("0.01", "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1");
+  folder_.write("good.dae", good);
+  EXPECT_EQ(refusal(folder_.path() / "good.dae"), "no error");
+  for (const char* word : {"true", "1,5", "[[[", "99999999999"}) {
+    std::string damaged = good;
+    damaged.replace(damaged.find("<p>0 1 2"), 8, std::string("<p>0 ") + word + " 2");
+    folder_.write("a.dae", damaged);
+    EXPECT_THAT(refusal(folder_.path() / "a.dae"), HasSubstr("a.dae:9: expected indices"));
+  }
+}
+
+TEST_F(MeshImport, PolygonsThatTakeTooLongToCutAreRefused) {
+  std::string text = "o chair\n", face = "f";
+  for (int k = 0; k < 3000; ++k) {
+    text += "v " + std::to_string(k) + " 0 0\n";
+    face += " " + std::to_string(k + 1);
+  }
+  folder_.write("a.obj", text + face + "\n");
+  EXPECT_THAT(refusal(folder_.path() / "a.obj"),
+              HasSubstr("expected polygons of at most 1024 corners, found one of 3000"));
+}
+
+TEST_F(MeshImport, VerticesBeyondAnyWorldAreRefused) {
+  folder_.write("a.obj", "o chair\nv 0 0 0\nv 1 0 0\nv 0 4294967296 0\nf 1 2 3\n");
+  EXPECT_THAT(refusal(folder_.path() / "a.obj"), HasSubstr("finite vertices within 1e+07 m"));
+}
+
+TEST_F(MeshImport, PipesAreNotOpened) {
+  ASSERT_EQ(::mkfifo((folder_.path() / "pipe").c_str(), 0600), 0);
+  folder_.write("a.obj", "mtllib pipe\no chair\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+  EXPECT_EQ(load_mesh_file(folder_.path() / "a.obj").triangle_count(), 1U);
+  EXPECT_THAT(refusal(folder_.path() / "pipe"), HasSubstr("expected a mesh file"));
 }
 
 }  // namespace

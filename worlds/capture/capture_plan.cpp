@@ -15,8 +15,11 @@
 #include "core/check.h"
 #include "core/error.h"
 #include "core/file_io.h"
+#include "core/formatted.h"
 #include "core/image.h"
+#include "core/input/bounds.h"
 #include "core/random.h"
+#include "sim/ground/ground_limit.h"
 #include "sim/ground/ray_scene.h"
 
 namespace segsim::worlds {
@@ -42,12 +45,18 @@ struct FloorPlan {
   }
 };
 
+float longest_side(const glm::vec3& a, const glm::vec3& b, const glm::vec3& c) {
+  return std::max({glm::distance(a, b), glm::distance(b, c), glm::distance(c, a)});
+}
+
+/// Of all triangles together: a minute's work. A house takes some millions.
+constexpr double kMostSamples = 4e9;
+
 /// Calls `visit` with points that cover the triangle at a spacing of at most `step_m`.
 template <class Visit>
 void sample_triangle(const glm::vec3& a, const glm::vec3& b, const glm::vec3& c, float step_m,
                      const Visit& visit) {
-  const float longest =
-      std::max({glm::distance(a, b), glm::distance(b, c), glm::distance(c, a)});
+  const float longest = longest_side(a, b, c);
   const int steps = std::max(1, static_cast<int>(std::ceil(longest / step_m)));
   for (int i = 0; i <= steps; ++i) {
     for (int j = 0; i + j <= steps; ++j) {
@@ -73,9 +82,12 @@ FloorPlan rasterise(const sim::MeshScene& scene, double cell_m) {
   plan.cell_m = cell_m;
   if (low.x > high.x) return plan;
   plan.low_m = low - cell_m;
-  const glm::ivec2 size(glm::ceil((high - low) / cell_m) + 2.0);
+  const glm::dvec2 cells = glm::ceil((high - low) / cell_m) + 2.0;
+  sim::require_ground_cells(cells.x, cells.y, scene.name);
+  const glm::ivec2 size(cells);
   plan.floor = core::Image<std::uint8_t>(size.x, size.y);
   plan.obstacle = plan.floor;
+  double samples = 0.0;
   const auto mark = [&](core::Image<std::uint8_t>& image, const glm::vec3& p) {
     const glm::ivec2 cell(glm::floor((glm::dvec2(p) - plan.low_m) / cell_m));
     if (image.contains(cell.x, cell.y)) image(cell.x, cell.y) = 1;
@@ -87,6 +99,13 @@ FloorPlan rasterise(const sim::MeshScene& scene, double cell_m) {
       const glm::vec3& c = mesh.positions_m[t.z];
       if (std::min({a.z, b.z, c.z}) > kBandTop_m) continue;
       if (std::max({a.z, b.z, c.z}) < -kFloorTolerance_m) continue;
+      const double steps = static_cast<double>(longest_side(a, b, c)) / (0.5 * cell_m);
+      samples += 0.5 * steps * steps;
+      if (!(samples <= kMostSamples)) {
+        throw core::InputError::expected(
+            scene.name, core::print("triangles that %g samples cover", kMostSamples),
+            core::print("one of %g m", static_cast<double>(longest_side(a, b, c))));
+      }
       const glm::vec3 cross = glm::cross(b - a, c - a);
       const bool level = std::abs(cross.z) > 0.9F * glm::length(cross);
       sample_triangle(a, b, c, 0.5F * static_cast<float>(cell_m), [&](const glm::vec3& p) {
@@ -333,6 +352,13 @@ std::vector<core::CameraPose> read_trajectory(const std::filesystem::path& file)
         throw core::InputError::expected(place, "numbers", "\"" + word + "\"");
       }
       values.push_back(value);
+    }
+    // Of a TUM line the first number is a time, which nobody looks at.
+    for (std::size_t k = values.size() == 8 ? 1 : 0; k < values.size(); ++k) {
+      if (core::within_world(values[k])) continue;
+      throw core::InputError::expected(place,
+                                       core::print("numbers within %g", core::kFarthest_m),
+                                       core::print("%g", values[k]));
     }
     if (values.size() == 5) {
       poses.push_back(camera_at({values[0], values[1], values[2]}, values[3], values[4]));

@@ -14,6 +14,9 @@
 #include <glm/matrix.hpp>
 
 #include "core/error.h"
+#include "core/formatted.h"
+#include "core/input/bounds.h"
+#include "core/input/regular_file.h"
 #include "worlds/mesh/internal/mesh_parts.h"
 #include "worlds/mesh/internal/number_mending.h"
 
@@ -38,21 +41,51 @@ core::Image<core::Rgb8> from_embedded(const aiTexture& texture, const TextureRea
   return reader.from_bytes(bytes);
 }
 
-/// The file system, with one file whose text has been mended.
-class MendedFile final : public Assimp::DefaultIOSystem {
+/// The file system without pipes and devices, which mesh files may name, and with one file
+/// whose text may have been mended.
+class CheckedFiles final : public Assimp::DefaultIOSystem {
  public:
-  MendedFile(std::string file, const std::string& text)
-      : file_(std::move(file)), text_(text) {}
+  CheckedFiles(std::string file, const MendedText& mended)
+      : file_(std::move(file)), changed_(mended.changed), text_(mended.text) {}
+  /// The default opens the file to see.
+  bool Exists(const char* file) const override { return core::can_be_read(file); }
   Assimp::IOStream* Open(const char* file, const char* mode) override {
-    if (file != file_) return DefaultIOSystem::Open(file, mode);
+    if (!core::can_be_read(file)) return nullptr;
+    if (!changed_ || file != file_) return DefaultIOSystem::Open(file, mode);
     return new Assimp::MemoryIOStream(reinterpret_cast<const std::uint8_t*>(text_.data()),
                                       text_.size());
   }
 
  private:
   std::string file_;
+  bool changed_;
   const std::string& text_;
 };
+
+/// Cutting a polygon into triangles takes the square of its corners, and more where many of
+/// them lie in one line.
+constexpr std::uint64_t kMostCorners = 1024, kMostCornersSquared = 300'000'000;
+
+/// @throws InputError for polygons that triangulation would not come to the end of.
+void check_polygons(const aiScene& scene, const fs::path& file) {
+  std::uint64_t squared = 0;
+  for (unsigned int m = 0; m < scene.mNumMeshes; ++m) {
+    const aiMesh& mesh = *scene.mMeshes[m];
+    for (unsigned int i = 0; i < mesh.mNumFaces; ++i) {
+      const std::uint64_t corners = mesh.mFaces[i].mNumIndices;
+      if (corners > 4) squared += corners * corners;
+      if (corners > kMostCorners || squared > kMostCornersSquared) {
+        throw core::InputError::expected(
+            file.string(), "polygons of at most " + std::to_string(kMostCorners) + " corners",
+            corners > kMostCorners ? "one of " + std::to_string(corners)
+                                   : "too many large ones");
+      }
+    }
+  }
+}
+
+/// Nodes may show one mesh many times, and each time its vertices are copied.
+constexpr std::uint64_t kMostVertices = 30'000'000;
 
 /// Colour in place of one that a missing texture would have covered.
 constexpr glm::vec3 kNoTexture(0.5F);
@@ -73,8 +106,11 @@ MeshPart read_part(const aiMesh& mesh, const aiNode& node, const aiMatrix4x4& T_
   normal_matrix.Inverse().Transpose();
   for (unsigned int i = 0; i < mesh.mNumVertices; ++i) {
     const aiVector3D p = T_file_node * mesh.mVertices[i];
-    if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z)) {
-      throw core::InputError::expected(file.string(), "finite vertices", "one that is not");
+    if (!core::within_world(glm::dvec3(p.x, p.y, p.z))) {
+      throw core::InputError::expected(
+          file.string(), core::print("finite vertices within %g m", core::kFarthest_m),
+          core::print("(%g, %g, %g)", static_cast<double>(p.x), static_cast<double>(p.y),
+                      static_cast<double>(p.z)));
     }
     aiVector3D n = mesh.HasNormals() ? normal_matrix * mesh.mNormals[i] : aiVector3D(0, 0, 1);
     n.NormalizeSafe();
@@ -149,7 +185,7 @@ std::vector<fs::path> texture_files(const std::string& name, const fs::path& fol
   for (const fs::path& candidate : candidates) {
     std::error_code error;
     const fs::path file = fs::canonical(candidate, error);
-    if (!error && fs::is_regular_file(file)) files.push_back(file);
+    if (!error && core::can_be_read(file)) files.push_back(file);
   }
   return files;
 }
@@ -209,7 +245,7 @@ sim::Material MeshFileReader::read_material(const aiScene& file_scene,
 const std::vector<MeshPart>& MeshFileReader::read(const fs::path& file) {
   const std::string key = file.lexically_normal().string();
   if (const auto known = files_.find(key); known != files_.end()) return known->second;
-  if (!fs::is_regular_file(file)) {
+  if (!core::can_be_read(file)) {
     throw core::InputError::expected(file.string(), "a mesh file", "none");
   }
   const MendedText mended = mend_numbers(file);
@@ -219,14 +255,17 @@ const std::vector<MeshPart>& MeshFileReader::read(const fs::path& file) {
                               mended.first + "\"");
   }
   Assimp::Importer importer;
-  // The importer owns and deletes it.
-  if (mended.changed) importer.SetIOHandler(new MendedFile(file.string(), mended.text));
+  importer.SetIOHandler(new CheckedFiles(file.string(), mended));  // It deletes it.
   // Gazebo, too, takes COLLADA's coordinates as they are; the unit is applied by the root
   // node.
   importer.SetPropertyBool(AI_CONFIG_IMPORT_COLLADA_IGNORE_UP_DIRECTION, true);
-  const aiScene* file_scene = importer.ReadFile(
-      file.string(), aiProcess_Triangulate | aiProcess_GenSmoothNormals |
-                         aiProcess_JoinIdenticalVertices | aiProcess_SortByPType);
+  const aiScene* file_scene = importer.ReadFile(file.string(), 0);
+  if (file_scene != nullptr) {
+    check_polygons(*file_scene, file);
+    file_scene =
+        importer.ApplyPostProcessing(aiProcess_Triangulate | aiProcess_GenSmoothNormals |
+                                     aiProcess_JoinIdenticalVertices | aiProcess_SortByPType);
+  }
   if (file_scene == nullptr || file_scene->mRootNode == nullptr) {
     throw core::InputError::expected(file.string(), "a readable mesh",
                                      importer.GetErrorString());
@@ -238,6 +277,7 @@ const std::vector<MeshPart>& MeshFileReader::read(const fs::path& file) {
   }
 
   std::vector<MeshPart> parts;
+  std::uint64_t vertices = 0;
   struct Visit {
     const aiNode* node;
     aiMatrix4x4 T_file_node;
@@ -249,6 +289,11 @@ const std::vector<MeshPart>& MeshFileReader::read(const fs::path& file) {
     for (unsigned int i = 0; i < visit.node->mNumMeshes; ++i) {
       const aiMesh& mesh = *file_scene->mMeshes[visit.node->mMeshes[i]];
       if ((mesh.mPrimitiveTypes & aiPrimitiveType_TRIANGLE) == 0U) continue;
+      vertices += mesh.mNumVertices;
+      if (vertices > kMostVertices) {
+        throw core::InputError::expected(
+            file.string(), "at most " + std::to_string(kMostVertices) + " vertices", "more");
+      }
       MeshPart part = read_part(mesh, *visit.node, visit.T_file_node, file);
       part.material = materials[mesh.mMaterialIndex];
       parts.push_back(std::move(part));

@@ -4,6 +4,7 @@
 #include <charconv>
 #include <cmath>
 
+#include "core/error.h"
 #include "core/file_io.h"
 #include "worlds/mesh/internal/mesh_parts.h"
 #include "worlds/mesh/internal/number_mending.h"
@@ -17,6 +18,32 @@ constexpr std::string_view kBlanks = " \t\r\n";
 constexpr auto kNumberElements =
     std::to_array<std::string_view>({"float_array", "matrix", "translate", "rotate", "scale",
                                      "lookat", "skew", "color", "float"});
+
+/// Those whose content is a list of indices. assimp 5.2 waits for ever, and takes memory all
+/// the time, at a word there that does not begin with a digit.
+constexpr auto kIndexElements = std::to_array<std::string_view>({"p", "vcount", "v", "h"});
+
+/// @param place  Of the element, for messages.
+void check_indices(std::string_view content, const std::string& place) {
+  while (!content.empty()) {
+    const std::size_t start = std::min(content.find_first_not_of(kBlanks), content.size());
+    content.remove_prefix(start);
+    const std::string_view word =
+        content.substr(0, std::min(content.find_first_of(kBlanks), content.size()));
+    content.remove_prefix(word.size());
+    const std::string_view digits = word.substr(word.starts_with('-') ? 1 : 0);
+    const bool fits = digits.size() <= 10 &&
+                      digits.find_first_not_of("0123456789") == std::string_view::npos;
+    if (word.empty() || (fits && !digits.empty())) continue;
+    throw core::InputError::expected(place, "indices",
+                                     "\"" + std::string(word.substr(0, 40)) + "\"");
+  }
+}
+
+template <class List>
+bool lists(const List& names, std::string_view name) {
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
 
 /// Length of the finite number that begins `text`; 0 if none does.
 std::size_t number_length(std::string_view text) {
@@ -60,8 +87,9 @@ class Mender {
   MendedText mended_;
 };
 
-MendedText mend_collada(std::string_view text) {
+MendedText mend_collada(std::string_view text, const std::string& place) {
   Mender mender;
+  const std::string_view whole = text;
   while (!text.empty()) {
     const std::size_t open = text.find('<');
     const std::size_t close = text.find('>', std::min(open, text.size()));
@@ -70,10 +98,12 @@ MendedText mend_collada(std::string_view text) {
     const std::string_view name = tag.substr(0, tag.find_first_of(" \t\r\n/"));
     mender.add(text.substr(0, close + 1));
     text.remove_prefix(close + 1);
-    if (tag.ends_with('/') || std::find(kNumberElements.begin(), kNumberElements.end(),
-                                        name) == kNumberElements.end()) {
-      continue;
+    if (!tag.ends_with('/') && lists(kIndexElements, name)) {
+      const std::string_view before = whole.substr(0, whole.size() - text.size());
+      const auto line = std::count(before.begin(), before.end(), '\n') + 1;
+      check_indices(text.substr(0, text.find('<')), place + ":" + std::to_string(line));
     }
+    if (tag.ends_with('/') || !lists(kNumberElements, name)) continue;
     std::string_view content = text.substr(0, text.find('<'));
     text.remove_prefix(content.size());
     if (name == "color" || name == "float") {
@@ -120,7 +150,7 @@ std::string mended_number(std::string_view number) {
 
 MendedText mend_numbers(const std::filesystem::path& file) {
   const std::string extension = lower_case_extension(file);
-  if (extension == ".dae") return mend_collada(core::read_file(file));
+  if (extension == ".dae") return mend_collada(core::read_file(file), file.string());
   if (extension == ".obj") return mend_obj(core::read_file(file));
   return {};
 }

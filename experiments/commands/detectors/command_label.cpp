@@ -9,6 +9,7 @@
 #include "core/error.h"
 #include "core/scene_bundle.h"
 #include "experiments/commands/detectors/detector_commands.h"
+#include "experiments/commands/light/flag_values.h"
 #include "experiments/detection/label_report.h"
 #include "experiments/detection/view_labels.h"
 #include "experiments/episodes/episodes.h"
@@ -165,8 +166,10 @@ void label(const Flags& flags) {
 void add_camera_flags(CLI::App& command, Flags& flags) {
   command.add_option("--robot", flags.robot, "Decides where the camera can be")
       ->capture_default_str();
-  command.add_option("--camera-height", flags.camera_height_m,
-                     "Camera height [m]; default: the bundle's");
+  command
+      .add_option("--camera-height", flags.camera_height_m,
+                  "Camera height [m]; default: the bundle's")
+      ->check(camera_height_m());
   command.add_option("--pitch-down-deg", flags.pitch_down_deg, "Camera pitch [degrees]")
       ->check(CLI::Range(-80.0, 80.0))
       ->capture_default_str();
@@ -177,7 +180,7 @@ void add_camera_flags(CLI::App& command, Flags& flags) {
       ->check(CLI::Range(16, 8192))
       ->capture_default_str();
   command.add_option("--hfov-deg", flags.hfov_deg, "Horizontal field of view [degrees]")
-      ->check(CLI::Range(10.0, 170.0))
+      ->check(field_of_view_deg())
       ->capture_default_str();
 }
 
@@ -221,6 +224,7 @@ void add_split_flags(CLI::App& command, Flags& flags) {
   command
       .add_option("--val-distance-m", flags.val_distance_m,
                   "A held-out view is this far from every training view, or ...")
+      ->check(length_m())
       ->capture_default_str();
   command.add_option("--val-angle-deg", flags.val_angle_deg, "... turned by this [degrees]")
       ->capture_default_str();

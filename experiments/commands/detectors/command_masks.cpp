@@ -15,6 +15,7 @@
 #include "core/progress.h"
 #include "core/scene_bundle.h"
 #include "experiments/commands/detectors/detector_commands.h"
+#include "experiments/commands/light/flag_values.h"
 #include "experiments/drawing/frame_picture.h"
 #include "experiments/scenes/scene_source.h"
 #include "experiments/scenes/scene_surfels.h"
@@ -303,8 +304,10 @@ void add_truth_flags(CLI::App& command, TruthFlags& flags) {
                      "Classes of a data set's label images (YAML, docs/datasets.md)");
   command.add_option("--layout", flags.layout, "Layout of the recording (docs/datasets.md)")
       ->capture_default_str();
-  command.add_option("--floor-height", flags.floor_height_m,
-                     "Floor along up, in the recording's frame [m]; default: found");
+  command
+      .add_option("--floor-height", flags.floor_height_m,
+                  "Floor along up, in the recording's frame [m]; default: found")
+      ->check(coordinate());
   command.add_option("--frame-step", flags.frame_step, "Use every n-th frame")
       ->check(CLI::Range(1, 100000))
       ->capture_default_str();

@@ -9,6 +9,7 @@
 #include "core/error.h"
 #include "core/formatted.h"
 #include "experiments/commands/detectors/detector_commands.h"
+#include "experiments/commands/light/flag_values.h"
 #include "experiments/detection/box_masks.h"
 #include "experiments/scenes/scene_source.h"
 #include "experiments/support/text_grid.h"
@@ -121,8 +122,10 @@ void add_masks_make(CLI::App& masks) {
       ->add_option("--on-bad-frame", flags->on_bad_frame,
                    "refuse | skip: what a broken image or pose does")
       ->capture_default_str();
-  command->add_option("--floor-height", flags->floor_height_m,
-                      "Floor along up, in the recording's frame [m]; default: found");
+  command
+      ->add_option("--floor-height", flags->floor_height_m,
+                   "Floor along up, in the recording's frame [m]; default: found")
+      ->check(coordinate());
   command->add_option("--label-map", flags->label_map,
                       "Classes of a data set's label images (YAML, docs/datasets.md)");
   command->add_option("--frame-step", options.frame_step, "Use every n-th frame")

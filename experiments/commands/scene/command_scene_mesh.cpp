@@ -11,6 +11,7 @@
 #include "core/bundle_parts.h"
 #include "core/error.h"
 #include "core/version.h"
+#include "experiments/commands/light/flag_values.h"
 #include "experiments/commands/scene/scene_commands.h"
 #include "experiments/scenes/bundle_folder.h"
 #include "experiments/scenes/bundle_shape.h"
@@ -171,6 +172,7 @@ void add_remesh(CLI::App& scene) {
   command
       ->add_option("--floor-height", flags->floor_height_m,
                    "Where the floor is in the bundle [m], if it was not found")
+      ->check(coordinate())
       ->each([flags](const std::string&) { flags->floor_given = true; });
   command->add_option("--backend", flags->backend, "cpu | cuda | auto")->capture_default_str();
   command->add_option("--frame-step", flags->frame_step, "Use every n-th camera")

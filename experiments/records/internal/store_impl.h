@@ -68,6 +68,8 @@ struct Store::Impl {
     bool done_ = false;
   };
 
+  /// @throws core::InputError for a damaged file.
+  void check_integrity() const;
   void create_or_check_schema() const;
   /// Within a transaction, in an empty file.
   void create_schema() const;

@@ -8,7 +8,8 @@
 namespace segsim::reconstruction::internal {
 namespace {
 
-constexpr double kMostCells = 1e6;  // Boxes far apart get larger cells.
+constexpr double kMostCells = 1e6;    // Boxes far apart get larger cells.
+constexpr double kMostEntries = 1e7;  // So do many boxes that fill all cells.
 
 struct Ranked {
   int rank;  ///< 0 floor, 1 object, 2 other slab.
@@ -66,6 +67,11 @@ void BoxIndex::build_grid(const std::vector<glm::dvec3>& lows,
   origin_m_ = low;
   const glm::dvec3 extent_m = high - low;
   cell_m_ = std::max(cell_m_, std::cbrt(extent_m.x * extent_m.y * extent_m.z / kMostCells));
+  // A long row of boxes has a small volume and still many cells. What the index answers does
+  // not depend on its cells.
+  while (cells_along(extent_m) > kMostCells || entries(lows, highs) > kMostEntries) {
+    cell_m_ *= 2.0;
+  }
   size_ = glm::ivec3(glm::ceil(extent_m / cell_m_)) + 1;
   cells_.resize(static_cast<std::size_t>(size_.x) * static_cast<std::size_t>(size_.y) *
                 static_cast<std::size_t>(size_.z));
@@ -81,6 +87,18 @@ void BoxIndex::build_grid(const std::vector<glm::dvec3>& lows,
       }
     }
   }
+}
+
+double BoxIndex::cells_along(const glm::dvec3& extent_m) const {
+  const glm::dvec3 cells = glm::ceil(extent_m / cell_m_) + 1.0;
+  return cells.x * cells.y * cells.z;
+}
+
+double BoxIndex::entries(const std::vector<glm::dvec3>& lows,
+                         const std::vector<glm::dvec3>& highs) const {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < lows.size(); ++i) sum += cells_along(highs[i] - lows[i]);
+  return sum;
 }
 
 bool BoxIndex::Candidate::contains(const glm::dvec3& point_m) const {

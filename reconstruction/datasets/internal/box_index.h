@@ -34,6 +34,11 @@ class BoxIndex {
   };
 
   void build_grid(const std::vector<glm::dvec3>& lows, const std::vector<glm::dvec3>& highs);
+  /// Of a block of this size, at most.
+  [[nodiscard]] double cells_along(const glm::dvec3& extent_m) const;
+  /// Of all boxes in all cells, at most.
+  [[nodiscard]] double entries(const std::vector<glm::dvec3>& lows,
+                               const std::vector<glm::dvec3>& highs) const;
   /// Into cells_; -1 outside the grid.
   [[nodiscard]] std::int64_t cell_of(const glm::dvec3& point_m) const;
 

@@ -9,6 +9,8 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
+#include "core/formatted.h"
+#include "core/input/bounds.h"
 
 namespace segsim::reconstruction::internal {
 namespace {
@@ -122,8 +124,9 @@ core::CameraPose pose_from_matrix(std::span<const double> numbers, const std::st
                                std::to_string(numbers.size()) + " numbers");
   }
   for (const double value : numbers) {
-    if (!std::isfinite(value)) {
-      throw InputError::expected(place, "finite numbers", text_of(value));
+    if (!core::within_world(value)) {
+      throw InputError::expected(place, core::print("numbers within %g", core::kFarthest_m),
+                                 text_of(value));
     }
   }
   if (std::abs(numbers[12]) > 1e-6 || std::abs(numbers[13]) > 1e-6 ||

@@ -1,112 +1,19 @@
 #include "reconstruction/datasets/internal/image_files.h"
 
-#include <array>
 #include <cstring>
 #include <limits>
 #include <string>
-#include <string_view>
 
 #include <opencv2/imgcodecs.hpp>
 
 #include "core/error.h"
 #include "core/file_io.h"
+#include "core/pictures/picture_check.h"
 
 namespace segsim::reconstruction::internal {
 namespace {
 
 using core::InputError;
-
-constexpr std::string_view kPngSignature{"\x89PNG\r\n\x1a\n", 8};
-constexpr std::string_view kJpegStart{"\xff\xd8", 2};
-
-std::uint32_t big_endian(std::string_view bytes, std::size_t at, std::size_t count) {
-  std::uint32_t value = 0;
-  for (std::size_t i = 0; i < count; ++i) {
-    value = (value << 8U) | static_cast<unsigned char>(bytes[at + i]);
-  }
-  return value;
-}
-
-/// CRC-32 of the PNG specification (annex D).
-std::uint32_t crc32(std::string_view bytes) {
-  static const std::array<std::uint32_t, 256> table = [] {
-    std::array<std::uint32_t, 256> entries{};
-    for (std::uint32_t n = 0; n < 256; ++n) {
-      std::uint32_t c = n;
-      for (int bit = 0; bit < 8; ++bit) c = (c & 1U) != 0U ? 0xEDB88320U ^ (c >> 1U) : c >> 1U;
-      entries[n] = c;
-    }
-    return entries;
-  }();
-  std::uint32_t crc = 0xFFFFFFFFU;
-  for (const char byte : bytes) {
-    crc = table[(crc ^ static_cast<unsigned char>(byte)) & 0xFFU] ^ (crc >> 8U);
-  }
-  return crc ^ 0xFFFFFFFFU;
-}
-
-std::string at_byte(std::size_t at, std::size_t size) {
-  return "the end of the file at byte " + std::to_string(size) + " (read up to byte " +
-         std::to_string(at) + ")";
-}
-
-ImageSize check_png(std::string_view bytes, const std::string& place) {
-  ImageSize size;
-  std::size_t at = kPngSignature.size();
-  while (true) {
-    if (bytes.size() < at + 12) {
-      throw InputError::expected(place, "a complete PNG file (IEND chunk)",
-                                 at_byte(at, bytes.size()));
-    }
-    const std::size_t length = big_endian(bytes, at, 4);
-    const std::string_view type = bytes.substr(at + 4, 4);
-    if (bytes.size() - at - 12 < length) {
-      throw InputError::expected(place, "a complete PNG file (IEND chunk)",
-                                 at_byte(at, bytes.size()));
-    }
-    if (crc32(bytes.substr(at + 4, length + 4)) != big_endian(bytes, at + 8 + length, 4)) {
-      throw InputError::expected(
-          place, "intact PNG data",
-          "a wrong checksum in the chunk at byte " + std::to_string(at));
-    }
-    if (type == "IHDR" && length >= 8) {
-      size.width_px = static_cast<int>(big_endian(bytes, at + 8, 4));
-      size.height_px = static_cast<int>(big_endian(bytes, at + 12, 4));
-    }
-    if (type == "IEND") return size;
-    at += length + 12;
-  }
-}
-
-/// Frame headers carry the size: SOF0 ... SOF15 without DHT (C4), JPG (C8) and DAC (CC).
-bool is_jpeg_frame_header(unsigned marker) {
-  return marker >= 0xC0U && marker <= 0xCFU && marker != 0xC4U && marker != 0xC8U &&
-         marker != 0xCCU;
-}
-
-ImageSize check_jpeg(std::string_view bytes, const std::string& place) {
-  ImageSize size;
-  std::size_t at = 2;
-  while (at + 4 <= bytes.size() && static_cast<unsigned char>(bytes[at]) == 0xFFU) {
-    const unsigned marker = static_cast<unsigned char>(bytes[at + 1]);
-    const std::size_t length = big_endian(bytes, at + 2, 2);
-    if (is_jpeg_frame_header(marker) && at + 9 <= bytes.size()) {
-      size.height_px = static_cast<int>(big_endian(bytes, at + 5, 2));
-      size.width_px = static_cast<int>(big_endian(bytes, at + 7, 2));
-    }
-    if (marker == 0xDAU) break;  // Start of scan: entropy-coded data up to the end marker.
-    at += 2 + length;
-  }
-  // Some cameras append zeros behind the end marker.
-  std::size_t end = bytes.size();
-  while (end > 0 && bytes[end - 1] == '\0') --end;
-  if (size.width_px <= 0 || end < 2 ||
-      bytes.substr(end - 2, 2) != std::string_view("\xff\xd9", 2)) {
-    throw InputError::expected(place, "a complete JPEG file (end marker FFD9)",
-                               at_byte(bytes.size(), bytes.size()));
-  }
-  return size;
-}
 
 cv::Mat decode(const std::filesystem::path& file, int flags) {
   cv::Mat image = cv::imread(file.string(), flags);
@@ -119,23 +26,8 @@ cv::Mat decode(const std::filesystem::path& file, int flags) {
 }  // namespace
 
 ImageSize check_image_file(const std::filesystem::path& file) {
-  const std::string bytes = core::read_file(file);
-  const std::string_view view = bytes;
-  ImageSize size;
-  if (view.starts_with(kPngSignature)) {
-    size = check_png(view, file.string());
-  } else if (view.starts_with(kJpegStart)) {
-    size = check_jpeg(view, file.string());
-  } else {
-    throw InputError::expected(file.string(), "a PNG or JPEG file",
-                               bytes.empty() ? "an empty file" : "another format");
-  }
-  if (size.width_px <= 0 || size.height_px <= 0) {
-    throw InputError::expected(
-        file.string(), "an image size > 0",
-        std::to_string(size.width_px) + "x" + std::to_string(size.height_px));
-  }
-  return size;
+  const core::PictureSize size = core::check_picture(core::read_file(file), file.string());
+  return {size.width_px, size.height_px};
 }
 
 core::Image<core::Rgb8> read_color_image(const std::filesystem::path& file) {

@@ -11,6 +11,7 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
+#include "core/input/json_depth.h"
 
 namespace segsim::reconstruction::internal {
 
@@ -19,13 +20,21 @@ class JsonNode {
  public:
   /// @throws InputError with line and column of a syntax error.
   [[nodiscard]] static JsonNode load(const std::filesystem::path& file) {
+    const std::string json = core::read_file(file);
+    if (core::is_too_deep(json)) {
+      throw core::InputError::expected(file.string(), "JSON",
+                                       "brackets nested beyond any use");
+    }
     try {
-      return {nlohmann::json::parse(core::read_file(file)), file.string() + ": "};
+      return {nlohmann::json::parse(json), file.string() + ": "};
     } catch (const nlohmann::json::parse_error& error) {
       std::string text = error.what();
       if (const auto at = text.find("at line"); at != std::string::npos)
         text = text.substr(at);
       throw core::InputError::expected(file.string(), "JSON", "a syntax error " + text);
+    } catch (const nlohmann::json::exception& error) {  // A number beyond double.
+      throw core::InputError::expected(file.string(), "JSON",
+                                       std::string(error.what()).substr(0, 120));
     }
   }
 

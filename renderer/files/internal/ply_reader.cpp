@@ -14,6 +14,8 @@ namespace {
 
 using core::InputError;
 
+constexpr std::size_t kMostProperties = 1024;
+
 template <class T>
 double load(const char* bytes) {
   T value;
@@ -130,6 +132,12 @@ void PlyTable::add_property(const std::string& line) {
   const auto found = kTypes.find(type);
   if (found == kTypes.end() || name.empty()) {
     throw InputError::expected(place_, "scalar properties in element vertex", shortened(line));
+  }
+  // Names are compared with all others, and every row is looked at by column.
+  if (properties_.size() >= kMostProperties) {
+    throw InputError::expected(
+        place_, "at most " + std::to_string(kMostProperties) + " properties of a vertex",
+        "more");
   }
   if (find(name) >= 0) {
     throw InputError::expected(place_, "one property " + name, "two");

@@ -336,6 +336,24 @@ TEST_F(EpisodesTest, BrokenFilesAreRefusedWithTheirLine) {
   const std::size_t list = uneven.find("\"view_point_instances\":[", second) + 24;
   uneven.erase(list, uneven.find(',', list) + 1 - list);
   EXPECT_THAT(refusal(file, uneven), HasSubstr("broken.jsonl:2"));
+  // Numbers that a conversion would turn into others.
+  const auto with = [&](const std::string& key, const std::string& value) {
+    std::string changed = good;
+    const std::size_t at = changed.find(key, second) + key.size();
+    return changed.replace(at, changed.find_first_of(",]", at) - at, value);
+  };
+  EXPECT_EQ(refusal(file, with("\"view_point_ious\":[", "0.25")), "");
+  for (const auto& [key, value] : std::vector<std::pair<std::string, std::string>>{
+           {"\"view_points\":[[", "1e308"},
+           {"\"start\":[", "-1e300"},
+           {"\"view_point_instances\":[", "1e23"},
+           {"\"view_point_instances\":[", "true"},
+           {"\"view_point_instances\":[", "70000"},
+           {"\"view_point_ious\":[", "4294967296"},
+           {"\"view_point_ious\":[", "-0.5"},
+           {"\"seed\":", "1.5"}}) {
+    EXPECT_THAT(refusal(file, with(key, value)), HasSubstr("broken.jsonl:2")) << key << value;
+  }
   std::string newer = good;
   newer.replace(newer.find("episodes/2"), 10, "episodes/3");
   EXPECT_THAT(refusal(file, newer), HasSubstr("segsim.episodes/3"));

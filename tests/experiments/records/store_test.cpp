@@ -259,6 +259,22 @@ TEST_F(StoreTest, OtherFilesAreRefused) {
   EXPECT_THAT(refusal(text), HasSubstr("notes.txt"));
 }
 
+/// SQLite would read on and leave out what it does not find.
+TEST_F(StoreTest, ADamagedDatabaseIsRefused) {
+  const fs::path file = folder_ / "damaged.sqlite";
+  const std::string rows =
+      "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < 2000) ";
+  { const records::Store made(file); }
+  const std::string sql = "CREATE TABLE filling (i INTEGER NOT NULL, text TEXT NOT NULL); " +
+                          rows +
+                          "INSERT INTO filling SELECT i, 'a text that takes room' FROM n; "
+                          "PRAGMA wal_checkpoint(TRUNCATE)";
+  execute_sql(file, sql.c_str());
+  EXPECT_EQ(refusal(file), "");
+  fs::resize_file(file, fs::file_size(file) / 2);
+  EXPECT_THAT(refusal(file), HasSubstr("damaged.sqlite: expected"));
+}
+
 TEST_F(StoreTest, CsvHasNoNaNAndQuotesWhatNeedsIt) {
   records::TrialRow trial = a_trial("before", "b/chair/00", false);
   trial.distance_to_goal_m.reset();

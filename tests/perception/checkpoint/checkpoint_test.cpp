@@ -182,6 +182,41 @@ TEST(Checkpoint, BoundsTheWalk) {
               HasSubstr("expected a tree of modules"));
 }
 
+/// What is stored once can be named a million times: memory is asked for by the names.
+TEST(Checkpoint, BoundsWhatManyNamesAskFor) {
+  const tests::TemporaryFolder folder;
+  const auto refusal = [&](const std::string& value) {
+    return input_error_of([&] { (void)read_bytes(folder, file_of(value)); });
+  };
+  // So many views of one storage, which is most of the file.
+  const auto refusal_of_views = [&](int count) {
+    std::vector<std::pair<std::string, std::string>> views;
+    for (int k = 0; k < count; ++k) {
+      views.emplace_back(text("w" + std::to_string(k)),
+                         pickled::tensor("FloatStorage", "0", 20'000, 0, {20'000}, {1}));
+    }
+    const std::string bytes = make_zip(
+        {{"x/data.pkl", pickled::kBegin + pickled::ordered_dict(views) + pickled::kEnd},
+         {"x/data/0", raw(std::vector<float>(20'000, 1.0F), false)}});
+    return input_error_of([&] { (void)read_bytes(folder, bytes); });
+  };
+  EXPECT_EQ(refusal_of_views(4), "no error");
+  EXPECT_THAT(refusal_of_views(10), HasSubstr("times the file's bytes"));
+  EXPECT_THAT(refusal(state_of(tensor_of(0, std::vector<std::int64_t>(9, 1),
+                                         std::vector<std::int64_t>(9, 1)))),
+              HasSubstr("at most 8 sides"));
+  const std::string long_name(2000, 'n');
+  EXPECT_THAT(refusal(pickled::ordered_dict({{text(long_name), tensor_of(0, {6}, {1})}})),
+              HasSubstr("names of at most 1024 characters"));
+  EXPECT_THAT(refusal(pickled::name("torch", long_name)),
+              HasSubstr("names of at most 1024 characters"));
+  const std::string deep(1000, '[');
+  std::string bytes;
+  append(bytes, std::uint64_t{deep.size() + 5});
+  EXPECT_THAT(input_error_of([&] { (void)read_bytes(folder, bytes + R"({"w":)" + deep); }),
+              HasSubstr("nested beyond any use"));
+}
+
 TEST(Checkpoint, SaysWhatAFileIsNot) {
   const tests::TemporaryFolder folder;
   const auto refusal = [&](const std::string& bytes) {

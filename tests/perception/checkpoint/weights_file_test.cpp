@@ -5,7 +5,10 @@
 
 #include <bit>
 #include <cmath>
+#include <cstring>
 #include <fstream>
+#include <functional>
+#include <limits>
 
 #include "core/error.h"
 #include "core/file_io.h"
@@ -96,6 +99,48 @@ TEST(WeightsFile, AlteredDataIsRefused) {
   std::ofstream(folder / "w.bin", std::ios::binary) << bytes;
   EXPECT_THAT(input_error_of([&] { (void)read_weights(folder / "w.bin"); }),
               HasSubstr("data_sha256"));
+}
+
+/// Replaces a text of the header, which is no longer than it was, and the data; the header's
+/// own checks of the data hold again.
+void rewrite(const std::filesystem::path& file, const std::string& from, const std::string& to,
+             const std::function<void(std::string&)>& change_data) {
+  std::string bytes = core::read_file(file);
+  std::uint32_t length = 0;
+  std::memcpy(&length, bytes.data() + 8, sizeof length);
+  std::string header = bytes.substr(12, length), data = bytes.substr(12 + length);
+  const std::string sha256 = core::sha256_hex(data);
+  change_data(data);
+  header.replace(header.find(from), from.size(), to);
+  header.replace(header.find(sha256), sha256.size(), core::sha256_hex(data));
+  const auto changed = static_cast<std::uint32_t>(header.size());
+  std::memcpy(bytes.data() + 8, &changed, sizeof changed);
+  std::ofstream(file, std::ios::binary) << bytes.substr(0, 12) + header + data;
+}
+
+TEST(WeightsFile, ValuesThatAreNoNumbersAreRefused) {
+  const tests::TemporaryFolder folder;
+  for (const float value :
+       {std::numeric_limits<float>::quiet_NaN(), -std::numeric_limits<float>::infinity()}) {
+    write_weights(folder / "w.bin", some_weights());
+    rewrite(folder / "w.bin", "conv.bias", "conv.bias", [&](std::string& data) {
+      std::memcpy(data.data() + data.size() - sizeof value, &value, sizeof value);
+    });
+    EXPECT_THAT(input_error_of([&] { (void)read_weights(folder / "w.bin"); }),
+                HasSubstr("conv.bias: expected finite values"));
+  }
+}
+
+/// A list of tensors that all name the same numbers would fill the memory.
+TEST(WeightsFile, TensorsDoNotShareTheirNumbers) {
+  const tests::TemporaryFolder folder;
+  write_weights(folder / "w.bin", some_weights());
+  const std::string first = R"({"name":"conv.weight")";
+  rewrite(folder / "w.bin", first,
+          R"({"name":"again","shape":[108],"type":"float16","offset":0},)" + first,
+          [](std::string&) {});
+  EXPECT_THAT(input_error_of([&] { (void)read_weights(folder / "w.bin"); }),
+              HasSubstr("tensors that have the data to themselves"));
 }
 
 TEST(WeightsFile, ValuesOutsideHalfAreRefused) {

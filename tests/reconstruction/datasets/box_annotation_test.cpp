@@ -120,6 +120,31 @@ TEST(BoxAnnotation, LabelsThePixels) {
   EXPECT_EQ(label_at(1.0F, 1.5), Label("void", 0));
 }
 
+/// A grid over boxes in a row of 2 x 10^7 m would not fit into memory with cells for a room.
+TEST(BoxAnnotation, BoxesFarApartFitIntoMemory) {
+  const TemporaryFolder folder("boxes");
+  const std::string rest = R"(, "size": [1, 1, 1], "yaw_rad": 0})";
+  const auto file = write_boxes(
+      folder, R"({"objects": [{"id": 1, "class": "chair", "center": [0, 2, 0.5])" + rest +
+                  R"(, {"id": 2, "class": "chair", "center": [1e7, 0, 0])" + rest +
+                  R"(, {"id": 3, "class": "chair", "center": [-1e7, 0, 1e-3])" + rest + "]}");
+  const auto sequence = with_box_labels(std::make_unique<OneRay>(2.0F, 0.75), file);
+  EXPECT_EQ(sequence->load(0).instance(1, 1), 1);
+}
+
+TEST(BoxAnnotation, RefusesMoreBoxesThanCanBeAsked) {
+  const TemporaryFolder folder("boxes");
+  std::string parts;
+  for (int k = 0; k < 10'001; ++k) {
+    parts += std::string(k == 0 ? "" : ",") +
+             R"({"center": [0,0,0], "size": [1,1,1], "yaw_rad": 0})";
+  }
+  const auto file = write_boxes(folder, R"({"objects": [{"id": 1, "class": "chair",
+    "center": [0,0,0], "size": [1,1,1], "yaw_rad": 0, "parts": [)" +
+                                            parts + "]}]}");
+  EXPECT_THROW((void)read_box_annotation(file), core::InputError);
+}
+
 TEST(BoxAnnotation, RefusesBadFiles) {
   const std::string head = R"({"objects": [{"id": 1, "class": "chair", )";
   for (const auto& [text, part] : std::vector<std::pair<std::string, std::string>>{
@@ -131,6 +156,10 @@ TEST(BoxAnnotation, RefusesBadFiles) {
            {head + R"("center": [0,0,0], "size": [1,1,1]}]})", "'yaw_rad'"},
            {head + R"("center": [0,0,"a"], "size": [1,1,1], "yaw_rad": 0}]})",
             "finite number"},
+           {head + R"("center": [0,0,1e300], "size": [1,1,1], "yaw_rad": 0}]})",
+            "within 1e+07"},
+           {head + R"("center": [0,0,0], "size": [1,1,1e999], "yaw_rad": 0}]})", "JSON"},
+           {std::string(1000, '['), "nested"},
            {R"({"objects": [{"id": 0, "class": "a"}]})", "[1, 65535]"},
            {head + R"("center": [0,0,0], "size": [1,1,1], "yaw_rad": 0},
              {"id": 1, "class": "a", "center": [0,0,0], "size": [1,1,1], "yaw_rad": 0}]})",

@@ -249,5 +249,17 @@ TEST_F(PlyIo, BrokenCloudsAreNotWritten) {
   EXPECT_FALSE(fs::exists(folder_ / "scene.ply"));
 }
 
+TEST_F(PlyIo, WhatAsksForTooMuchIsRefused) {
+  std::string header = "ply\nformat binary_little_endian 1.0\nelement vertex 1\n";
+  for (int k = 0; k < 2000; ++k) header += "property char p" + std::to_string(k) + "\n";
+  EXPECT_THAT(error_of(write_text(header + "end_header\n" + std::string(2000, 'x'))),
+              HasSubstr("expected at most 1024 properties"));
+  SurfelCloud cloud = cloud_of_degree(0);
+  cloud.position_m[7].y = 1e30F;
+  write_surfels_ply(folder_ / "scene.ply", cloud);
+  EXPECT_THAT(error_of(folder_ / "scene.ply"),
+              HasSubstr("vertex 7: expected a position within 1e7 m"));
+}
+
 }  // namespace
 }  // namespace segsim::renderer

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <fstream>
+#include <limits>
 
 #include <gtest/gtest.h>
 
@@ -127,6 +128,51 @@ TEST(Navmesh, FileRoundTripAnswersAlike) {
   other[8 + 4 + 12 * 8 + 8] = 'x';  // Detour's own magic.
   refused(other);
   std::filesystem::remove(file);
+}
+
+/// Detour follows indices without a look at them: whatever byte of the file is another one,
+/// the mesh is refused or can be asked without harm. Sanitizers would see more than a crash.
+TEST(Navmesh, NoDamagedByteLeadsDetourAstray) {
+  const auto file = std::filesystem::path(testing::TempDir()) / "segsim_navmesh_damaged.bin";
+  Navmesh::build(make_two_rooms(), settings_of(0.2, 0.05)).save(file);
+  const std::string good = core::read_file(file);
+  constexpr std::size_t kBlock = 8 + 4 + 12 * 8 + 8;
+  int refused = 0;
+  for (std::size_t at = kBlock; at < good.size(); ++at) {
+    for (const char value : {'\x00', '\x7f', '\xff'}) {
+      if (good[at] == value) continue;
+      std::string damaged = good;
+      damaged[at] = value;
+      std::ofstream(file, std::ios::binary) << damaged;
+      try {
+        const Navmesh navmesh = Navmesh::load(file);
+        core::RandomStream random(1, "damaged");
+        for (int k = 0; k < 3; ++k) {
+          static_cast<void>(navmesh.nearest({1.0 + k, 1.0, 0.0}, 0.5));
+        }
+        static_cast<void>(navmesh.find_path({1, 1, 0}, {5, 1, 0}));
+        static_cast<void>(navmesh.random_point(random, 0));
+      } catch (const core::InputError&) {
+        ++refused;
+      }
+    }
+  }
+  EXPECT_GT(refused, static_cast<int>(good.size() - kBlock) / 2);
+  std::filesystem::remove(file);
+}
+
+TEST(Navmesh, PlacesBeyondAnyWorldAreOffTheMesh) {
+  const Navmesh navmesh = Navmesh::build(make_two_rooms(), settings_of(0.2, 0.05));
+  for (const double far : {1e20, 1e308, std::numeric_limits<double>::quiet_NaN()}) {
+    EXPECT_FALSE(navmesh.nearest({far, 1, 0}, 0.5).has_value());
+    EXPECT_FALSE(navmesh.find_path({1, 1, 0}, {far, 1, 0}).has_value());
+  }
+}
+
+TEST(Navmesh, GroundBeyondMemoryIsRefused) {
+  TriangleMesh mesh = make_two_rooms();
+  mesh.positions_m.emplace_back(1e6F, 1e6F, 0.0F);
+  EXPECT_THROW((void)Navmesh::build(mesh, settings_of(0.2, 0.05)), core::InputError);
 }
 
 TEST(Navmesh, NoRoomIsAnError) {

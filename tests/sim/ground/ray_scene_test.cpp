@@ -1,10 +1,13 @@
 #include "sim/ground/ray_scene.h"
 
+#include <array>
+#include <limits>
 #include <tuple>
 
 #include <gtest/gtest.h>
 #include <glm/geometric.hpp>
 
+#include "core/error.h"
 #include "core/random.h"
 
 namespace segsim::sim {
@@ -128,6 +131,26 @@ TEST(RayScene, OnlyHitsWithinTheRangeCount) {
   }
   EXPECT_GT(inside, 50);
   EXPECT_GT(outside, 50);
+}
+
+/// Embree ends the process on such numbers.
+TEST(RayScene, NumbersBeyondAnyWorldAreRefused) {
+  core::RandomStream random(4, "ray scene");
+  MeshScene scene = doubled_triangles(random, 10);
+  const RayScene rays(scene, 1);
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  const glm::vec3 ahead(1, 0, 0);
+  for (const float far : {1e30F, -1e38F, RayScene::kFar, nan}) {
+    EXPECT_THROW((void)rays.cast({far, 0, 0}, ahead), core::InputError) << far;
+    EXPECT_THROW((void)rays.occluded({0, far, 0}, ahead, 0.0F, 1.0F), core::InputError);
+    std::array<glm::vec3, 8> directions;
+    directions.fill(ahead);
+    EXPECT_THROW((void)rays.cast8({0, 0, far}, directions), core::InputError);
+    directions[5].y = far;
+    EXPECT_THROW((void)rays.cast8({0, 0, 0}, directions), core::InputError);
+  }
+  scene.meshes[1].positions_m[2].z = 1e30F;
+  EXPECT_THROW(RayScene(scene, 1), core::InputError);
 }
 
 }  // namespace

@@ -4,15 +4,19 @@
 #include <limits>
 #include <string>
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <glm/geometric.hpp>
 
 #include "core/error.h"
 #include "core/file_io.h"
 #include "tests/box_mesh.h"
+#include "tests/error_message.h"
 
 namespace segsim::sim {
 namespace {
+
+using ::testing::HasSubstr;
 
 class TriangleMeshFile : public testing::Test {
  protected:
@@ -92,6 +96,29 @@ TEST_F(TriangleMeshFile, RefusesBrokenFiles) {
   write_mesh_ply(file_, mesh);
   EXPECT_THROW((void)read_mesh_ply(file_), core::InputError);
   EXPECT_THROW((void)read_mesh_ply(file_.string() + ".none"), core::InputError);
+}
+
+TEST_F(TriangleMeshFile, RefusesWhatAsksForTooMuch) {
+  TriangleMesh mesh;
+  append_floor(mesh, 0, 0, 1, 1);
+  mesh.positions_m[2].y = 1e30F;
+  write_mesh_ply(file_, mesh);
+  EXPECT_THAT(tests::input_error_of([&] { (void)read_mesh_ply(file_); }),
+              HasSubstr("vertex 2: expected finite coordinates within"));
+
+  // 100 bytes announce 10^8 vertices.
+  write(
+      "ply\nformat binary_little_endian 1.0\nelement vertex 100000000\nproperty float x\n"
+      "property float y\nproperty float z\nend_header\n" +
+      std::string(100, 'x'));
+  EXPECT_THAT(tests::input_error_of([&] { (void)read_mesh_ply(file_); }),
+              HasSubstr("expected more data"));
+
+  std::string header = "ply\nformat binary_little_endian 1.0\nelement vertex 1\n";
+  for (int k = 0; k < 2000; ++k) header += "property char p" + std::to_string(k) + "\n";
+  write(header + "end_header\n");
+  EXPECT_THAT(tests::input_error_of([&] { (void)read_mesh_ply(file_); }),
+              HasSubstr("at most 1024 properties"));
 }
 
 }  // namespace

@@ -25,7 +25,8 @@ struct MendedText {
 /// The text of a COLLADA (.dae) or OBJ file with all coordinates, matrices and colours mended;
 /// unchanged for files of other kinds. A blank before the first number of a COLLADA colour,
 /// which assimp 5.2 refuses, is taken away and not counted.
-/// @throws core::InputError if the file cannot be read.
+/// @throws core::InputError if the file cannot be read, or has a word among the indices of a
+/// COLLADA file.
 [[nodiscard]] MendedText mend_numbers(const std::filesystem::path& file);
 
 }  // namespace segsim::worlds::internal
