@@ -40,6 +40,7 @@ std::string training_scenes(const specs::ExperimentSpec& spec, const specs::ArmS
     case specs::ArmDetector::kAfterHere:
       return before + ", in every scene this scene";
     case specs::ArmDetector::kAfter:
+    case specs::ArmDetector::kAfterExact:
     case specs::ArmDetector::kAfterElsewhere:
       break;
   }

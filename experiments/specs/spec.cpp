@@ -115,9 +115,15 @@ void check_new_name(const std::vector<Element>& before, const std::string& name,
   }
 }
 
-/// What an arm whose detector is tuned scene by scene needs.
-void check_tuning(const DetectorSpec& detectors, const ArmSpec& arm, const ConfigNode& node) {
-  if (!is_tuned_by_scene(arm.detector)) return;
+bool has_masks(const SceneSpec& scene) {
+  return scene.source && scene.source->masks.has_value();
+}
+
+/// What an arm needs whose detector is tuned otherwise than that of `after`.
+void check_tuning(const ExperimentSpec& spec, const ArmSpec& arm, const ConfigNode& node) {
+  const DetectorSpec& detectors = spec.detectors;
+  const bool exact = arm.detector == ArmDetector::kAfterExact;
+  if (!exact && !is_tuned_by_scene(arm.detector)) return;
   const ConfigNode detector = node.child("detector");
   if (!detectors.finetune) {
     detector.fail("a section detectors.finetune for " + detector.as_text(), "none");
@@ -126,6 +132,9 @@ void check_tuning(const DetectorSpec& detectors, const ArmSpec& arm, const Confi
     detector.fail(
         "two or more scenes that detectors.finetune is for, so that there are others",
         std::to_string(detectors.finetune->scenes.size()));
+  }
+  if (exact && std::none_of(spec.scenes.begin(), spec.scenes.end(), has_masks)) {
+    detector.fail("a scene with source.masks, without which after-exact is as after", "none");
   }
 }
 
@@ -142,7 +151,7 @@ void read_lists(const ConfigNode& root, const Variables& variables, const SpecFo
     ArmSpec arm = internal::read_arm(node, variables);
     check_new_name(spec.arms, arm.name, node);
     check_arm_clock(spec.clock, arm.clock, node);
-    check_tuning(spec.detectors, arm, node);
+    check_tuning(spec, arm, node);
     spec.arms.push_back(std::move(arm));
   }
   if (spec.arms.empty()) root.child("arms").fail("at least one arm", "none");

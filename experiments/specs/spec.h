@@ -164,8 +164,9 @@ enum class ArmDetector : std::uint8_t {
   kAfter,
   kOracle,
   kFile,
-  kAfterHere,      ///< tuning_set.h
-  kAfterElsewhere  ///< tuning_set.h
+  kAfterHere,       ///< tuning_set.h
+  kAfterElsewhere,  ///< tuning_set.h
+  kAfterExact       ///< tuning_set.h
 };
 
 /// One arm of the spec is an arm here for each of its trainings and reconstructions.

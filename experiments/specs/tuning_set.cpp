@@ -29,7 +29,8 @@ bool is_tuned_by_scene(ArmDetector detector) {
 }
 
 bool is_fine_tuned(ArmDetector detector) {
-  return detector == ArmDetector::kAfter || is_tuned_by_scene(detector);
+  return detector == ArmDetector::kAfter || detector == ArmDetector::kAfterExact ||
+         is_tuned_by_scene(detector);
 }
 
 TuningSet tuning_set(const ExperimentSpec& spec, ArmDetector detector,
@@ -38,6 +39,7 @@ TuningSet tuning_set(const ExperimentSpec& spec, ArmDetector detector,
                "a detector that the spec tunes");
   const FinetuneSpec& finetune = *spec.detectors.finetune;
   if (detector == ArmDetector::kAfterHere) return {"here-" + scene.family, {scene.family}};
+  if (detector == ArmDetector::kAfterExact) return {"exact", finetune.scenes, true};
   const auto found = std::find(finetune.scenes.begin(), finetune.scenes.end(), scene.family);
   if (detector == ArmDetector::kAfter) return {"", finetune.scenes};
   if (found == finetune.scenes.end()) return {"pool", finetune.scenes};

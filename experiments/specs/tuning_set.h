@@ -7,6 +7,8 @@
 ///     after-here       in every scene one that was tuned on this scene alone
 ///     after-elsewhere  in every scene one that was tuned on others: cross-validation over
 ///                      the scenes of `finetune.scenes`; outside them one tuned on all
+///     after-exact      as `after`, but from the recordings' own labels where a scene has
+///     masks
 
 #include <string>
 #include <vector>
@@ -19,6 +21,7 @@ namespace segsim::experiments::specs {
 struct TuningSet {
   std::string name;                 ///< In names of files; empty: of `after`.
   std::vector<std::string> scenes;  ///< Families, in the order of the spec.
+  bool exact_labels = false;        ///< Masks of the scenes are not looked at.
 
   bool operator==(const TuningSet&) const = default;
 };

@@ -130,9 +130,11 @@ DetectorPreparation::DetectorPreparation(const specs::ExperimentSpec& spec,
   }
   for (const Training& training : trainings_) {
     training_views_.emplace_back();
-    if (training.set.name.empty()) {
+    const bool exact = training.set.exact_labels;
+    if (training.set.name.empty() || exact) {
       training_views_.back() =
-          add_set(training.reconstruction, "train", training.seed, training.suffix);
+          add_set(training.reconstruction, "train", training.seed, training.suffix,
+                  exact ? LabelsOf::kTruth : LabelsOf::kMasks);
     } else {
       scene_views_.want(training, sets_);
     }
@@ -142,6 +144,10 @@ DetectorPreparation::DetectorPreparation(const specs::ExperimentSpec& spec,
     const std::string suffix = specs::repetition_suffix(spec, r, std::nullopt);
     views.validation = add_set(r, "validation", detectors.finetune->seed, suffix);
     views.test = add_set(r, "test", detectors.finetune->seed, suffix);
+    if (needs(specs::ArmDetector::kAfterExact)) {
+      views.exact_validation = add_set(r, "validation", detectors.finetune->seed,
+                                       ".exact" + suffix, LabelsOf::kTruth);
+    }
   }
 }
 
@@ -160,9 +166,10 @@ std::vector<const SceneTask*> DetectorPreparation::learnt_scenes() const {
 }
 
 fs::path DetectorPreparation::add_set(int reconstruction, const char* purpose,
-                                      std::uint64_t seed, const std::string& suffix) {
+                                      std::uint64_t seed, const std::string& suffix,
+                                      LabelsOf labels) {
   sets_.emplace_back(spec_, held_out(reconstruction).scenes, purpose, seed,
-                     work_ / ("views" + suffix));
+                     work_ / ("views" + suffix), labels);
   return sets_.back().json();
 }
 
@@ -249,7 +256,10 @@ trials::PreparedDetectors DetectorPreparation::tuned(int workers) {
       views.push_back(scene_views_.of(trainings_[k]));
     } else {
       const HeldOutViews& of_all = held_out(trainings_[k].reconstruction);
-      views.push_back({of_all.scenes, training_views_[k], of_all.validation, of_all.test});
+      views.push_back(
+          {of_all.scenes, training_views_[k],
+           trainings_[k].set.exact_labels ? of_all.exact_validation : of_all.validation,
+           of_all.test});
     }
     steps.emplace_back(spec_, before, new_classes_, views[k].train, views[k].validation,
                        trainings_[k], work_);

@@ -45,6 +45,7 @@ class DetectorPreparation {
   struct HeldOutViews {
     std::vector<const SceneTask*> scenes;
     std::filesystem::path validation, test;
+    std::filesystem::path exact_validation{};  ///< For `after-exact`; empty without it.
   };
 
   [[nodiscard]] bool needs(specs::ArmDetector detector) const;
@@ -56,7 +57,7 @@ class DetectorPreparation {
   /// Whether 'before' knows every class that the specs of the tuned scenes name as goals.
   [[nodiscard]] bool knows_all_goals() const;
   std::filesystem::path add_set(int reconstruction, const char* purpose, std::uint64_t seed,
-                                const std::string& suffix);
+                                const std::string& suffix, LabelsOf labels = LabelsOf::kMasks);
   [[nodiscard]] const HeldOutViews& held_out(int reconstruction) const;
   [[nodiscard]] trials::PreparedDetectors tuned(int workers);
 

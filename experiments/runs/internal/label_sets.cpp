@@ -64,13 +64,19 @@ void ViewProgress::were_there(int views) {
 }
 
 LabelSet::LabelSet(const specs::ExperimentSpec& spec, std::vector<const SceneTask*> scenes,
-                   const std::string& purpose, std::uint64_t seed, fs::path folder)
+                   const std::string& purpose, std::uint64_t seed, fs::path folder,
+                   LabelsOf labels)
     : spec_(spec),
       scenes_(std::move(scenes)),
       rule_(view_rule(*spec.detectors.finetune, purpose)),
       seed_(seed),
       folder_(std::move(folder)),
+      labels_(purpose == "test" ? LabelsOf::kTruth : labels),
       drawn_(scenes_.size()) {}
+
+const LearntLabels* LabelSet::learnt_of(const SceneTask& scene) const {
+  return labels_ == LabelsOf::kMasks && scene.learnt ? &*scene.learnt : nullptr;
+}
 
 fs::path LabelSet::json() const { return folder_ / (rule_.purpose + ".json"); }
 
@@ -114,10 +120,9 @@ void LabelSet::draw(std::size_t k, const LabelWork& work) {
     options.avoid_radius_m = spec_.detectors.finetune->start_clearance_m;
   }
   const trials::LoadedScene& loaded = *scenes_[k]->loaded;
-  const std::optional<LearntLabels>& learnt = scenes_[k]->learnt;
-  const bool judges = rule_.purpose == "test";  // By the truth.
+  const LearntLabels* learnt = learnt_of(*scenes_[k]);
   const detection::LabelledScene labelled =
-      learnt && !judges
+      learnt != nullptr
           ? detection::LabelledScene{learnt->bundle, loaded.world, learnt->surfels}
           : detection::LabelledScene{
                 loaded.bundle, loaded.world, {loaded.surfels, loaded.labels}};
@@ -146,8 +151,8 @@ support::StepRecord LabelSet::record(const LabelWork& work) const {
   for (const SceneTask* scene : scenes_) {
     text << "; " << scene->spec->name << " at " << scene->spec->camera_height_m << " m "
          << core::sha256_of_file(scene->spec->bundle / "scene.yaml");
-    if (scene->learnt) {
-      text << ", learnt " << core::sha256_of_file(scene->learnt->bundle.folder / "scene.yaml");
+    if (const LearntLabels* learnt = learnt_of(*scene)) {
+      text << ", learnt " << core::sha256_of_file(learnt->bundle.folder / "scene.yaml");
     }
     if (finetune.start_clearance_m <= 0.0) continue;
     text << ", " << finetune.start_clearance_m << " m from";

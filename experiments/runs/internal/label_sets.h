@@ -60,12 +60,20 @@ struct LabelWork {
   support::StageTimes& times;
 };
 
+/// Which labels the views of scenes with masks have.
+enum class LabelsOf : std::uint8_t {
+  kMasks,  ///< What was learnt from the masks.
+  kTruth,  ///< The recording's.
+};
+
 /// One data set of views: of a training, or held out from all trainings of a reconstruction.
 class LabelSet {
  public:
   /// @param spec  Outlives this object.
+  /// @param labels  Of the views that are learnt from; tests show the truth in any case.
   LabelSet(const specs::ExperimentSpec& spec, std::vector<const SceneTask*> scenes,
-           const std::string& purpose, std::uint64_t seed, std::filesystem::path folder);
+           const std::string& purpose, std::uint64_t seed, std::filesystem::path folder,
+           LabelsOf labels = LabelsOf::kMasks);
 
   [[nodiscard]] std::filesystem::path json() const;
 
@@ -76,6 +84,8 @@ class LabelSet {
 
  private:
   void draw(std::size_t scene, const LabelWork& work);
+  /// What labels the scene in this set; nullptr: its own bundle.
+  [[nodiscard]] const LearntLabels* learnt_of(const SceneTask& scene) const;
   void write(const LabelWork& work) const;
   /// Needs all scenes.
   [[nodiscard]] support::StepRecord record(const LabelWork& work) const;
@@ -85,6 +95,7 @@ class LabelSet {
   ViewRule rule_;
   std::uint64_t seed_;
   std::filesystem::path folder_;
+  LabelsOf labels_;
   bool is_current_ = false;
   std::vector<perception::CocoDataset> drawn_;  ///< By scene.
 };

@@ -127,6 +127,8 @@ ArmSpec read_arm(const ConfigNode& node, const Variables& variables) {
     arm.detector = ArmDetector::kAfterHere;
   } else if (detector == "after-elsewhere") {
     arm.detector = ArmDetector::kAfterElsewhere;
+  } else if (detector == "after-exact") {
+    arm.detector = ArmDetector::kAfterExact;
   } else if (detector == "oracle") {
     arm.detector = ArmDetector::kOracle;
   } else if (detector.find_first_of("/.$") != std::string::npos) {
@@ -134,8 +136,8 @@ ArmSpec read_arm(const ConfigNode& node, const Variables& variables) {
     arm.weights = variables.expand(node.child("detector"));
   } else {
     (void)core::choice(node, "detector",
-                       {"before", "after", "after-here", "after-elsewhere", "oracle",
-                        "a path of weights or of a model"});
+                       {"before", "after", "after-here", "after-elsewhere", "after-exact",
+                        "oracle", "a path of weights or of a model"});
   }
   if (node.has("policy")) arm.policy = read_policy(node, variables);
   if (node.has("score_threshold")) {

@@ -45,6 +45,7 @@ detectors:
 arms:
   - {name: before, detector: before}
   - {name: after, detector: after}
+  - {name: after-exact, detector: after-exact}
 camera: {width: 96, height: 72, hfov_deg: 79}
 )";
 }
@@ -105,6 +106,19 @@ TEST_F(RunMasksTest, LabelsAreLearntFromMasksOfTheSamePlace) {
   ASSERT_EQ(train.scenes->size(), 1U);
   EXPECT_EQ((*train.scenes)[0].surfels_sha256, truth.manifest.surfels.sha256);
 
+  // What the masks cost: the same views, as the recording's labels have them.
+  const perception::CocoDataset exact =
+      perception::read_coco(work / "views.exact" / "train.json");
+  ASSERT_EQ(exact.scenes, train.scenes);
+  EXPECT_TRUE(fs::exists(work / "views.exact" / "validation.json"));
+  EXPECT_FALSE(fs::exists(work / "views.exact" / "test.json"));
+  const auto boxes_of = [](const perception::CocoDataset& set) {
+    std::vector<std::size_t> boxes;
+    for (const auto& image : set.images) boxes.push_back(image.boxes.size());
+    return boxes;
+  };
+  EXPECT_NE(boxes_of(exact), boxes_of(train));
+
   // A second call finds all of it.
   for (const support::StageTime& stage : prepare(simulated).times) {
     EXPECT_FALSE(stage.made && stage.stage.starts_with("labels")) << stage.stage;
@@ -142,6 +156,7 @@ TEST_F(RunMasksTest, BadMasksAreNamed) {
       AllOf(HasSubstr("one of the keys simulate, folder and detect"), HasSubstr("found 2")));
   EXPECT_THAT(message("      masks: {simulate: {levle: 1}}\n", trained), HasSubstr("levle"));
   EXPECT_THAT(message("      masks: {simulate: {}}\n", ""), HasSubstr("source.reconstruct"));
+  EXPECT_THAT(message("", trained), HasSubstr("without which after-exact is as after"));
   EXPECT_THAT(message("      masks: {simulate: {}}\n", "      reconstruct: {head: none}\n"),
               HasSubstr("head none"));
   for (const char* masks : {"{folder: \"${data}/nowhere\"}",
