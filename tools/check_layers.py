@@ -33,7 +33,7 @@ ROOMS = {
                    "detector", "training", "models/text", "models", "models/internal/onnx"),
     "nav": ("grid", "mapping", "objects", "planning", "motion", "value", "behaviours", "frontier", "vlfm", "policies"),
     "sim": ("ground", "time", "sensors", "trial", "gazebo"),
-    "worlds": ("mesh", "mesh/gazebo", "procedural", "capture", "surface", "masks"),
+    "worlds": ("mesh", "mesh/gazebo", "mesh/furniture", "procedural", "capture", "surface", "masks"),
     "experiments": ("support", "specs", "drawing", "episodes", "records", "results", "suites", "reproducibility", "training", "scenes",
                     "detection", "benchmarks", "video", "trials", "runs", "films", "panoptic", "scripted_trials", "report",
                     "web", "dashboard", "scene_labels", "commands/light", "commands", "commands/detectors",
@@ -56,6 +56,7 @@ LIBRARY_HOME = {  # library: the only folders that may include it
     r"nlohmann/": {"experiments", "perception", "reconstruction/datasets"},
     r"onnx/|google/protobuf|onnxruntime|oneapi/dnnl": {"perception"},
     r"zlib": {"experiments"},
+    r"minizip/": {"worlds"},
     r"sqlite3|CLI/|spdlog/|httplib": {"experiments", "perception"},
 }
 # Third-party types stay out of public headers, so that no includer pays for them.

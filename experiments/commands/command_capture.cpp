@@ -10,6 +10,7 @@
 #include "experiments/scenes/mesh_source.h"
 #include "experiments/scenes/scene_source.h"
 #include "experiments/specs/gazebo_spec.h"
+#include "experiments/specs/home_spec.h"
 #include "experiments/support/text_grid.h"
 
 namespace segsim::experiments::commands {
@@ -19,7 +20,8 @@ namespace fs = std::filesystem;
 
 struct Flags {
   fs::path world, mesh, out, trajectory;
-  std::int64_t flat_seed = -1;
+  std::int64_t flat_seed = -1, home_seed = -1;
+  std::string plan = "any", furniture = "train";
   std::string on_missing = "error", ceiling = "walls";
   specs::SourceSpec source;
   bool exr = false, overwrite = false, classes = false;
@@ -38,15 +40,21 @@ void print_classes(const sim::MeshScene& scene) {
 
 void capture(Flags flags) {
   const int given = (flags.world.empty() ? 0 : 1) + (flags.mesh.empty() ? 0 : 1) +
-                    (flags.flat_seed < 0 ? 0 : 1);
+                    (flags.flat_seed < 0 ? 0 : 1) + (flags.home_seed < 0 ? 0 : 1);
   if (given != 1) {
-    throw core::InputError::expected("segsim capture", "one of --world, --mesh and --flat",
+    throw core::InputError::expected("segsim capture",
+                                     "one of --world, --mesh, --flat and --home",
                                      std::to_string(given) + " of them");
   }
   specs::SourceSpec& source = flags.source;
   if (flags.flat_seed >= 0) {
     source.type = specs::SourceType::kFlat;
     source.seed = static_cast<std::uint64_t>(flags.flat_seed);
+  } else if (flags.home_seed >= 0) {
+    source.type = specs::SourceType::kHome;
+    source.seed = static_cast<std::uint64_t>(flags.home_seed);
+    source.home.plan = worlds::kHomePlanNames.read(flags.plan, "--plan");
+    specs::parse_furniture(flags.furniture, "--furniture", source.home);
   } else {
     source.type = flags.world.empty() ? specs::SourceType::kMesh : specs::SourceType::kGazebo;
     source.world = flags.world.empty() ? flags.mesh : flags.world;
@@ -74,6 +82,20 @@ void add_capture_command(CLI::App& app) {
   command->add_option("--mesh", flags->mesh, "Mesh file (.obj, .glb, .dae, .ply, ...)");
   command->add_option("--flat", flags->flat_seed, "Procedural flat of this seed")
       ->check(CLI::NonNegativeNumber);
+  command->add_option("--home", flags->home_seed, "Procedural home of this seed")
+      ->check(CLI::NonNegativeNumber);
+  specs::HomeSpec& home = flags->source.home;
+  command->add_option("--plan", flags->plan, "Of a home: any | apartment | office | ward")
+      ->capture_default_str();
+  command->add_option("--rooms", home.rooms, "Of a home, halls not counted; 0: by the seed")
+      ->check(CLI::Range(0, 8))
+      ->capture_default_str();
+  command
+      ->add_option("--furniture", flags->furniture,
+                   "Of a home: models of the pool train | unseen | all, or own shapes: own")
+      ->capture_default_str();
+  command->add_option("--furniture-folder", home.furniture_folder,
+                      "Folder with .sh3f files; default: that of Debian's package");
   command->add_option("--out", flags->out, "Folder for the recording");
   worlds::GazeboImportOptions& gazebo = flags->source.gazebo.options;
   command->add_option("--resource-path", gazebo.resource_paths,
@@ -112,7 +134,7 @@ void add_capture_command(CLI::App& app) {
       ->capture_default_str();
   command
       ->add_option("--path-seed", flags->source.seed,
-                   "Of the planned path; a flat uses its own seed")
+                   "Of the planned path; a flat or a home uses its own seed")
       ->capture_default_str();
   command->add_flag("--exr", flags->exr, "Write metric depth as float OpenEXR too");
   command->add_flag("--overwrite", flags->overwrite,

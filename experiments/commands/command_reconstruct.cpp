@@ -243,6 +243,7 @@ void reconstruct(Flags flags) {
   fusion.truncation_m = scenes::kTruncationVoxels * fusion.voxel_m;
   flags.reconstruct.name = flags.out.filename().string();
   flags.reconstruct.source = "recording " + flags.sequence.filename().string();
+  flags.reconstruct.credits = scenes::read_credits(flags.sequence);
   flags.reconstruct.robot = sim::RobotModel::by_name(flags.robot);
   const core::SceneBundle bundle =
       scenes::reconstruct_bundle(*sequence, flags.reconstruct, flags.out);

@@ -194,6 +194,7 @@ PanopticScenes default_scenes(const fs::path& data) {
 fs::path PanopticScene::needs() const {
   switch (source.type) {
     case specs::SourceType::kFlat:
+    case specs::SourceType::kHome:
       return {};
     case specs::SourceType::kGazebo:
     case specs::SourceType::kMesh:

@@ -10,12 +10,14 @@
 
 #include "core/check.h"
 #include "core/error.h"
+#include "core/file_io.h"
 #include "core/progress.h"
 #include "core/version.h"
 #include "experiments/scenes/bundle_folder.h"
 #include "experiments/scenes/coverage.h"
 #include "experiments/scenes/robot_pictures.h"
 #include "experiments/scenes/scene_surfels.h"
+#include "experiments/scenes/scene_source.h"
 #include "perception/data/image_file.h"
 #include "reconstruction/lifting/cloud_start.h"
 #include "reconstruction/training/training_pack.h"
@@ -244,6 +246,10 @@ core::SceneBundle reconstruct_bundle(const reconstruction::RgbdSequence& sequenc
     for (const std::string& warning :
          write_shape(temporary, shape, options.robot, collision, manifest, parts)) {
       std::fprintf(stderr, "warning: %s\n", warning.c_str());
+    }
+    if (!options.credits.empty()) {
+      core::write_file_atomically(temporary / kCreditsFileName,
+                                  [&](std::ostream& out) { out << options.credits; });
     }
     core::write_bundle_manifest(temporary, manifest, parts);
     if (options.training && !parts.rendering_only) {

@@ -22,6 +22,7 @@ namespace segsim::experiments::scenes {
 struct ReconstructOptions {
   std::string name;           ///< Of the scene.
   std::string source;         ///< Where the recording comes from, in words.
+  std::string credits;        ///< Of the recording (read_credits()); goes into the bundle.
   std::string source_sha256;  ///< Of the recipe that made the recording; may be empty.
   reconstruction::LiftOptions lift;
   /// Surfels begin with this cloud (reconstruction/lifting/cloud_start.h) instead of the

@@ -4,9 +4,11 @@
 #include <numbers>
 #include <sstream>
 
+#include "core/file_io.h"
 #include "core/progress.h"
 #include "experiments/scenes/mesh_source.h"
 #include "experiments/specs/gazebo_spec.h"
+#include "experiments/specs/home_spec.h"
 #include "reconstruction/datasets/box_annotation.h"
 #include "worlds/capture/capture.h"
 #include "worlds/capture/capture_plan.h"
@@ -31,6 +33,15 @@ std::vector<core::CameraPose> plan_path(const sim::MeshScene& scene,
   return worlds::plan_capture_trajectory(scene, plan);
 }
 
+void write_credits(const std::vector<std::string>& credits, const fs::path& folder) {
+  const fs::path file = folder / kCreditsFileName;
+  fs::remove(file);
+  if (credits.empty()) return;
+  core::write_file_atomically(file, [&](std::ostream& out) {
+    for (const std::string& credit : credits) out << credit << '\n';
+  });
+}
+
 }  // namespace
 
 std::string describe_capture(const specs::SourceSpec& source) {
@@ -38,6 +49,9 @@ std::string describe_capture(const specs::SourceSpec& source) {
   switch (source.type) {
     case specs::SourceType::kFlat:
       text << "procedural flat, seed " << source.seed;
+      break;
+    case specs::SourceType::kHome:
+      text << "procedural home, seed " << source.seed << specs::describe(source.home);
       break;
     case specs::SourceType::kGazebo:
       text << "Gazebo world " << source.world.filename().string()
@@ -62,7 +76,13 @@ std::string describe_capture(const specs::SourceSpec& source) {
 
 void capture_mesh_source(const specs::SourceSpec& source, const fs::path& folder,
                          const fs::path& trajectory, bool depth_exr, bool overwrite) {
-  const sim::MeshScene scene = load_mesh_source(source);
+  worlds::Home home;
+  if (source.type == specs::SourceType::kHome) {
+    home = load_home(source);
+  } else {
+    home.scene = load_mesh_source(source);
+  }
+  const sim::MeshScene& scene = home.scene;
   for (const std::string& warning : scene.warnings) {
     std::fprintf(stderr, "warning: %s\n", warning.c_str());
   }
@@ -70,7 +90,13 @@ void capture_mesh_source(const specs::SourceSpec& source, const fs::path& folder
               scene.instances.size(), scene.triangle_count(), scene.warnings.size());
   const std::vector<core::CameraPose> path =
       trajectory.empty() ? plan_path(scene, source) : worlds::read_trajectory(trajectory);
-  const auto renderer = worlds::make_mesh_renderer(scene, {});
+  worlds::MeshRenderOptions light;
+  if (source.type == specs::SourceType::kHome) {
+    // Models have so many small surfaces that their light takes longer than the frames.
+    light.cell_m = 0.08F;
+    light.bounce_samples = 49;
+  }
+  const auto renderer = worlds::make_mesh_renderer(scene, light);
   const auto intrinsics =
       core::CameraIntrinsics::from_fov(source.capture.width_px, source.capture.height_px,
                                        source.capture.hfov_deg * std::numbers::pi / 180.0);
@@ -84,6 +110,12 @@ void capture_mesh_source(const specs::SourceSpec& source, const fs::path& folder
   options.on_frame = [&](int done, int) { progress.update(done); };
   worlds::capture_sequence(*renderer, path, intrinsics, folder, scene.classes, scene.instances,
                            options);
+  write_credits(home.credits, folder);
+}
+
+std::string read_credits(const fs::path& folder) {
+  const fs::path file = folder / kCreditsFileName;
+  return fs::exists(file) ? core::read_file(file) : std::string();
 }
 
 std::unique_ptr<reconstruction::RgbdSequence> open_recording(

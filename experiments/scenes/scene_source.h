@@ -22,6 +22,12 @@ void capture_mesh_source(const specs::SourceSpec& source, const std::filesystem:
                          const std::filesystem::path& trajectory = {}, bool depth_exr = false,
                          bool overwrite = false);
 
+/// Beside the frames of a recording and in the bundle made of it: makers and licences of what
+/// stands in the place, a line each.
+inline constexpr const char* kCreditsFileName = "CREDITS.txt";
+/// The text of that file; empty if there is none.
+[[nodiscard]] std::string read_credits(const std::filesystem::path& folder);
+
 /// Opens a recording, with labels from 3-D boxes if `boxes` is not empty.
 [[nodiscard]] std::unique_ptr<reconstruction::RgbdSequence> open_recording(
     const std::filesystem::path& folder, const std::filesystem::path& boxes,

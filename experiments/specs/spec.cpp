@@ -160,7 +160,7 @@ void read_lists(const ConfigNode& root, const Variables& variables, const SpecFo
 }  // namespace
 
 const char* to_string(SourceType type) {
-  constexpr const char* kNames[] = {"flat", "gazebo", "mesh", "rgbd"};
+  constexpr const char* kNames[] = {"flat", "gazebo", "mesh", "rgbd", "home"};
   return kNames[static_cast<std::size_t>(type)];
 }
 

@@ -25,6 +25,7 @@
 #include "sim/trial/success_profile.h"
 #include "sim/trial/trial.h"
 #include "worlds/mesh/gazebo/gazebo_options.h"
+#include "worlds/procedural/home_kinds.h"
 
 namespace segsim::experiments::specs {
 
@@ -41,6 +42,7 @@ enum class SourceType : std::uint8_t {
   kGazebo,  ///< Gazebo world, `world`.
   kMesh,    ///< Any mesh file, `world`.
   kRgbd,  ///< Recorded RGB-D sequence, `folder`; labels from `boxes` if the frames have none.
+  kHome,  ///< Procedural home, `seed` and `home`.
 };
 [[nodiscard]] const char* to_string(SourceType type);
 
@@ -77,11 +79,21 @@ struct MaskSpec {
 };
 
 /// What a scene bundle is made from if it does not exist yet.
+/// Which procedural home; see docs/homes.md.
+struct HomeSpec {
+  worlds::HomePlan plan = worlds::HomePlan::kAny;
+  int rooms = 0;                                               ///< 0 = chosen by the seed.
+  worlds::FurniturePool pool = worlds::FurniturePool::kTrain;  ///< Of the library's models.
+  bool own_furniture = false;              ///< Shapes of our own, whatever is installed.
+  std::filesystem::path furniture_folder;  ///< Empty: that of Debian's package.
+};
+
 struct SourceSpec {
   SourceType type = SourceType::kFlat;
-  std::uint64_t seed = 0;                ///< kFlat.
+  std::uint64_t seed = 0;                ///< kFlat, kHome.
   std::filesystem::path world;           ///< kGazebo, kMesh: a file.
   GazeboSpec gazebo;                     ///< kGazebo.
+  HomeSpec home;                         ///< kHome.
   std::filesystem::path folder;          ///< kRgbd.
   std::filesystem::path boxes;           ///< kRgbd: 3-D boxes (JSON); empty if none.
   CaptureSpec capture;                   ///< All but kRgbd.

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <numbers>
 
+#include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <glm/gtc/matrix_transform.hpp>
 
@@ -48,7 +48,10 @@ void MeshBuilder::set_surface(const Surface& surface) {
 std::uint32_t MeshBuilder::add_vertex(const Vertex& part_vertex) {
   SEGSIM_CHECK(!groups_.empty(), "set_surface comes first");
   sim::SubMesh& mesh = group();
-  mesh.positions_m.emplace_back(T_object_part_ * glm::vec4(part_vertex.position_m, 1.0F));
+  const glm::vec3& p =
+      mesh.positions_m.emplace_back(T_object_part_ * glm::vec4(part_vertex.position_m, 1.0F));
+  low_m_ = glm::min(low_m_, p);
+  high_m_ = glm::max(high_m_, p);
   mesh.normals.push_back(
       glm::normalize(glm::vec3(T_object_part_ * glm::vec4(part_vertex.normal, 0.0F))));
   mesh.uvs.push_back(part_vertex.uv);
@@ -301,20 +304,13 @@ void MeshBuilder::add_leaf(const glm::vec3& base_m, const glm::vec3& direction, 
   }
 }
 
-glm::vec3 MeshBuilder::min_m() const {
-  glm::vec3 low(std::numeric_limits<float>::max());
-  for (const sim::SubMesh& mesh : groups_) {
-    for (const glm::vec3& p : mesh.positions_m) low = glm::min(low, p);
+void MeshBuilder::add_mesh(const sim::SubMesh& mesh) {
+  const auto first = static_cast<std::uint32_t>(group().positions_m.size());
+  for (std::size_t i = 0; i < mesh.positions_m.size(); ++i) {
+    add_vertex({mesh.positions_m[i], mesh.normals[i], mesh.uvs[i]});
   }
-  return low;
-}
-
-glm::vec3 MeshBuilder::max_m() const {
-  glm::vec3 high(std::numeric_limits<float>::lowest());
-  for (const sim::SubMesh& mesh : groups_) {
-    for (const glm::vec3& p : mesh.positions_m) high = glm::max(high, p);
-  }
-  return high;
+  for (const glm::uvec3& t : mesh.triangles)
+    add_triangle(first + t.x, first + t.y, first + t.z);
 }
 
 std::size_t MeshBuilder::triangle_count() const {

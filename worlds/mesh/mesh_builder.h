@@ -9,6 +9,7 @@
 /// [0, 1].
 
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -65,10 +66,14 @@ class MeshBuilder {
   void add_leaf(const glm::vec3& base_m, const glm::vec3& direction, float length_m,
                 float width_m, float bend, int segments = 4);
 
+  /// Triangles made elsewhere, with the material set before and their own texture
+  /// coordinates; those too thin to have a side are left out.
+  void add_mesh(const sim::SubMesh& mesh);
+
   [[nodiscard]] bool empty() const { return groups_.empty(); }
   /// Box of everything so far, object coordinates. @pre Not empty.
-  [[nodiscard]] glm::vec3 min_m() const;
-  [[nodiscard]] glm::vec3 max_m() const;
+  [[nodiscard]] glm::vec3 min_m() const { return low_m_; }
+  [[nodiscard]] glm::vec3 max_m() const { return high_m_; }
   [[nodiscard]] std::size_t triangle_count() const;
 
   /// One SubMesh per material, in the order of first use. @param T_world_object  Rigid.
@@ -90,6 +95,9 @@ class MeshBuilder {
   std::size_t current_ = 0;
   float tile_m_ = 1.0F;
   glm::mat4 T_object_part_{1.0F};
+  /// Kept up to date: furniture is measured at every place that it is tried at.
+  glm::vec3 low_m_{std::numeric_limits<float>::max()};
+  glm::vec3 high_m_{std::numeric_limits<float>::lowest()};
 };
 
 /// Rigid pose: turned by `yaw_rad` about +z, then moved to `position_m`.

@@ -1,6 +1,8 @@
 /// Walls, floors, ceilings, windows, doors and lamps of a flat.
 
 #include <algorithm>
+#include <cmath>
+#include <numbers>
 
 #include <glm/common.hpp>
 
@@ -233,6 +235,13 @@ class ShellBuilder {
     const Furniture leaf =
         make_furniture(FurnitureKind::kDoorLeaf, style_,
                        entrance ? door_seed_ + 1 : door_seed_, surfaces_, {width});
+    if (!entrance && o.leaf_angle_rad < 0.99F * std::numbers::pi_v<float>) {
+      const DoorLeaf place = door_leaf(wall.room, o);
+      const glm::vec2 along = place.tip_m - place.hinge_m;
+      add_instance(scene_, leaf, {0.5F * (place.hinge_m + place.tip_m), 0.0F},
+                   std::atan2(along.y, along.x));
+      return;
+    }
     const float middle = o.center_m + static_cast<float>(o.leaf_side) * (o.width_m + 0.03F);
     const float depth = entrance ? 0.09F : -0.5F * leaf.size_m().y - 0.02F;
     add_instance(scene_, leaf, wall.at(entrance ? o.center_m : middle, depth, 0),

@@ -44,6 +44,62 @@ struct Span {
   float lo = 0.0F, hi = 0.0F;
 };
 
+}  // namespace
+
+Rect DoorLeaf::footprint() const {
+  constexpr float kHalfThickness_m = 0.09F;  // With handles on both sides.
+  return {glm::min(hinge_m, tip_m) - kHalfThickness_m,
+          glm::max(hinge_m, tip_m) + kHalfThickness_m};
+}
+
+DoorLeaf door_leaf(const Room& room, const Opening& opening) {
+  // Beside the jamb and before the wall, so that the doorway keeps its width.
+  constexpr float kAside_m = 0.03F, kBefore_m = 0.04F;
+  const int along = axis_along(opening.side), across = 1 - along;
+  const auto side = static_cast<float>(opening.leaf_side);
+  const float inward = -outward(opening.side)[across];
+  DoorLeaf leaf;
+  leaf.hinge_m[along] = opening.center_m + side * (0.5F * opening.width_m + kAside_m);
+  leaf.hinge_m[across] = room.wall_m(opening.side) + kBefore_m * inward;
+  const float length_m = opening.width_m - 0.04F;
+  leaf.tip_m = leaf.hinge_m;
+  leaf.tip_m[along] -= side * std::cos(opening.leaf_angle_rad) * length_m;
+  leaf.tip_m[across] += inward * std::sin(opening.leaf_angle_rad) * length_m;
+  return leaf;
+}
+
+const char* room_name(RoomType type) {
+  switch (type) {
+    case RoomType::kLiving:
+      return "living room";
+    case RoomType::kKitchen:
+    case RoomType::kCookingKitchen:
+      return "kitchen";
+    case RoomType::kBathroom:
+      return "bathroom";
+    case RoomType::kBedroom:
+    case RoomType::kSecondBedroom:
+      return "bedroom";
+    case RoomType::kStudy:
+      return "study";
+    case RoomType::kStudio:
+      return "studio";
+    case RoomType::kLivingKitchen:
+      return "living room with kitchen";
+    case RoomType::kDining:
+      return "dining room";
+    case RoomType::kOffice:
+      return "office";
+    case RoomType::kMeeting:
+      return "meeting room";
+    case RoomType::kWard:
+      return "ward";
+    case RoomType::kHall:
+      break;
+  }
+  return "hall";
+}
+
 float preferred_width_m(RoomType type, Dice& dice) {
   switch (type) {
     case RoomType::kLiving:
@@ -58,14 +114,26 @@ float preferred_width_m(RoomType type, Dice& dice) {
       return dice.between(3.4F, 3.9F);
     case RoomType::kStudy:
       return dice.between(3.0F, 3.5F);
+    case RoomType::kStudio:
+    case RoomType::kLivingKitchen:
+      return dice.between(6.0F, 6.8F);
+    case RoomType::kCookingKitchen:
+    case RoomType::kOffice:
+      return dice.between(3.7F, 4.3F);
+    case RoomType::kDining:
+      return dice.between(3.8F, 4.4F);
+    case RoomType::kMeeting:
+      return dice.between(4.6F, 5.4F);
+    case RoomType::kWard:
+      return dice.between(4.6F, 5.3F);
     case RoomType::kHall:
       break;
   }
   return 3.0F;
 }
 
-std::vector<Room> make_row(const std::vector<RoomType>& types, float width_m, const Span& y,
-                           Dice& dice) {
+std::vector<Room> make_row(const std::vector<RoomType>& types, float width_m, float y_from_m,
+                           float y_to_m, Dice& dice) {
   std::vector<float> widths;
   float sum = 0.0F;
   for (const RoomType type : types) {
@@ -78,13 +146,12 @@ std::vector<Room> make_row(const std::vector<RoomType>& types, float width_m, co
   float x = 0.0F;
   for (std::size_t i = 0; i < types.size(); ++i) {
     const float next = x + scale * widths[i];
-    row.push_back({types[i], {{x, y.lo}, {next, y.hi}}, {}});
+    row.push_back({types[i], {{x, y_from_m}, {next, y_to_m}}, {}});
     x = next + kWallThickness_m;
   }
   return row;
 }
 
-/// Adds a doorway if the rooms share a wall of sufficient length.
 bool connect(Room& a, Room& b, float width_m, Dice& dice) {
   for (const Side side : {kSouth, kEast, kNorth, kWest}) {
     const int along = axis_along(side), across = 1 - along;
@@ -114,8 +181,6 @@ bool connect(Room& a, Room& b, float width_m, Dice& dice) {
   return false;
 }
 
-/// The leaf of the doorway just added to `room`, turned by 180 degrees onto the wall beside
-/// it.
 void add_leaf(Room& room, Dice& dice) {
   Opening& door = room.openings.back();
   const int along = axis_along(door.side);
@@ -140,6 +205,14 @@ void add_window(Room& room, Side side, Dice& dice) {
   window.center_m = 0.5F * (wall.lo + wall.hi) +
                     dice.between(-0.15F, 0.15F) * (wall.hi - wall.lo - window.width_m);
   room.openings.push_back(window);
+}
+
+void move(std::vector<Room>& rooms, const glm::vec2& by_m) {
+  for (Room& room : rooms) {
+    room.rect.min_m += by_m;
+    room.rect.max_m += by_m;
+    for (Opening& opening : room.openings) opening.center_m += by_m[axis_along(opening.side)];
+  }
 }
 
 void mirror(std::vector<Room>& rooms, int axis) {
@@ -167,8 +240,6 @@ void transpose(std::vector<Room>& rooms) {
   }
 }
 
-}  // namespace
-
 std::vector<Room> make_floor_plan(int rooms, Dice& dice) {
   using Type = RoomType;
   std::vector<Type> north{Type::kLiving, Type::kKitchen},
@@ -187,11 +258,10 @@ std::vector<Room> make_floor_plan(int rooms, Dice& dice) {
   const float hall_depth = dice.between(1.55F, 1.85F);
   const Span hall_y{south_depth + kWallThickness_m,
                     south_depth + kWallThickness_m + hall_depth};
-  std::vector<Room> plan = make_row(
-      north, width, {hall_y.hi + kWallThickness_m, hall_y.hi + kWallThickness_m + north_depth},
-      dice);
+  std::vector<Room> plan = make_row(north, width, hall_y.hi + kWallThickness_m,
+                                    hall_y.hi + kWallThickness_m + north_depth, dice);
   const std::size_t num_north = plan.size();
-  for (const Room& room : make_row(south, width, {0.0F, south_depth}, dice))
+  for (const Room& room : make_row(south, width, 0.0F, south_depth, dice))
     plan.push_back(room);
   Room hall{Type::kHall, {{0.0F, hall_y.lo}, {width, hall_y.hi}}, {}};
   const bool open_plan = dice.chance(0.5F);
@@ -203,8 +273,9 @@ std::vector<Room> make_floor_plan(int rooms, Dice& dice) {
   for (std::size_t i = 0; i < plan.size(); ++i) {
     const bool wide = plan[i].type == Type::kLiving;
     const float door = wide ? dice.between(1.15F, 1.35F) : dice.between(1.05F, 1.12F);
-    if (!connect(hall, plan[i], door, dice)) connect(plan[0], plan[i], door, dice);
-    if (!wide) add_leaf(plan[i], dice);
+    const bool connected =
+        connect(hall, plan[i], door, dice) || connect(plan[0], plan[i], door, dice);
+    if (connected && !wide) add_leaf(plan[i], dice);
     add_window(plan[i], i < num_north ? kNorth : kSouth, dice);
   }
   if (dice.chance(0.6F)) connect(plan[0], plan[1], dice.between(1.1F, 1.3F), dice);

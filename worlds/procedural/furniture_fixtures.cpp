@@ -276,4 +276,42 @@ void make_door_leaf(Workshop& w) {
   }
 }
 
+void make_stove(Workshop& w) {
+  const float width = 0.6F, depth = 0.6F, height = 0.85F;
+  const Surface body = w.dice.chance(0.5F) ? w.metal() : w.ceramic_white();
+  const Surface black = w.surfaces.plain(glm::vec3(0.06F));
+  w.use(body);
+  w.mesh().add_box({0, 0.01F, 0.5F * height}, {width, depth - 0.02F, height});
+  w.use(black);
+  w.mesh().add_box({0, 0, height + 0.005F}, {width - 0.03F, depth - 0.06F, 0.01F});
+  w.mesh().add_box({0, -0.5F * depth + 0.01F, 0.4F}, {width - 0.12F, 0.02F, 0.38F});
+  w.use(w.surfaces.plain(glm::vec3(0.28F)));
+  for (const float x : {-0.14F, 0.14F}) {
+    for (const float y : {-0.12F, 0.12F}) {
+      w.mesh().add_cylinder({x, y, height + 0.01F}, {x, y, height + 0.018F}, 0.09F, 0.09F, 20);
+    }
+  }
+  w.use(w.metal());
+  w.mesh().add_cylinder({-0.22F, -0.5F * depth - 0.03F, 0.64F},
+                        {0.22F, -0.5F * depth - 0.03F, 0.64F}, 0.012F, 0.012F, 10);
+  for (const float x : {-0.21F, -0.07F, 0.07F, 0.21F}) {
+    w.mesh().add_cylinder({x, -0.5F * depth + 0.02F, 0.76F}, {x, -0.5F * depth - 0.02F, 0.76F},
+                          0.022F, 0.02F, 12);
+  }
+  w.piece.surface_height_m = height + 0.018F;
+}
+
+void make_washing_machine(Workshop& w) {
+  const float width = 0.6F, depth = 0.6F, height = 0.85F, front = -0.5F * depth;
+  w.use(w.ceramic_white());
+  w.mesh().add_rounded_box({0, 0.01F, 0.5F * height}, {width, depth - 0.02F, height}, 0.015F,
+                           1);
+  w.use(w.metal());
+  w.mesh().add_cylinder({0, front + 0.03F, 0.42F}, {0, front - 0.02F, 0.42F}, 0.2F, 0.18F, 28);
+  w.use(w.surfaces.plain(glm::vec3(0.1F, 0.12F, 0.15F)));
+  w.mesh().add_cylinder({0, front, 0.42F}, {0, front - 0.03F, 0.42F}, 0.14F, 0.12F, 24);
+  w.mesh().add_box({0.1F, front + 0.01F, 0.77F}, {0.3F, 0.012F, 0.07F});
+  w.piece.surface_height_m = height;
+}
+
 }  // namespace segsim::worlds::internal

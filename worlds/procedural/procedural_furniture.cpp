@@ -11,71 +11,6 @@ namespace {
 
 using internal::Workshop;
 
-ProceduralClass class_of(FurnitureKind kind) {
-  using Kind = FurnitureKind;
-  using Class = ProceduralClass;
-  switch (kind) {
-    case Kind::kDiningChair:
-    case Kind::kOfficeChair:
-    case Kind::kArmchair:
-    case Kind::kStool:
-      return Class::kChair;
-    case Kind::kCouch:
-    case Kind::kCornerCouch:
-      return Class::kCouch;
-    case Kind::kBed:
-    case Kind::kSingleBed:
-      return Class::kBed;
-    case Kind::kDiningTable:
-    case Kind::kRoundTable:
-      return Class::kDiningTable;
-    case Kind::kCoffeeTable:
-      return Class::kCoffeeTable;
-    case Kind::kDesk:
-      return Class::kDesk;
-    case Kind::kNightstand:
-      return Class::kNightstand;
-    case Kind::kPlant:
-    case Kind::kSmallPlant:
-      return Class::kPottedPlant;
-    case Kind::kTv:
-      return Class::kTv;
-    case Kind::kTvStand:
-      return Class::kTvStand;
-    case Kind::kToilet:
-      return Class::kToilet;
-    case Kind::kRefrigerator:
-      return Class::kRefrigerator;
-    case Kind::kFoosballTable:
-      return Class::kFoosballTable;
-    case Kind::kDoorLeaf:
-      return Class::kDoor;
-    case Kind::kWardrobe:
-      return Class::kWardrobe;
-    case Kind::kTrashBin:
-      return Class::kTrashBin;
-    case Kind::kBookshelf:
-      return Class::kBookshelf;
-    case Kind::kKitchenCounter:
-      return Class::kKitchenCabinet;
-    case Kind::kKitchenSink:
-    case Kind::kWashbasin:
-      return Class::kSink;
-    case Kind::kBathtub:
-      return Class::kBathtub;
-    case Kind::kFloorLamp:
-    case Kind::kTableLamp:
-    case Kind::kCeilingLamp:
-      return Class::kLamp;
-    case Kind::kRug:
-      return Class::kRug;
-    case Kind::kPicture:
-      return Class::kPicture;
-    default:
-      return Class::kObject;
-  }
-}
-
 void make_target_piece(Workshop& w, FurnitureKind kind) {
   using Kind = FurnitureKind;
   switch (kind) {
@@ -94,6 +29,7 @@ void make_target_piece(Workshop& w, FurnitureKind kind) {
     case Kind::kBed:
       return make_bed(w, false);
     case Kind::kSingleBed:
+    case Kind::kHospitalBed:
       return make_bed(w, true);
     case Kind::kDiningTable:
       return make_dining_table(w, false);
@@ -153,10 +89,82 @@ void make_target_piece(Workshop& w, FurnitureKind kind) {
     case Kind::kLaptop:
     case Kind::kBoxes:
       return make_clutter(w, kind);
+    case Kind::kStove:
+      return make_stove(w);
+    case Kind::kWashingMachine:
+      return make_washing_machine(w);
+    case Kind::kAppliance:
+      return make_clutter(w, Kind::kBowl);
   }
 }
 
 }  // namespace
+
+ProceduralClass class_of(FurnitureKind kind) {
+  using Kind = FurnitureKind;
+  using Class = ProceduralClass;
+  switch (kind) {
+    case Kind::kDiningChair:
+    case Kind::kOfficeChair:
+    case Kind::kArmchair:
+    case Kind::kStool:
+      return Class::kChair;
+    case Kind::kCouch:
+    case Kind::kCornerCouch:
+      return Class::kCouch;
+    case Kind::kBed:
+    case Kind::kSingleBed:
+    case Kind::kHospitalBed:
+      return Class::kBed;
+    case Kind::kDiningTable:
+    case Kind::kRoundTable:
+      return Class::kDiningTable;
+    case Kind::kCoffeeTable:
+      return Class::kCoffeeTable;
+    case Kind::kDesk:
+      return Class::kDesk;
+    case Kind::kNightstand:
+      return Class::kNightstand;
+    case Kind::kPlant:
+    case Kind::kSmallPlant:
+      return Class::kPottedPlant;
+    case Kind::kTv:
+      return Class::kTv;
+    case Kind::kTvStand:
+      return Class::kTvStand;
+    case Kind::kToilet:
+      return Class::kToilet;
+    case Kind::kRefrigerator:
+      return Class::kRefrigerator;
+    case Kind::kFoosballTable:
+      return Class::kFoosballTable;
+    case Kind::kDoorLeaf:
+      return Class::kDoor;
+    case Kind::kWardrobe:
+      return Class::kWardrobe;
+    case Kind::kTrashBin:
+      return Class::kTrashBin;
+    case Kind::kBookshelf:
+      return Class::kBookshelf;
+    case Kind::kKitchenCounter:
+      return Class::kKitchenCabinet;
+    case Kind::kKitchenSink:
+    case Kind::kWashbasin:
+      return Class::kSink;
+    case Kind::kBathtub:
+      return Class::kBathtub;
+    case Kind::kFloorLamp:
+    case Kind::kTableLamp:
+    case Kind::kCeilingLamp:
+      return Class::kLamp;
+    case Kind::kRug:
+      return Class::kRug;
+    case Kind::kPicture:
+      return Class::kPicture;
+    default:
+      return Class::kObject;
+  }
+}
 
 const std::vector<core::SceneClass>& procedural_classes() {
   static const std::vector<core::SceneClass> kClasses = [] {

@@ -109,16 +109,24 @@ enum class FurnitureKind : std::uint8_t {
   kCup,
   kLaptop,
   kBoxes,
+  // Only in homes with rooms that flats have not.
+  kHospitalBed,
+  kStove,
+  kWashingMachine,
+  kAppliance,  ///< A small machine on a kitchen counter.
 };
 
 struct Furniture {
   MeshBuilder mesh;
   ProceduralClass class_id = ProceduralClass::kVoid;
   float surface_height_m = 0.0F;  ///< Where things can be put on it; 0 = nowhere.
+  std::string credit;             ///< Whom to name for it, in one line; empty: nobody.
 
   /// Footprint and height; the mesh's box.
   [[nodiscard]] glm::vec3 size_m() const { return mesh.max_m() - mesh.min_m(); }
 };
+
+[[nodiscard]] ProceduralClass class_of(FurnitureKind kind);
 
 /// Fits a piece to its place. 0 = chosen by the seed.
 struct FurnitureSize {

@@ -13,6 +13,7 @@ constexpr float kWallGap_m = 0.02F;   // Behind furniture: the skirting.
 constexpr float kDoorZone_m = 0.95F;  // Kept free inside each doorway.
 constexpr float kPosition_m = 0.1F;   // Between candidate places.
 constexpr float kHalfPi = 0.5F * std::numbers::pi_v<float>;
+constexpr float kStraight_rad = 0.99F * std::numbers::pi_v<float>;
 
 glm::vec2 turned(const glm::vec2& v, float yaw_rad) {
   const float c = std::cos(yaw_rad), s = std::sin(yaw_rad);
@@ -37,6 +38,15 @@ Rect zone_of(const Room& room, const Opening& opening, float width_m, float dept
   zone.min_m[across] = std::min(wall, inside);
   zone.max_m[across] = std::max(wall, inside);
   return zone;
+}
+
+/// Where one stands after coming in.
+glm::vec2 entry_of(const Room& room, const Opening& opening) {
+  const int along = axis_along(opening.side), across = 1 - along;
+  glm::vec2 entry(0.0F);
+  entry[along] = opening.center_m;
+  entry[across] = room.wall_m(opening.side) - 0.5F * outward(opening.side)[across];
+  return entry;
 }
 
 template <class T>
@@ -105,17 +115,23 @@ RoomPlacer::RoomPlacer(sim::MeshScene& scene, const Room& room, Dice& dice)
     if (o.kind == OpeningKind::kWindow) continue;
     reserved_.push_back(zone_of(room, o, o.width_m + 0.1F, kDoorZone_m, o.center_m));
     if (o.kind == OpeningKind::kDoorway) {
-      glm::vec2 entry(0.0F);
-      entry[axis_along(o.side)] = o.center_m;
-      entry[1 - axis_along(o.side)] =
-          room.wall_m(o.side) - 0.5F * outward(o.side)[1 - axis_along(o.side)];
-      entries_m_.push_back(entry);
+      entries_m_.push_back(entry_of(room, o));
     }
-    if (o.leaf_side != 0) {
+    if (o.leaf_side != 0 && o.leaf_angle_rad < kStraight_rad) {
+      const Rect leaf = door_leaf(room, o).footprint();
+      blocked_.push_back(leaf);
+      heights_.emplace_back(leaf, kDoorHeight_m);
+    } else if (o.leaf_side != 0) {
       const float middle = o.center_m + static_cast<float>(o.leaf_side) * (o.width_m + 0.03F);
       const Rect leaf = zone_of(room, o, o.width_m, 0.17F, middle);
       blocked_.push_back(leaf);
       heights_.emplace_back(leaf, kDoorHeight_m);
+    }
+  }
+  // A home of one room is entered from outside.
+  for (const Opening& o : room.openings) {
+    if (o.kind == OpeningKind::kEntrance && entries_m_.empty()) {
+      entries_m_.push_back(entry_of(room, o));
     }
   }
   for (const Rect& rect : blocked_) lower_clearance(rect);
@@ -134,19 +150,29 @@ glm::vec2 RoomPlacer::cell_center_m(int x, int y) const {
          kGridCell_m * glm::vec2(static_cast<float>(x) + 0.5F, static_cast<float>(y) + 0.5F);
 }
 
+/// Calls `visit` for all cells whose centre may be so near to the rectangle, and a few others.
+template <class Visit>
+void RoomPlacer::for_cells_near(const Rect& rect, float distance_m, const Visit& visit) const {
+  const glm::vec2 low = (rect.min_m - distance_m - room_.rect.min_m) / kGridCell_m - 1.0F,
+                  high = (rect.max_m + distance_m - room_.rect.min_m) / kGridCell_m + 1.0F;
+  const int x_end = std::min(columns_, static_cast<int>(high.x) + 1),
+            y_end = std::min(rows_, static_cast<int>(high.y) + 1);
+  for (int y = std::max(0, static_cast<int>(low.y)); y < y_end; ++y) {
+    for (int x = std::max(0, static_cast<int>(low.x)); x < x_end; ++x) visit(x, y);
+  }
+}
+
 /// With `rects` added: are all doorways connected and all goals reachable?
 bool RoomPlacer::walkable(const std::vector<Rect>& rects,
                           const std::vector<Rect>& goals) const {
   std::vector<std::uint8_t> state(clearance_m_.size(), 0);  // 1 = free, 2 = reached.
-  for (int y = 0; y < rows_; ++y) {
-    for (int x = 0; x < columns_; ++x) {
-      const auto i = static_cast<std::size_t>(y * columns_ + x);
-      float clearance = clearance_m_[i];
-      if (clearance < kPassRadius_m) continue;
-      for (const Rect& rect : rects)
-        clearance = std::min(clearance, rect.distance_m(cell_center_m(x, y)));
-      state[i] = clearance >= kPassRadius_m ? 1 : 0;
-    }
+  for (std::size_t i = 0; i < state.size(); ++i) state[i] = clearance_m_[i] >= kPassRadius_m;
+  for (const Rect& rect : rects) {
+    for_cells_near(rect, kPassRadius_m, [&](int x, int y) {
+      if (rect.distance_m(cell_center_m(x, y)) < kPassRadius_m) {
+        state[static_cast<std::size_t>(y * columns_ + x)] = 0;
+      }
+    });
   }
   std::vector<int> stack;
   for (std::size_t e = 0; e < entries_m_.size(); ++e) {
@@ -179,12 +205,12 @@ bool RoomPlacer::walkable(const std::vector<Rect>& rects,
     }
   }
   const auto reachable = [&](const Rect& goal) {
-    for (int i = 0; i < columns_ * rows_; ++i) {
-      if (state[static_cast<std::size_t>(i)] == 2 &&
-          goal.distance_m(cell_center_m(i % columns_, i / columns_)) <= kReach_m)
-        return true;
-    }
-    return false;
+    bool found = false;
+    for_cells_near(goal, kReach_m, [&](int x, int y) {
+      found = found || (state[static_cast<std::size_t>(y * columns_ + x)] == 2 &&
+                        goal.distance_m(cell_center_m(x, y)) <= kReach_m);
+    });
+    return found;
   };
   return std::all_of(goals_.begin(), goals_.end(), reachable) &&
          std::all_of(goals.begin(), goals.end(), reachable);
@@ -194,9 +220,14 @@ bool RoomPlacer::try_place(const Group& group, const glm::vec2& offset_m, float 
                            float front_m) {
   std::vector<Rect> rects, goals;
   for (const Piece& piece : group.pieces) {
-    if (!piece.blocks) continue;
     const Rect rect = footprint_of(piece, offset_m, yaw_rad);
-    if (!room_.rect.contains(rect)) return false;
+    if ((piece.blocks || room_.all_inside) && !room_.rect.contains(rect)) return false;
+    if (!piece.blocks) {
+      // Seen from the end of a long stand, a television is far away.
+      const bool is_tv = piece.furniture.class_id == ProceduralClass::kTv;
+      if (is_tv && room_.all_inside) goals.push_back(rect);
+      continue;
+    }
     const auto hits = [&](const Rect& other) { return rect.overlaps(other); };
     if (std::any_of(blocked_.begin(), blocked_.end(), hits) ||
         std::any_of(reserved_.begin(), reserved_.end(), hits))
@@ -230,6 +261,7 @@ bool RoomPlacer::try_place(const Group& group, const glm::vec2& offset_m, float 
                  yaw_rad + piece.yaw_rad);
     heights_.emplace_back(footprint_of(piece, offset_m, yaw_rad),
                           piece.position_m.z + piece.furniture.mesh.max_m().z);
+    if (!piece.furniture.credit.empty()) credits_.push_back(piece.furniture.credit);
   }
   last_m_ = offset_m;
   return true;

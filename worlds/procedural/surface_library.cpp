@@ -48,29 +48,45 @@ Surface SurfaceLibrary::textured(const TextureRecipe& recipe, float tile_m,
     return {material({glm::vec3(1.0F), static_cast<int>(first_texture_ + index), radiance}),
             tile_m};
   };
-  for (std::size_t i = 0; i < recipes_.size(); ++i) {
-    if (same(recipes_[i], recipe)) return textured_with(i);
+  for (std::size_t i = 0; i < paints_.size(); ++i) {
+    if (paints_[i].picture == nullptr && same(paints_[i].recipe, recipe)) {
+      return textured_with(i);
+    }
   }
-  if (static_cast<int>(recipes_.size()) >= max_textures_) {
+  if (recipes_ >= max_textures_) {
     const glm::vec3 mean = 0.5F * (recipe.palette[0] + recipe.palette[1]);
     return radiance == glm::vec3(0.0F) ? plain(mean) : glowing(mean, radiance);
   }
-  recipes_.push_back(recipe);
-  return textured_with(recipes_.size() - 1);
+  paints_.push_back({recipe, nullptr});
+  ++recipes_;
+  return textured_with(paints_.size() - 1);
+}
+
+Surface SurfaceLibrary::ready(const glm::vec3& albedo, const glm::vec3& emission,
+                              std::shared_ptr<const core::Image<core::Rgb8>> picture) {
+  if (picture == nullptr) return {material({albedo, -1, emission}), 1.0F};
+  std::size_t index = 0;
+  while (index < paints_.size() && paints_[index].picture != picture) ++index;
+  if (index == paints_.size()) paints_.push_back({{}, std::move(picture)});
+  return {material({albedo, static_cast<int>(first_texture_ + index), emission}), 1.0F};
 }
 
 void SurfaceLibrary::rewind(const Mark& mark) {
   scene_.materials.resize(mark.materials);
-  recipes_.resize(mark.textures);
+  for (std::size_t i = mark.textures; i < paints_.size(); ++i) {
+    if (paints_[i].picture == nullptr) --recipes_;
+  }
+  paints_.resize(mark.textures);
 }
 
 void SurfaceLibrary::finish(bool painted) {
-  const auto painting = [&](std::size_t recipe) {
-    return painted ? make_texture(recipes_[recipe])
-                   : core::Image<core::Rgb8>(1, 1, core::Rgb8{255, 255, 255});
+  const auto painting = [&](std::size_t index) {
+    if (!painted) return core::Image<core::Rgb8>(1, 1, core::Rgb8{255, 255, 255});
+    const Paint& paint = paints_[index];
+    return paint.picture != nullptr ? *paint.picture : make_texture(paint.recipe);
   };
   std::vector<int> new_material(scene_.materials.size(), -1);
-  std::vector<int> new_texture(first_texture_ + recipes_.size(), -1);
+  std::vector<int> new_texture(first_texture_ + paints_.size(), -1);
   for (const sim::SubMesh& mesh : scene_.meshes)
     new_material[static_cast<std::size_t>(mesh.material)] = 0;
   std::vector<sim::Material> materials;

@@ -5,6 +5,7 @@
 /// finish(), because furniture that finds no place takes its own with it.
 
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include <glm/vec3.hpp>
@@ -33,11 +34,17 @@ class SurfaceLibrary {
   [[nodiscard]] Surface textured(const TextureRecipe& recipe, float tile_m,
                                  const glm::vec3& radiance = glm::vec3(0.0F));
 
+  /// A surface with a picture from elsewhere, which counts to no limit. Texture coordinates
+  /// are those of the mesh. @param albedo, emission  Linear RGB, as in sim::Material.
+  /// @param picture  Null for none. Equal pointers are one texture.
+  [[nodiscard]] Surface ready(const glm::vec3& albedo, const glm::vec3& emission,
+                              std::shared_ptr<const core::Image<core::Rgb8>> picture);
+
   /// Undoes what was added since mark(); nothing in the scene may use it any more.
   struct Mark {
     std::size_t materials, textures;
   };
-  [[nodiscard]] Mark mark() const { return {scene_.materials.size(), recipes_.size()}; }
+  [[nodiscard]] Mark mark() const { return {scene_.materials.size(), paints_.size()}; }
   void rewind(const Mark& mark);
 
   /// Drops what no mesh of the scene uses, numbers the rest anew in order, and paints the
@@ -46,11 +53,18 @@ class SurfaceLibrary {
   void finish(bool painted = true);
 
  private:
+  /// What a texture becomes: a recipe, or a picture that is there already.
+  struct Paint {
+    TextureRecipe recipe;
+    std::shared_ptr<const core::Image<core::Rgb8>> picture;
+  };
+
   int material(const sim::Material& wanted);
 
   sim::MeshScene& scene_;
   int max_textures_;
-  std::vector<TextureRecipe> recipes_;  ///< Of the scene's textures from first_texture_ on.
+  int recipes_ = 0;            ///< Paints that are recipes.
+  std::vector<Paint> paints_;  ///< Of the scene's textures from first_texture_ on.
   std::size_t first_texture_;
 };
 

@@ -15,6 +15,7 @@
 #include "core/scene_bundle.h"
 #include "experiments/commands/scene/scene_commands.h"
 #include "experiments/scenes/coverage.h"
+#include "experiments/scenes/scene_source.h"
 #include "experiments/scenes/scene_surfels.h"
 #include "experiments/scenes/viewed_place.h"
 #include "experiments/training/training_folder.h"
@@ -143,6 +144,8 @@ void inspect(const std::filesystem::path& folder, const std::string& robot_name)
   std::printf("\nunlabelled surfels: %zu\n\nstatistics\n", surfels_of_class[0]);
   for (const auto& [key, value] : m.statistics)
     std::printf("  %-28s %g\n", key.c_str(), value);
+  const std::string credits = scenes::read_credits(folder);
+  if (!credits.empty()) std::printf("\nmakers and licences\n%s", credits.c_str());
   const std::string warning = scenes::coverage_warning(m);
   if (!warning.empty()) std::printf("\nwarning: %s\n", warning.c_str());
 }

@@ -19,6 +19,7 @@
 #include "experiments/scenes/mesh_accuracy.h"
 #include "experiments/scenes/mesh_source.h"
 #include "experiments/scenes/robot_room.h"
+#include "experiments/scenes/scene_source.h"
 #include "experiments/scenes/scene_surfels.h"
 #include "experiments/support/record_file.h"
 #include "reconstruction/lifting/lifting.h"
@@ -119,6 +120,9 @@ void write_remeshed(const fs::path& folder, const RemeshFlags& flags,
   parts.levelling = {
       step.R_world_source * parts.levelling.R_world_source,
       step.R_world_source * parts.levelling.p_world_source_m + step.p_world_source_m};
+  if (const fs::path credits = bundle.folder / scenes::kCreditsFileName; fs::exists(credits)) {
+    fs::copy_file(credits, folder / scenes::kCreditsFileName);
+  }
   core::write_bundle_manifest(folder, manifest, parts);
 }
 

@@ -68,6 +68,7 @@ void SceneStep::reconstruct() const {
   scenes::ReconstructOptions options;
   options.name = scene_.name;
   options.source = scenes::describe_capture(source);
+  options.credits = scenes::read_credits(recording_);
   options.source_sha256 = record_.recipe_sha256();
   options.collision.floor_is_known = reading().floor_height_m.has_value();
   options.lift.voxel_m = source.voxel_m;

@@ -2,6 +2,7 @@
 #include <algorithm>
 
 #include "experiments/specs/gazebo_spec.h"
+#include "experiments/specs/home_spec.h"
 #include "experiments/specs/internal/spec_readers.h"
 #include "experiments/support/numbers_in_range.h"
 #include "reconstruction/labels/panoptic_head.h"
@@ -42,6 +43,23 @@ GazeboSpec read_gazebo(const ConfigNode& source, const Variables& variables) {
   }
   if (source.has("class_map")) gazebo.class_map = variables.expand(source.child("class_map"));
   return gazebo;
+}
+
+HomeSpec read_home(const ConfigNode& source, const Variables& variables) {
+  HomeSpec home;
+  if (source.has("plan")) {
+    const ConfigNode node = source.child("plan");
+    home.plan = worlds::kHomePlanNames.read(node.as_text(), node.where());
+  }
+  home.rooms = support::count_within(source, "rooms", 0, 0, 8);
+  if (source.has("furniture")) {
+    const ConfigNode node = source.child("furniture");
+    parse_furniture(node.as_text(), node.where(), home);
+  }
+  if (source.has("furniture_folder")) {
+    home.furniture_folder = variables.expand(source.child("furniture_folder"));
+  }
+  return home;
 }
 
 ReconstructSpec read_reconstruct(const ConfigNode& node, const Variables& variables) {
@@ -148,11 +166,15 @@ std::string read_name(const ConfigNode& node, const std::string& key) {
 
 SourceSpec read_source(const ConfigNode& node, const Variables& variables) {
   SourceSpec source;
-  source.type =
-      static_cast<SourceType>(core::choice(node, "type", {"flat", "gazebo", "mesh", "rgbd"}));
+  source.type = static_cast<SourceType>(
+      core::choice(node, "type", {"flat", "gazebo", "mesh", "rgbd", "home"}));
   switch (source.type) {
     case SourceType::kFlat:
       source.seed = read_seed(node, 0);
+      break;
+    case SourceType::kHome:
+      source.seed = read_seed(node, 0);
+      source.home = read_home(node, variables);
       break;
     case SourceType::kGazebo:
       source.gazebo = read_gazebo(node, variables);

@@ -7,6 +7,7 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
+#include "experiments/specs/home_spec.h"
 #include "nav/policies/built_in_policies.h"
 
 namespace segsim::experiments {
@@ -341,6 +342,33 @@ TEST(Spec, ARecordingsCamerasAndClocksAreRead) {
               AllOf(HasSubstr("depth_time_offset_ms"), HasSubstr("soon")));
   EXPECT_THAT(error_with("sensor: lidar, "), AllOf(HasSubstr("sensor"), HasSubstr("stereo")));
   EXPECT_THAT(error_with("rolling_shutter_ms: 900, "), HasSubstr("[-200, 200]"));
+}
+
+TEST(Spec, AHomesPlanAndFurnitureAreRead) {
+  const auto text_with = [](const std::string& keys) {
+    return with(kSpec, "{type: flat, seed: 11,", "{type: home, seed: 11, " + keys);
+  };
+  const auto home_of = [&](const std::string& keys) {
+    return parse(text_with(keys)).scenes[0].source;
+  };
+  const auto plain = home_of("");
+  EXPECT_EQ(plain->type, specs::SourceType::kHome);
+  EXPECT_EQ(plain->seed, 11U);
+  EXPECT_EQ(plain->home.plan, worlds::HomePlan::kAny);
+  EXPECT_EQ(plain->home.pool, worlds::FurniturePool::kTrain);
+  const auto stated = home_of(
+      "plan: office, rooms: 6, furniture: unseen, furniture_folder: \"${data}/sh3f\",");
+  EXPECT_EQ(stated->home.plan, worlds::HomePlan::kOffice);
+  EXPECT_EQ(specs::furniture_folder(stated->home), "/d/sh3f");
+  EXPECT_EQ(specs::describe(stated->home), ", plan office, 6 rooms, furniture unseen");
+  const auto own = home_of("furniture: own,");
+  EXPECT_FALSE(specs::furniture_folder(own->home).has_value());
+  EXPECT_EQ(specs::describe(own->home), ", plan any, furniture own");
+  EXPECT_THAT(error_of(text_with("plan: castle,")),
+              AllOf(HasSubstr("castle"), HasSubstr("ward")));
+  EXPECT_THAT(error_of(text_with("rooms: 9,")), HasSubstr("rooms"));
+  EXPECT_THAT(error_of(text_with("furniture: oak,")),
+              AllOf(HasSubstr("furniture"), HasSubstr("unseen")));
 }
 
 TEST(Spec, AWrongTypeOrValueIsNamedWithItsLine) {

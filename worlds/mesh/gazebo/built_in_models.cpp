@@ -3,11 +3,7 @@
 #include <cctype>
 #include <fstream>
 #include <string_view>
-#include <system_error>
 
-#include <unistd.h>
-
-#include "core/error.h"
 #include "worlds/mesh/gazebo/internal/built_in_models.h"
 
 namespace segsim::worlds::internal {
@@ -35,27 +31,14 @@ std::string model_name(const std::string& uri) {
   return name;
 }
 
-fs::path new_folder() {
-  std::string name = (fs::temp_directory_path() / "segsim_models_XXXXXX").string();
-  if (::mkdtemp(name.data()) == nullptr) {
-    throw core::InputError::expected(name, "a place for temporary files", "none");
-  }
-  return name;
-}
-
 }  // namespace
-
-BuiltInModels::~BuiltInModels() {
-  std::error_code ignored;
-  if (!folder_.empty()) fs::remove_all(folder_, ignored);
-}
 
 std::optional<fs::path> BuiltInModels::find(const std::string& uri) {
   const std::string name = model_name(uri);
   const bool light = std::find(kLights.begin(), kLights.end(), name) != kLights.end();
   if (!light && name != "ground_plane") return std::nullopt;
-  if (folder_.empty()) folder_ = new_folder();
-  const fs::path model = folder_ / name;
+  if (!folder_) folder_ = std::make_unique<TemporaryFolder>("segsim_models");
+  const fs::path model = folder_->path() / name;
   fs::create_directories(model);
   std::ofstream(model / "model.config")
       << "<model><name>" << name << "</name><sdf version='1.6'>model.sdf</sdf></model>";

@@ -1,9 +1,10 @@
 #pragma once
 
 /// @file
-/// Rooms, doorways and windows of a flat. Private to sim/procedural_flat*.cpp.
+/// Rooms, doorways and windows of a flat or a home.
 
 #include <cstdint>
+#include <numbers>
 #include <vector>
 
 #include <glm/vec2.hpp>
@@ -54,6 +55,8 @@ struct Opening {
   /// An open door leaf stands against this wall on the side of larger (+1) or smaller (-1)
   /// coordinates; 0 = none.
   int leaf_side = 0;
+  /// How far that leaf is open. Half open it stands in the room.
+  float leaf_angle_rad = std::numbers::pi_v<float>;
   bool owns_passage = false;  ///< Of a doorway's two openings, one builds the jambs.
 };
 
@@ -64,13 +67,25 @@ enum class RoomType : std::uint8_t {
   kBedroom,
   kSecondBedroom,
   kStudy,
-  kHall
+  kHall,
+  // Only in homes (home_plan.h).
+  kStudio,          ///< Living, sleeping and cooking in one.
+  kLivingKitchen,   ///< Living and cooking in one.
+  kCookingKitchen,  ///< With a stove.
+  kDining,
+  kOffice,
+  kMeeting,
+  kWard
 };
+[[nodiscard]] const char* room_name(RoomType type);
 
 struct Room {
   RoomType type = RoomType::kHall;
   Rect rect;  ///< Inside of the walls.
   std::vector<Opening> openings;
+  /// Whether rugs and what stands on furniture must lie between the walls as well. In flats
+  /// they need not, so that a seed keeps its flat.
+  bool all_inside = false;
 
   /// Coordinate of the inner face of a wall.
   [[nodiscard]] float wall_m(Side side) const {
@@ -79,16 +94,39 @@ struct Room {
   }
 };
 
+/// Where the leaf of a doorway of `room` stands, seen from above.
+struct DoorLeaf {
+  glm::vec2 hinge_m{0.0F}, tip_m{0.0F};
+
+  /// With the handles.
+  [[nodiscard]] Rect footprint() const;
+};
+/// @pre opening.leaf_side is not 0.
+[[nodiscard]] DoorLeaf door_leaf(const Room& room, const Opening& opening);
+
+/// Rooms side by side along x from x = 0, together `width_m` wide, from `y_from_m` to
+/// `y_to_m`.
+[[nodiscard]] std::vector<Room> make_row(const std::vector<RoomType>& types, float width_m,
+                                         float y_from_m, float y_to_m, Dice& dice);
+/// What a room of that type is wide in a row where nothing is stretched.
+[[nodiscard]] float preferred_width_m(RoomType type, Dice& dice);
+/// Adds a doorway if the rooms share a wall of sufficient length.
+bool connect(Room& a, Room& b, float width_m, Dice& dice);
+/// The leaf of the doorway just added to `room`, turned by 180 degrees onto the wall beside
+/// it; now and then none.
+void add_leaf(Room& room, Dice& dice);
+void add_window(Room& room, Side side, Dice& dice);
+void move(std::vector<Room>& rooms, const glm::vec2& by_m);
+/// About the coordinate 0 of the axis.
+void mirror(std::vector<Room>& rooms, int axis);
+/// Swaps x and y.
+void transpose(std::vector<Room>& rooms);
+
 /// `rooms` rooms and a hall, centred on the origin; every room has a doorway.
 [[nodiscard]] std::vector<Room> make_floor_plan(int rooms, Dice& dice);
 
 /// Walls, floors, ceilings, windows, doors and lamps of the rooms.
 void build_shell(sim::MeshScene& scene, const std::vector<Room>& rooms,
                  SurfaceLibrary& surfaces, Dice& dice, FurnitureStyle style, bool ceiling);
-
-/// Furnishes one room. @returns false if something that the room must have found no place.
-[[nodiscard]] bool furnish_room(sim::MeshScene& scene, const Room& room,
-                                SurfaceLibrary& surfaces, std::uint64_t seed,
-                                FurnitureStyle style);
 
 }  // namespace segsim::worlds::internal

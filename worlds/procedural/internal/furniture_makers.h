@@ -83,6 +83,8 @@ void make_plant(Workshop& w, bool small);
 void make_tv(Workshop& w);
 void make_toilet(Workshop& w);
 void make_washbasin(Workshop& w);
+void make_stove(Workshop& w);
+void make_washing_machine(Workshop& w);
 void make_bathtub(Workshop& w);
 void make_trash_bin(Workshop& w);
 void make_door_leaf(Workshop& w);

@@ -2,8 +2,9 @@
 
 /// @file
 /// Finds places for groups of furniture in a room so that a robot can still get everywhere.
-/// Private to sim/procedural_flat*.cpp.
 
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "worlds/procedural/internal/floor_plan.h"
@@ -62,6 +63,8 @@ class RoomPlacer {
   bool on_wall(const Furniture& piece, float z_m, float clear_below_m);
   /// World position of the last group placed.
   [[nodiscard]] glm::vec2 last_m() const { return last_m_; }
+  /// Of the pieces placed, those that have one.
+  [[nodiscard]] const std::vector<std::string>& credits() const { return credits_; }
 
  private:
   bool try_place(const Group& group, const glm::vec2& offset_m, float yaw_rad, float front_m);
@@ -69,6 +72,8 @@ class RoomPlacer {
   [[nodiscard]] bool walkable(const std::vector<Rect>& rects,
                               const std::vector<Rect>& goals) const;
   [[nodiscard]] glm::vec2 cell_center_m(int x, int y) const;
+  template <class Visit>
+  void for_cells_near(const Rect& rect, float distance_m, const Visit& visit) const;
 
   sim::MeshScene& scene_;
   const Room& room_;
@@ -78,6 +83,7 @@ class RoomPlacer {
   std::vector<glm::vec2> entries_m_;  ///< Where one stands after coming in, per doorway.
   std::vector<Rect> blocked_, goals_, reserved_;
   std::vector<std::pair<Rect, float>> heights_;  ///< Of what stands, for pictures.
+  std::vector<std::string> credits_;
   glm::vec2 last_m_{0.0F};
 };
 

@@ -4,8 +4,11 @@
 /// Models that every Gazebo has and that worlds therefore do not bring along.
 
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
+
+#include "worlds/mesh/internal/temporary_folder.h"
 
 namespace segsim::worlds::internal {
 
@@ -13,17 +16,12 @@ namespace segsim::worlds::internal {
 /// while this object does.
 class BuiltInModels {
  public:
-  BuiltInModels() = default;
-  ~BuiltInModels();
-  BuiltInModels(const BuiltInModels&) = delete;
-  BuiltInModels& operator=(const BuiltInModels&) = delete;
-
   /// The folder of the model that "model://sun" or ".../models/Sun" means; nullopt if it is
   /// none of these.
   [[nodiscard]] std::optional<std::filesystem::path> find(const std::string& uri);
 
  private:
-  std::filesystem::path folder_;  ///< Empty until it is needed.
+  std::unique_ptr<TemporaryFolder> folder_;  ///< None until it is needed.
 };
 
 }  // namespace segsim::worlds::internal

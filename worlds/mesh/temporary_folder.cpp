@@ -1,0 +1,25 @@
+#include <system_error>
+
+#include <stdlib.h>  // mkdtemp
+
+#include "core/error.h"
+#include "worlds/mesh/internal/temporary_folder.h"
+
+namespace segsim::worlds::internal {
+
+namespace fs = std::filesystem;
+
+TemporaryFolder::TemporaryFolder(const std::string& prefix) {
+  std::string name = (fs::temp_directory_path() / (prefix + "_XXXXXX")).string();
+  if (::mkdtemp(name.data()) == nullptr) {
+    throw core::InputError::expected(name, "a place for temporary files", "none");
+  }
+  path_ = name;
+}
+
+TemporaryFolder::~TemporaryFolder() {
+  std::error_code ignored;
+  fs::remove_all(path_, ignored);
+}
+
+}  // namespace segsim::worlds::internal
