@@ -61,6 +61,10 @@ WideSize check_png(std::string_view bytes, const std::string& place) {
   WideSize size;
   std::size_t at = kPngSignature.size();
   while (true) {
+    if (bytes.size() >= at + 16 && bytes.substr(at + 4, 4) == "IHDR") {
+      size =
+          checked_size({big_endian(bytes, at + 8, 4), big_endian(bytes, at + 12, 4)}, place);
+    }
     if (bytes.size() < at + 12) {
       throw InputError::expected(place, "a complete PNG file (IEND chunk)",
                                  at_byte(at, bytes.size()));
@@ -75,10 +79,6 @@ WideSize check_png(std::string_view bytes, const std::string& place) {
       throw InputError::expected(
           place, "intact PNG data",
           "a wrong checksum in the chunk at byte " + std::to_string(at));
-    }
-    if (type == "IHDR" && length >= 8) {
-      size =
-          checked_size({big_endian(bytes, at + 8, 4), big_endian(bytes, at + 12, 4)}, place);
     }
     if (type == "IEND") return size;
     at += length + 12;

@@ -26,13 +26,13 @@ struct RayHit {
   [[nodiscard]] bool hit() const { return mesh != kNone; }
 };
 
-/// Immutable, so all threads may ask one object at once.
+/// Immutable, so all threads may ask at once. Numbers that no ray has throw core::InputError.
 class RayScene {
  public:
   static constexpr float kFar = std::numeric_limits<float>::infinity();
 
   /// Copies the geometry and builds the hierarchy. @param threads  0 = all cores.
-  /// @throws ContractViolation if a triangle names a vertex that its mesh does not have.
+  /// @throws ContractViolation for a vertex that is not there, InputError for one far away.
   explicit RayScene(const MeshScene& scene, int threads = 0);
   ~RayScene();
   RayScene(const RayScene&) = delete;

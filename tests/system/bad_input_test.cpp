@@ -112,7 +112,7 @@ TEST_F(BadInput, FlagsAreCheckedAtTheDoor) {
             "expected a finite number, found nan"},
            {"render x.ply --out x.png --pose 0 0 1e30 0 0", "--pose"},
            {"episodes generate b -o x.jsonl --min-start nan", "expected a finite number"},
-           {"reconstruct s --out b --latitude 1e999", "expected a finite number"}}) {
+           {"reconstruct s --out b --latitude nan", "expected a finite number"}}) {
     expect_refused(arguments, words);
   }
   EXPECT_EQ(run_limited("episodes --help").exit_code, 0);
@@ -125,8 +125,8 @@ TEST_F(BadInput, ErrorsOfLibrariesAreBadInput) {
   folder_.write("t/transforms.json", R"({"frames": [{"file_path": 1e999}]})");
   expect_refused("reconstruct --check " + in("t"), "transforms.json: expected JSON");
   ASSERT_EQ(::mkfifo(in("pipe").c_str(), 0600), 0);
-  expect_refused("run " + in("pipe"), "expected a readable YAML file");
-  expect_refused("render --out " + in("a.png") + " /dev/zero", "expected a readable file");
+  expect_refused("run " + in("pipe"), "expected a readable file, found no regular file");
+  expect_refused("render --out " + in("a.png") + " /dev/zero", "/dev/zero: expected");
   folder_.write("t.txt", "-1e308 0 1.2 0 0\n");
   expect_refused(
       "capture --flat 3 --frames 1 --out " + in("o") + " --trajectory " + in("t.txt"),

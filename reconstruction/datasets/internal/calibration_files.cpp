@@ -125,8 +125,8 @@ core::CameraPose pose_from_matrix(std::span<const double> numbers, const std::st
   }
   for (const double value : numbers) {
     if (!core::within_world(value)) {
-      throw InputError::expected(place, core::print("numbers within %g", core::kFarthest_m),
-                                 text_of(value));
+      throw InputError::expected(
+          place, core::print("finite numbers within %g", core::kFarthest_m), text_of(value));
     }
   }
   if (std::abs(numbers[12]) > 1e-6 || std::abs(numbers[13]) > 1e-6 ||
