@@ -18,10 +18,6 @@
 
 namespace segsim::worlds {
 
-/// What made such a place, in the records of data sets. The version is raised when a seed no
-/// longer makes the same place.
-inline constexpr const char* kHomeGenerator = "procedural_homes/1";
-
 struct HomeOptions {
   std::uint64_t seed = 0;
   HomePlan plan = HomePlan::kAny;  ///< kAny: the seed chooses, six of ten are apartments.
