@@ -40,7 +40,8 @@ int end(ExitCode code, const std::string& message) {
   std::replace_if(
       line.begin(), line.end(),
       [](char c) { return c == '\n' || c == '\r' || c == '\t' || c == '\0'; }, ' ');
-  std::fprintf(stderr, "segsim: %s\n", line.c_str());
+  const bool names_program = line.starts_with("segsim");  // As a place: "segsim render".
+  std::fprintf(stderr, "%s%s\n", names_program ? "" : "segsim: ", line.c_str());
   return code;
 }
 
@@ -82,7 +83,7 @@ int end_of(const std::exception_ptr& thrown, const std::string& command) {
   }
 }
 
-/// Nothing but a whole number that is not finite: "nan", "-inf", "1e999".
+/// A word that is a number as a whole, and not a finite one: "nan", "-inf", "1e999".
 bool is_not_finite(const std::string& word) {
   char* stop = nullptr;
   const double value = std::strtod(word.c_str(), &stop);
