@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <cstdio>
+#include <limits>
 #include <set>
 #include <utility>
 
@@ -17,6 +18,14 @@
 
 namespace segsim::core {
 namespace {
+
+/// A figure that a reconstruction left in its bundle; NaN where `.nan` stands for what could
+/// not be measured, such as the height of a floor that was not found.
+double measured_number(const ConfigNode& figures, const std::string& key) {
+  const ConfigNode figure = figures.child(key);
+  if (figure.as_text() == ".nan") return std::numeric_limits<double>::quiet_NaN();
+  return figure.as_number();
+}
 
 namespace fs = std::filesystem;
 
@@ -226,7 +235,7 @@ SceneBundle load_bundle(const fs::path& folder) {
 
   const ConfigNode statistics = root.child("statistics");
   for (const std::string& key : statistics.keys()) {
-    m.statistics.emplace_back(key, statistics.number(key));
+    m.statistics.emplace_back(key, measured_number(statistics, key));
   }
 
   std::set<std::uint16_t> class_ids, instance_ids;

@@ -67,7 +67,8 @@ std::string error_line(const std::string& text) {
   std::istringstream lines(text);
   std::string line, found;
   while (std::getline(lines, line)) {
-    if (line.starts_with("segsim: ")) found += line;
+    // "segsim: FILE: expected ...", "segsim episodes: expected ...".
+    if (line.starts_with("segsim") && line.find(": ") != std::string::npos) found += line;
   }
   return found;
 }
