@@ -25,6 +25,7 @@ namespace {
 /// Difference of the success rates, with an interval from drawing scenes: of one training.
 MeanInterval drawn_scenes(const std::vector<GroupSummary>& scenes) {
   std::vector<ClusterSum> differences;
+  differences.reserve(scenes.size());
   for (const GroupSummary& scene : scenes) {
     differences.push_back(
         {static_cast<double>(scene.pairs.only_after - scene.pairs.only_before),
@@ -45,6 +46,7 @@ GroupSummary summarise_scenes(const internal::TableInputs& inputs, const ResultT
   for (const std::size_t scene : members) group.scenes.push_back(table.scenes[scene].name);
   if (inputs.pairs.size() != 1) return group;
   std::vector<GroupSummary> scenes;
+  scenes.reserve(members.size());
   for (const std::size_t scene : members) {
     scenes.push_back(internal::summarise_group(
         inputs, "", "", [scene](const internal::Episode& e) { return e.scene == scene; }));

@@ -56,7 +56,8 @@ std::string flow_map(const std::vector<ConfigNode>& maps, const Entries& first) 
   }
   std::string text;
   for (const auto& [key, value] : entries) {
-    text += (text.empty() ? "" : ", ") + key + ": " + value;
+    if (!text.empty()) text += ", ";
+    text.append(key).append(": ").append(value);
   }
   return "{" + text + "}";
 }

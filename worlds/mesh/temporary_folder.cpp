@@ -1,6 +1,5 @@
+#include <cstdlib>  // mkdtemp
 #include <system_error>
-
-#include <stdlib.h>  // mkdtemp
 
 #include "core/error.h"
 #include "worlds/mesh/internal/temporary_folder.h"

@@ -12,7 +12,6 @@ namespace {
 
 using internal::Dice;
 using internal::Opening;
-using internal::OpeningKind;
 using internal::Room;
 
 constexpr int kMaxPlans = 60;
