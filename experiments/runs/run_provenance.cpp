@@ -109,10 +109,16 @@ void add_file(const specs::ExperimentSpec& spec, const specs::ArmSpec& arm,
   row.start_leak = weights.start_leak;
 }
 
-void add_new(const std::vector<std::string>& names, const std::string& wanted,
-             std::vector<std::string>& to) {
+void add_if_among(const std::vector<std::string>& names, const std::string& wanted,
+                  std::vector<std::string>& to) {
   if (std::find(names.begin(), names.end(), wanted) != names.end()) to.push_back(wanted);
 }
+
+/// Of an arm with several files the table shows the means of these.
+constexpr double records::HeldOutPrecision::*kMeanFigures[] = {
+    &records::HeldOutPrecision::ap50, &records::HeldOutPrecision::ap,
+    &records::HeldOutPrecision::score_threshold, &records::HeldOutPrecision::precision,
+    &records::HeldOutPrecision::recall};
 
 /// The row of an arm that has weights of its own in every scene. What they had seen counts in
 /// the scene that they decide in: of others they may well have.
@@ -132,9 +138,9 @@ void add_scenes(const specs::ExperimentSpec& spec, const specs::ArmSpec& arm,
     files.insert(weights.file);
     hashes += scene.name + " " + core::sha256_of_file(weights.file) + "\n";
     const records::SceneExposure one = exposure_of_arm(spec, arm, weights.file, evaluated);
-    add_new(one.trained_on, scene.name, all.trained_on);
-    add_new(one.threshold_on, scene.name, all.threshold_on);
-    add_new(one.same_name, scene.name, all.same_name);
+    add_if_among(one.trained_on, scene.name, all.trained_on);
+    add_if_among(one.threshold_on, scene.name, all.threshold_on);
+    add_if_among(one.same_name, scene.name, all.same_name);
     all.known = std::max(all.known, one.known);
     if (weights.start_leak) {
       leak.views += weights.start_leak->views;
@@ -144,17 +150,11 @@ void add_scenes(const specs::ExperimentSpec& spec, const specs::ArmSpec& arm,
     if (!weights.held_out) continue;
     ++measured;
     mean.views += weights.held_out->views;
-    for (const auto value :
-         {&records::HeldOutPrecision::ap50, &records::HeldOutPrecision::ap,
-          &records::HeldOutPrecision::score_threshold, &records::HeldOutPrecision::precision,
-          &records::HeldOutPrecision::recall}) {
+    for (const auto value : kMeanFigures) {
       mean.*value += (*weights.held_out).*value;
     }
   }
-  for (const auto value :
-       {&records::HeldOutPrecision::ap50, &records::HeldOutPrecision::ap,
-        &records::HeldOutPrecision::score_threshold, &records::HeldOutPrecision::precision,
-        &records::HeldOutPrecision::recall}) {
+  for (const auto value : kMeanFigures) {
     mean.*value /= std::max(1, measured);
   }
   row.detector = std::to_string(files.size()) + " files for " + std::to_string(scenes) +
