@@ -1,11 +1,11 @@
 #include "core/pictures/picture_check.h"
 
 #include <algorithm>
-#include <array>
 #include <cstdint>
 
 #include "core/error.h"
 #include "core/input/bounds.h"
+#include "core/input/crc32.h"
 
 namespace segsim::core {
 namespace {
@@ -19,24 +19,6 @@ std::uint32_t big_endian(std::string_view bytes, std::size_t at, std::size_t cou
     value = (value << 8U) | static_cast<unsigned char>(bytes[at + i]);
   }
   return value;
-}
-
-/// CRC-32 of the PNG specification (annex D).
-std::uint32_t crc32(std::string_view bytes) {
-  static const std::array<std::uint32_t, 256> table = [] {
-    std::array<std::uint32_t, 256> entries{};
-    for (std::uint32_t n = 0; n < 256; ++n) {
-      std::uint32_t c = n;
-      for (int bit = 0; bit < 8; ++bit) c = (c & 1U) != 0U ? 0xEDB88320U ^ (c >> 1U) : c >> 1U;
-      entries[n] = c;
-    }
-    return entries;
-  }();
-  std::uint32_t crc = 0xFFFFFFFFU;
-  for (const char byte : bytes) {
-    crc = table[(crc ^ static_cast<unsigned char>(byte)) & 0xFFU] ^ (crc >> 8U);
-  }
-  return crc ^ 0xFFFFFFFFU;
 }
 
 std::string at_byte(std::size_t at, std::size_t size) {

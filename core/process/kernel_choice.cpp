@@ -53,8 +53,6 @@ void set_environment(KernelChoice choice) {
   setenv(kVariable, to_string(choice), 1);
   // A displaced OpenMP thread must not keep the others spinning.
   setenv("GOMP_SPINCOUNT", "20000", 0);
-  // Videos of trials are watched once: encoding them should not take long.
-  setenv("OPENCV_FFMPEG_WRITER_OPTIONS", "preset;veryfast", 0);
   if (choice == KernelChoice::kFast) return;
   for (const LibrarySetting& setting : kReproducible) {
     setenv(setting.variable, setting.value, 1);

@@ -1,44 +1,19 @@
 #include "experiments/runs/trial_replay.h"
 
 #include <algorithm>
-#include <cstdlib>
 #include <map>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "core/error.h"
+#include "core/process/temporary_folder.h"
 #include "experiments/runs/prepare.h"
 #include "experiments/trials/trial_runner.h"
 
 namespace segsim::experiments::runs {
-namespace {
 
 namespace fs = std::filesystem;
-
-/// A folder for what replays write; gone in the end.
-class Scratch {
- public:
-  Scratch() {
-    std::string name = (fs::temp_directory_path() / "segsim-replay-XXXXXX").string();
-    if (::mkdtemp(name.data()) == nullptr) {
-      throw core::InputError::expected(name, "a place for a temporary folder", "none");
-    }
-    path_ = name;
-  }
-  ~Scratch() {
-    std::error_code ignored;
-    fs::remove_all(path_, ignored);
-  }
-  Scratch(const Scratch&) = delete;
-  Scratch& operator=(const Scratch&) = delete;
-  [[nodiscard]] const fs::path& path() const { return path_; }
-
- private:
-  fs::path path_;
-};
-
-}  // namespace
 
 fs::path work_of_replay(const fs::path& log_file) {
   for (fs::path folder = fs::absolute(log_file).parent_path(); folder.has_relative_path();
@@ -112,7 +87,7 @@ struct TrialReplay::Impl {
   specs::SpecFolders folders;
   bool from_log;
   specs::ExperimentSpec spec;
-  Scratch scratch;
+  core::TemporaryFolder scratch{"segsim_replay"};
   std::map<std::string, std::unique_ptr<trials::LoadedScene>> scenes;
   std::unique_ptr<trials::TrialRunner> runner;
 };

@@ -1,10 +1,10 @@
 #include "perception/checkpoint/zip_file.h"
 
 #include <algorithm>
-#include <array>
 #include <limits>
 #include <set>
 
+#include "core/input/crc32.h"
 #include "perception/checkpoint/byte_reader.h"
 
 namespace segsim::perception {
@@ -130,26 +130,7 @@ void locate_data(std::string_view bytes, const std::string& place, Entry& entry)
   reader.take(entry.record.size);
 }
 
-constexpr std::array<std::uint32_t, 256> crc_table() {
-  std::array<std::uint32_t, 256> table{};
-  for (std::uint32_t i = 0; i < 256; ++i) {
-    std::uint32_t value = i;
-    for (int bit = 0; bit < 8; ++bit) value = (value >> 1U) ^ ((value & 1U) * 0xEDB88320U);
-    table[i] = value;
-  }
-  return table;
-}
-
 }  // namespace
-
-std::uint32_t crc32(std::string_view bytes) {
-  static constexpr std::array<std::uint32_t, 256> kTable = crc_table();
-  std::uint32_t crc = 0xFFFFFFFFU;
-  for (const char byte : bytes) {
-    crc = kTable[(crc ^ static_cast<std::uint8_t>(byte)) & 0xFFU] ^ (crc >> 8U);
-  }
-  return ~crc;
-}
 
 bool is_zip(std::string_view bytes) { return bytes.substr(0, 4) == "PK\x03\x04"; }
 
@@ -178,7 +159,7 @@ std::string_view read_record(std::string_view bytes, const ZipRecord& record,
                                      "another");
   }
   const std::string_view data = bytes.substr(record.offset, record.size);
-  if (crc32(data) != record.crc) {
+  if (core::crc32(data) != record.crc) {
     throw core::InputError::expected(place + ": record " + record.name, "the stated checksum",
                                      "another: the file is damaged");
   }

@@ -33,7 +33,4 @@ struct ZipRecord {
 [[nodiscard]] std::string_view read_record(std::string_view bytes, const ZipRecord& record,
                                            const std::string& place);
 
-/// CRC-32 as zip has it (reflected polynomial 0xEDB88320).
-[[nodiscard]] std::uint32_t crc32(std::string_view bytes);
-
 }  // namespace segsim::perception

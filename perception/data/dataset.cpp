@@ -7,6 +7,7 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
+#include "core/input/bounds.h"
 #include "perception/data/image_file.h"
 #include "perception/data/json_node.h"
 #include "perception/data/scene_json.h"
@@ -58,9 +59,9 @@ std::map<std::int64_t, std::size_t> read_images(const JsonNode& root, CocoDatase
     }
     image.width_px = static_cast<int>(node.at("width").integer(1, kMaxSide_px));
     image.height_px = static_cast<int>(node.at("height").integer(1, kMaxSide_px));
-    if (std::int64_t{image.width_px} * image.height_px > kMaxImagePixels) {
-      node.at("height").fail("at most " + std::to_string(kMaxImagePixels) + " pixels, width " +
-                             std::to_string(image.width_px));
+    if (std::int64_t{image.width_px} * image.height_px > core::kMostPixels) {
+      node.at("height").fail("at most " + std::to_string(core::kMostPixels) +
+                             " pixels, width " + std::to_string(image.width_px));
     }
     if (!index_of.emplace(image.id, dataset.images.size()).second) {
       node.at("id").fail("an id used once");

@@ -10,8 +10,6 @@
 
 namespace segsim::perception {
 
-static_assert(kMaxImagePixels == core::kMostPixels, "the same for all who read pictures");
-
 core::Image<core::Rgb8> read_image(const std::filesystem::path& file) {
   const std::string bytes = core::read_file(file);
   static_cast<void>(core::check_picture(bytes, file.string()));  // No other format is decoded.

@@ -8,6 +8,7 @@
 /// (jackal_description, hokuyo_ust10.urdf.xacro): 720 beams over +-2.35619 rad, 0.1 m to 30 m,
 /// 50 Hz, sigma 1 mm. Where it is mounted is our choice.
 
+#include <cmath>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -33,9 +34,7 @@ struct LidarModel {
   [[nodiscard]] double angle_rad(int beam) const {
     return first_rad + (last_rad - first_rad) * beam / (beams - 1);
   }
-  [[nodiscard]] core::TimeNs sweep_ns() const {
-    return static_cast<core::TimeNs>(sweep_s * 1e9 + 0.5);
-  }
+  [[nodiscard]] core::TimeNs sweep_ns() const { return std::llround(sweep_s * 1e9); }
 };
 
 /// Rays against a plain mesh, for any number of trials side by side.

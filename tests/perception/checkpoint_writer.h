@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/input/crc32.h"
 #include "perception/checkpoint/weights_file.h"
 #include "perception/checkpoint/zip_file.h"
 
@@ -33,7 +34,7 @@ inline std::string make_zip(const Records& records, bool in_64 = false,
     append(bytes, std::uint32_t{0x04034b50});
     for (const int value : {45, 0, int{method}, 0, 0})
       append(bytes, static_cast<std::uint16_t>(value));
-    append(bytes, crc32(data));
+    append(bytes, core::crc32(data));
     append(bytes, stated);
     append(bytes, stated);
     append(bytes, static_cast<std::uint16_t>(name.size()));
@@ -43,7 +44,7 @@ inline std::string make_zip(const Records& records, bool in_64 = false,
     append(directory, std::uint32_t{0x02014b50});
     for (const int value : {45, 45, 0, int{method}, 0, 0})
       append(directory, static_cast<std::uint16_t>(value));
-    append(directory, crc32(data));
+    append(directory, core::crc32(data));
     append(directory, stated);
     append(directory, stated);
     append(directory, static_cast<std::uint16_t>(name.size()));

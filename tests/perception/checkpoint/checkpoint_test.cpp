@@ -3,6 +3,7 @@
 #include <fstream>
 
 #include "core/error.h"
+#include "core/input/crc32.h"
 #include "core/random.h"
 #include "perception/checkpoint/pickle.h"
 #include "perception/checkpoint/tensor_file.h"
@@ -329,7 +330,7 @@ TEST(Pickle, ReadsNumbersOfEveryKind) {
   EXPECT_EQ(pickle.at(items[6]).real, 1.5);
 }
 
-TEST(Zip, ChecksumIsTheStandardOne) { EXPECT_EQ(crc32("123456789"), 0xCBF43926U); }
+TEST(Zip, ChecksumIsTheStandardOne) { EXPECT_EQ(core::crc32("123456789"), 0xCBF43926U); }
 
 }  // namespace
 }  // namespace segsim::perception

@@ -4,10 +4,10 @@
 #include <glm/common.hpp>
 
 #include "core/error.h"
+#include "core/process/temporary_folder.h"
 #include "worlds/mesh/furniture/furniture_catalogue.h"
 #include "worlds/mesh/furniture/internal/zip_archive.h"
 #include "worlds/mesh/internal/mesh_parts.h"
-#include "worlds/mesh/internal/temporary_folder.h"
 
 namespace segsim::worlds {
 namespace {
@@ -53,7 +53,7 @@ glm::dmat4 T_object_file(const glm::dmat3& R_upright_file) {
 sim::MeshScene load_furniture_mesh(const FurnitureModel& model,
                                    const TextureReader& textures) {
   const std::string place = model.library.string() + ": " + model.mesh;
-  const internal::TemporaryFolder folder("segsim_furniture");
+  const core::TemporaryFolder folder("segsim_furniture");
   unpack(model, folder.path());
   sim::MeshScene scene;
   scene.name = model.id;

@@ -37,7 +37,7 @@ std::optional<fs::path> BuiltInModels::find(const std::string& uri) {
   const std::string name = model_name(uri);
   const bool light = std::find(kLights.begin(), kLights.end(), name) != kLights.end();
   if (!light && name != "ground_plane") return std::nullopt;
-  if (!folder_) folder_ = std::make_unique<TemporaryFolder>("segsim_models");
+  if (!folder_) folder_ = std::make_unique<core::TemporaryFolder>("segsim_models");
   const fs::path model = folder_->path() / name;
   fs::create_directories(model);
   std::ofstream(model / "model.config")

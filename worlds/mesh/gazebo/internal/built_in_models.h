@@ -8,7 +8,7 @@
 #include <optional>
 #include <string>
 
-#include "worlds/mesh/internal/temporary_folder.h"
+#include "core/process/temporary_folder.h"
 
 namespace segsim::worlds::internal {
 
@@ -21,7 +21,7 @@ class BuiltInModels {
   [[nodiscard]] std::optional<std::filesystem::path> find(const std::string& uri);
 
  private:
-  std::unique_ptr<TemporaryFolder> folder_;  ///< None until it is needed.
+  std::unique_ptr<core::TemporaryFolder> folder_;  ///< None until it is needed.
 };
 
 }  // namespace segsim::worlds::internal

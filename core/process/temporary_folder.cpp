@@ -1,17 +1,18 @@
+#include "core/process/temporary_folder.h"
+
 #include <cstdlib>  // mkdtemp
 #include <system_error>
 
 #include "core/error.h"
-#include "worlds/mesh/internal/temporary_folder.h"
 
-namespace segsim::worlds::internal {
+namespace segsim::core {
 
 namespace fs = std::filesystem;
 
 TemporaryFolder::TemporaryFolder(const std::string& prefix) {
   std::string name = (fs::temp_directory_path() / (prefix + "_XXXXXX")).string();
   if (::mkdtemp(name.data()) == nullptr) {
-    throw core::InputError::expected(name, "a place for temporary files", "none");
+    throw InputError::expected(name, "a place for temporary files", "none");
   }
   path_ = name;
 }
@@ -21,4 +22,4 @@ TemporaryFolder::~TemporaryFolder() {
   fs::remove_all(path_, ignored);
 }
 
-}  // namespace segsim::worlds::internal
+}  // namespace segsim::core

@@ -3,7 +3,7 @@
 #include <filesystem>
 #include <string>
 
-namespace segsim::worlds::internal {
+namespace segsim::core {
 
 /// A folder of its own below the system's place for temporary files, for libraries that read
 /// files by name; removed with its content.
@@ -21,4 +21,4 @@ class TemporaryFolder {
   std::filesystem::path path_;
 };
 
-}  // namespace segsim::worlds::internal
+}  // namespace segsim::core
