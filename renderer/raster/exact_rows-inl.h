@@ -55,8 +55,8 @@ HWY_INLINE void add_exact_rows(D d, const ScreenSurfel& s, const ScreenEllipse<f
   const Rows highest = hn::Set(d, static_cast<float>(range.x_end));
   const Rows centre_x = hn::Set(d, outline.cx_px);
   for (int row = range.y_begin; row < range.y_end; row += static_cast<int>(hn::Lanes(d))) {
-    const Rows y_lo =
-        hn::MulAdd(hn::Iota(d, static_cast<float>(row)), hn::Set(d, kTile), hn::Set(d, 0.5F));
+    const Rows number = hn::Add(hn::Load(d, kCounting), hn::Set(d, static_cast<float>(row)));
+    const Rows y_lo = hn::MulAdd(number, hn::Set(d, kTile), hn::Set(d, 0.5F));
     const Rows y_hi = hn::Add(y_lo, hn::Set(d, kTile - 1.0F));
     const Rows lo = hn::Max(hn::Sub(y_lo, hn::Set(d, outline.cy_px)), hn::Neg(half_height));
     const Rows hi = hn::Min(hn::Sub(y_hi, hn::Set(d, outline.cy_px)), half_height);

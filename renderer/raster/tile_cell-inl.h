@@ -363,7 +363,7 @@ struct Pixels {
     const M counts = hn::And(reach.hit, hn::Ge(running, hn::Set(d, job.stop_transmittance)));
     const V weight = hn::IfThenElseZero(counts, hn::Mul(alpha, before));
     transmittance = hn::IfThenElse(counts, running, transmittance);
-    hits = hn::IfThenElse(hn::RebindMask(dk, counts), hn::Add(hits, hn::Set(dk, 1)), hits);
+    hits = hn::Sub(hits, hn::VecFromMask(dk, hn::RebindMask(dk, counts)));  // A mask is -1.
     if constexpr (kDepthOpen) {
       if (job.median_depth) {
         // The last surfel that finds more than half left is the one that takes it.

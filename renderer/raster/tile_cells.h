@@ -17,7 +17,6 @@ namespace segsim::renderer::internal {
 inline constexpr int kCellPx = 4;
 inline constexpr int kCellPixels = kCellPx * kCellPx;
 inline constexpr int kCellsPerRow = kTileSizePx / kCellPx;
-inline constexpr int kTileCells = kCellsPerRow * kCellsPerRow;
 
 /// List entries that are prepared together: their rows fit in the first-level cache.
 inline constexpr std::uint32_t kChunk = 64;
@@ -36,6 +35,14 @@ alignas(64) inline constexpr float kLaneRow[kCellPixels] = {0, 1, 2, 3, 0, 1, 2,
   const std::size_t x = cell / kCellsPerRow * kCellPx + entry / kCellPx;
   const std::size_t y = cell % kCellsPerRow * kCellPx + entry % kCellPx;
   return y * kTileSizePx + x;
+}
+
+/// Cells with a pixel in the tile's first `width` columns and `height` rows.
+[[nodiscard]] constexpr std::uint32_t cells_inside(int width, int height) {
+  const unsigned rows = (1U << (height + kCellPx - 1) / kCellPx) - 1U;
+  unsigned cells = 0;
+  for (int x = 0; x < width; x += kCellPx) cells |= rows << x;
+  return cells;
 }
 
 /// Entry of the planes in cell order of pixel (x, y) of the tile.

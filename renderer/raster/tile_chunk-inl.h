@@ -64,17 +64,27 @@ inline constexpr float kHitSlack = -1e-4F;
 /// |d e / d X| * 7.5 columns may be this part of e for P to be taken as a parabola.
 inline constexpr float kMaxDepthChange = 0.04F;
 
-/// The rows of one surfel. @return  Bit 16 g + y: row y reaches a pixel of column group g.
+/// The rows of one surfel.
+/// @param first_row, last_row  Of its pixel range, in the tile: only cells in them are
+/// prepared.
+/// @return  Bit 16 g + y: row y reaches a pixel of column group g.
 HWY_INLINE std::uint64_t prepare_rows(const ScreenSurfel& s, float dx, float dy_first,
-                                      bool parabola, bool low_pass, TilePair& pair) {
+                                      int first_row, int last_row, bool parabola,
+                                      bool low_pass, TilePair& pair) {
   const Floats d;
   const V a = hn::Set(d, pair.a), g0 = hn::Set(d, s.g0);
   const V to_vertex = hn::Set(d, -0.5F / pair.a);
   const float nearest_column = std::floor(-dx) + 0.5F;
   std::uint64_t reached = 0;
-  for (int row = 0; row < kTileSizePx; row += static_cast<int>(hn::Lanes(d))) {
+  // Most surfels are small: with short vectors, whole cells that one vector holds are one
+  // step.
+  const auto lanes = static_cast<int>(hn::Lanes(d));
+  const int end = (last_row | (kCellPx - 1)) + 1;
+  int begin = std::min(first_row & ~(kCellPx - 1), kTileSizePx - lanes);
+  if (begin + lanes < end) begin -= begin % lanes;
+  for (int row = begin; row < end; row += lanes) {
     // Rounded once, however many rows a vector has.
-    const V dy = hn::Add(hn::Iota(d, static_cast<float>(row)), hn::Set(d, dy_first));
+    const V dy = hn::Add(hn::LoadU(d, kCounting + row), hn::Set(d, dy_first));
     const V q_u = hn::MulAdd(hn::Set(d, s.m01), dy, hn::Set(d, s.m00 * dx));
     const V q_v = hn::MulAdd(hn::Set(d, s.m11), dy, hn::Set(d, s.m10 * dx));
     const V e = hn::NegMulAdd(hn::Set(d, s.g1), dy, hn::Set(d, 1.0F - s.g0 * dx));
@@ -82,8 +92,8 @@ HWY_INLINE std::uint64_t prepare_rows(const ScreenSurfel& s, float dx, float dy_
     const V half_b =
         hn::MulAdd(hn::Set(d, s.m10), q_v, hn::MulAdd(hn::Set(d, s.m00), q_u, hn::Mul(g0, e)));
     const V b = hn::Mul(half_b, hn::Set(d, -2.0F));
-    hn::Store(b, d, pair.b + row);
-    hn::Store(c, d, pair.c + row);
+    hn::StoreU(b, d, pair.b + row);
+    hn::StoreU(c, d, pair.c + row);
     if (parabola) {
       // (1 - t)^-2 = 1 + 2 t + 3 t^2 + 4 t^3 with t^3 spread over t (Chebyshev).
       const V inverse_e = inverse_of(e);
@@ -91,18 +101,18 @@ HWY_INLINE std::uint64_t prepare_rows(const ScreenSurfel& s, float dx, float dy_
       const V u = hn::Mul(g0, inverse_e);
       const V uu = hn::Mul(u, u);
       const V stretch = hn::MulAdd(uu, hn::Set(d, 168.75F), hn::Set(d, 2.0F));
-      hn::Store(p0, d, pair.p0 + row);
-      hn::Store(hn::Mul(hn::Mul(p0, u), stretch), d, pair.p1 + row);
-      hn::Store(hn::Mul(hn::Mul(p0, uu), hn::Set(d, 3.0F)), d, pair.p2 + row);
+      hn::StoreU(p0, d, pair.p0 + row);
+      hn::StoreU(hn::Mul(hn::Mul(p0, u), stretch), d, pair.p1 + row);
+      hn::StoreU(hn::Mul(hn::Mul(p0, uu), hn::Set(d, 3.0F)), d, pair.p2 + row);
     } else {
-      hn::Store(e, d, pair.p0 + row);
+      hn::StoreU(e, d, pair.p0 + row);
     }
     const V vertex = hn::Add(hn::Floor(hn::Mul(b, to_vertex)), hn::Set(d, 0.5F));
     V low_pass_c = hn::Zero(d);
     if (low_pass) {
       low_pass_c = hn::NegMulAdd(hn::Mul(dy, dy), hn::Set(d, kLog2E),
                                  hn::Set(d, s.c_k2 - kLog2E * dx * dx));
-      hn::Store(low_pass_c, d, pair.low_pass_c + row);
+      hn::StoreU(low_pass_c, d, pair.low_pass_c + row);
     }
     for (int group = 0; group < kCellsPerRow; ++group) {
       const float lo = static_cast<float>(group * kCellPx) - 7.5F, hi = lo + kCellPx - 1;
@@ -117,7 +127,9 @@ HWY_INLINE std::uint64_t prepare_rows(const ScreenSurfel& s, float dx, float dy_
       reached |= bits_of(hit) << (group * kTileSizePx + row);
     }
   }
-  return reached;
+  const std::uint64_t rows =
+      (2U << static_cast<unsigned>(last_row)) - (1U << static_cast<unsigned>(first_row));
+  return reached & rows * 0x0001000100010001U;
 }
 
 /// Fills chunk.pair[i], chunk.cells[i].
@@ -140,14 +152,22 @@ HWY_INLINE void prepare_pair(const ScreenSurfel& s, const SurfelShade& shade, in
     chunk.cells[i] = cells_of_rectangle(s, tile_x, tile_y);
     return;
   }
+  const int first_row = std::max(s.y_lo - tile_y * kTileSizePx, 0);
+  const int last_row = std::min(s.y_hi - tile_y * kTileSizePx, kTileSizePx - 1);
+  if (first_row > last_row) {  // Of a coarser list (TileBounds).
+    pair.kind = PairKind::kPlain;
+    chunk.cells[i] = 0;
+    return;
+  }
   const float e_first = 1.0F - s.g0 * dx - s.g1 * dy_first;
   const float e_last = e_first - s.g1 * static_cast<float>(kTileSizePx - 1);
   const bool parabola = std::min(e_first, e_last) * kMaxDepthChange > 7.5F * std::abs(s.g0);
   const bool low_pass = s.shape == SurfelShape::kThin;
   pair.kind = low_pass ? (parabola ? PairKind::kThinParabola : PairKind::kThinExact)
                        : (parabola ? PairKind::kPlain : PairKind::kExact);
-  const std::uint64_t rows = low_pass ? prepare_rows(s, dx, dy_first, parabola, true, pair)
-                                      : prepare_rows(s, dx, dy_first, parabola, false, pair);
+  const std::uint64_t rows =
+      low_pass ? prepare_rows(s, dx, dy_first, first_row, last_row, parabola, true, pair)
+               : prepare_rows(s, dx, dy_first, first_row, last_row, parabola, false, pair);
   chunk.cells[i] = cells_of_rows(rows);
 }
 

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <bit>
 #include <cstddef>
-#include <cstring>
 #include <span>
 
 #include "renderer/raster/tile_state.h"
@@ -23,31 +22,33 @@ HWY_BEFORE_NAMESPACE();
 namespace segsim::renderer::internal {
 namespace HWY_NAMESPACE {
 
+/// Transposes a cell: four columns of four rows become four rows.
+/// @param rows  Of the tile; the first is that of the cell's upper left pixel.
+template <class T>
+HWY_INLINE void cell_to_rows(const T* cell, T* rows) {
+#if HWY_TARGET == HWY_SCALAR
+  for (int i = 0; i < kCellPixels; ++i) {
+    rows[i % kCellPx * kTileSizePx + i / kCellPx] = cell[i];
+  }
+#else
+  const hn::CappedTag<T, kCellPx> d;
+  const auto x0 = hn::Load(d, cell), x1 = hn::Load(d, cell + kCellPx);
+  const auto x2 = hn::Load(d, cell + 2 * kCellPx), x3 = hn::Load(d, cell + 3 * kCellPx);
+  const auto low02 = hn::InterleaveLower(d, x0, x2), high02 = hn::InterleaveUpper(d, x0, x2);
+  const auto low13 = hn::InterleaveLower(d, x1, x3), high13 = hn::InterleaveUpper(d, x1, x3);
+  hn::Store(hn::InterleaveLower(d, low02, low13), d, rows);
+  hn::Store(hn::InterleaveUpper(d, low02, low13), d, rows + kTileSizePx);
+  hn::Store(hn::InterleaveLower(d, high02, high13), d, rows + 2 * kTileSizePx);
+  hn::Store(hn::InterleaveUpper(d, high02, high13), d, rows + 3 * kTileSizePx);
+#endif
+}
+
 /// Brings a plane from cell order to rows of pixels.
 template <class T>
 void cells_to_rows(std::array<T, kTilePixels>& plane) {
   alignas(64) const std::array<T, kTilePixels> cells = plane;
-  const Floats d;
   for (std::size_t p = 0; p < kTilePixels; p += kCellPixels) {
-    alignas(64) T rows[kCellPixels];
-    if (hn::Lanes(d) == kCellPixels) {
-      alignas(64) static constexpr std::int32_t kTranspose[kCellPixels] = {
-          0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15};
-      const hn::RebindToSigned<Floats> di;
-      const V v =
-          hn::BitCast(d, hn::Load(di, reinterpret_cast<const std::int32_t*>(&cells[p])));
-      const V transposed =
-          hn::TableLookupLanes(v, hn::IndicesFromVec(d, hn::Load(di, kTranspose)));
-      hn::Store(hn::BitCast(di, transposed), di, reinterpret_cast<std::int32_t*>(rows));
-    } else {
-      for (int i = 0; i < kCellPixels; ++i) {
-        rows[i % kCellPx * kCellPx + i / kCellPx] = cells[p + static_cast<std::size_t>(i)];
-      }
-    }
-    T* to = &plane[row_major(p)];
-    for (int y = 0; y < kCellPx; ++y) {
-      std::memcpy(to + y * kTileSizePx, rows + y * kCellPx, kCellPx * sizeof(T));
-    }
+    cell_to_rows(&cells[p], &plane[row_major(p)]);
   }
 }
 
@@ -198,7 +199,8 @@ TileStats raster_tile_with(const RasterJob& job, std::size_t tile, bool last,
   if (!progress.started) {
     clear_tile(job, tile, key_count, state);
     progress.done = progress.window = 0;
-    progress.live_cells = (1U << kTileCells) - 1U;
+    const PixelRectangle inside = rectangle_of(job, tile);
+    progress.live_cells = cells_inside(inside.width, inside.height);
     progress.started = true;
   }
   TileStats stats;
