@@ -1,5 +1,6 @@
 #include "reconstruction/internal/tensors/adam.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <ATen/Parallel.h>
@@ -52,6 +53,13 @@ void AdamTensor::step_rows(const Tensor& rows, const Tensor& gradient, double ra
   steps_.index_copy_(0, rows, steps);
 }
 
+void AdamTensor::know_bias(std::int32_t most) {
+  for (auto count = static_cast<int>(bias_.size()); count <= most; ++count) {
+    bias_.push_back({1.0 - std::pow(kBeta1, count),
+                     static_cast<float>(1.0 / std::sqrt(1.0 - std::pow(kBeta2, count)))});
+  }
+}
+
 void AdamTensor::step_rows_on_cpu(const Tensor& rows, const Tensor& gradient, double rate) {
   const std::int64_t width = value_.size(0) == 0 ? 0 : value_.numel() / value_.size(0);
   const auto* row = rows.data_ptr<std::int64_t>();
@@ -64,11 +72,14 @@ void AdamTensor::step_rows_on_cpu(const Tensor& rows, const Tensor& gradient, do
   // 1 - kB2 would be 0.001 to four digits only.
   constexpr auto kRest1 = static_cast<float>(1.0 - kBeta1);
   constexpr auto kRest2 = static_cast<float>(1.0 - kBeta2);
+  std::int32_t most = 0;
+  for (std::int64_t i = 0; i < rows.size(0); ++i) most = std::max(most, steps[row[i]] + 1);
+  know_bias(most);
   at::parallel_for(0, rows.size(0), 1024, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t i = begin; i < end; ++i) {
-      const int count = ++steps[row[i]];
-      const auto scale = static_cast<float>(rate / (1.0 - std::pow(kBeta1, count)));
-      const auto bias2 = static_cast<float>(1.0 / std::sqrt(1.0 - std::pow(kBeta2, count)));
+      const BiasCorrection& bias = bias_[static_cast<std::size_t>(++steps[row[i]])];
+      const auto scale = static_cast<float>(rate / bias.first);
+      const float bias2 = bias.inverse_root_second;
       const std::int64_t at = row[i] * width;
       for (std::int64_t k = 0; k < width; ++k) {
         const float gradient_k = g[i * width + k];

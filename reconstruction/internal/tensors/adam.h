@@ -3,7 +3,9 @@
 /// @file
 /// Adam (Kingma and Ba 2015) on one tensor, whole or row by row.
 
+#include <cstdint>
 #include <string>
+#include <vector>
 
 #include "reconstruction/internal/tensors/state_file.h"
 #include "reconstruction/internal/tensors/tensors.h"
@@ -37,9 +39,17 @@ class AdamTensor {
 
  private:
   void step_rows_on_cpu(const Tensor& rows, const Tensor& gradient, double rate);
+  /// Fills bias_ up to and including this number of steps.
+  void know_bias(std::int32_t most);
 
   Tensor value_, first_, second_;
   Tensor steps_;  ///< [rows], int32.
+
+  struct BiasCorrection {
+    double first;               ///< 1 - beta1^n
+    float inverse_root_second;  ///< (1 - beta2^n)^-1/2
+  };
+  std::vector<BiasCorrection> bias_;  ///< By the number of steps n.
 };
 
 }  // namespace segsim::reconstruction::internal

@@ -1,6 +1,7 @@
 #include "reconstruction/lifting/internal/lift_frame.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include <glm/geometric.hpp>
@@ -41,32 +42,50 @@ struct PlaneFit {
   }
 };
 
-/// Depth image with the sizes needed to walk it.
+/// Depth image with what all pixels share.
 struct DepthView {
   const core::Image<float>& depth_m;
   core::CameraIntrinsics camera;
+  core::Image<float> inverse_depth;  ///< [1/m]
+  std::array<float, 2 * kRadius_px + 1> ray_x{},
+      ray_y{};  ///< Of neighbours, from the pixel's ray.
+
+  DepthView(const core::Image<float>& depth, const core::CameraIntrinsics& intrinsics);
 
   /// Unit normal in the camera frame, towards the camera; false at depth edges.
   [[nodiscard]] bool normal_at(int x, int y, float z, glm::vec3& normal) const;
 };
 
+DepthView::DepthView(const core::Image<float>& depth, const core::CameraIntrinsics& intrinsics)
+    : depth_m(depth), camera(intrinsics), inverse_depth(depth.width_px(), depth.height_px()) {
+  std::transform(depth.data(), depth.data() + depth.size(), inverse_depth.data(),
+                 [](float z) { return 1.0F / z; });
+  for (int d = -kRadius_px; d <= kRadius_px; ++d) {
+    const auto i = static_cast<std::size_t>(d + kRadius_px);
+    ray_x[i] = static_cast<float>(d) / static_cast<float>(camera.fx_px);
+    ray_y[i] = static_cast<float>(d) / static_cast<float>(camera.fy_px);
+  }
+}
+
 bool DepthView::normal_at(int x, int y, float z, glm::vec3& normal) const {
   PlaneFit fit;
   int valid = 0, similar = 0;
+  const float step_m = kStep_m + kStepRatio * z;
   const int x_end = std::min(x + kRadius_px, depth_m.width_px() - 1);
   const int y_end = std::min(y + kRadius_px, depth_m.height_px() - 1);
-  const auto fx = static_cast<float>(camera.fx_px), fy = static_cast<float>(camera.fy_px);
   for (int ny = std::max(0, y - kRadius_px); ny <= y_end; ++ny) {
     const float* row = depth_m.row(ny);
+    const float* inverse_row = inverse_depth.row(ny);
     for (int nx = std::max(0, x - kRadius_px); nx <= x_end; ++nx) {
       const float nz = row[nx];
       if (!(nz > 0.0F)) continue;
       ++valid;
       const int reach = std::max({1, std::abs(nx - x), std::abs(ny - y)});
-      if (std::abs(nz - z) > (kStep_m + kStepRatio * z) * static_cast<float>(reach)) continue;
+      if (std::abs(nz - z) > step_m * static_cast<float>(reach)) continue;
       ++similar;
       // Coordinates relative to the pixel keep the sums well conditioned.
-      fit.add(static_cast<float>(nx - x) / fx, static_cast<float>(ny - y) / fy, 1.0F / nz);
+      fit.add(ray_x[static_cast<std::size_t>(nx - x + kRadius_px)],
+              ray_y[static_cast<std::size_t>(ny - y + kRadius_px)], inverse_row[nx]);
     }
   }
   if (similar < kFewestNeighbors || 2 * similar < valid) return false;
@@ -86,7 +105,7 @@ bool DepthView::normal_at(int x, int y, float z, glm::vec3& normal) const {
 FrameSamples sample_frame(const RgbdFrame& frame, const core::CameraIntrinsics& intrinsics,
                           const LiftOptions& options, DepthSensor sensor) {
   const core::Image<float>& depth = frame.depth_m;
-  const DepthView view{depth, intrinsics.resized(depth.width_px(), depth.height_px())};
+  const DepthView view(depth, intrinsics.resized(depth.width_px(), depth.height_px()));
   const glm::mat3 R_world_camera(glm::mat3_cast(frame.T_world_camera.rotation()));
   const glm::vec3 camera_m(frame.T_world_camera.translation_m());
   const auto smallest_cos =

@@ -1,6 +1,8 @@
 #include "reconstruction/lifting/internal/voxel_cleaning.h"
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
 #include <limits>
 
@@ -18,20 +20,81 @@ namespace {
 constexpr float kThrough_m = 0.04F, kThroughRatio = 0.025F;
 constexpr int kFewestThrough = 2;
 
-/// Sorted keys -> index.
+/// Which cells are taken, and by which voxel. Cells lie in blocks of 4 x 4 x 4, whose voxels
+/// follow one another in a list that is sorted by key: a bit a cell and the index of the first
+/// voxel say all, and a neighbourhood needs eight look-ups at most.
 class KeyIndex {
  public:
-  explicit KeyIndex(std::span<const Voxel> voxels) {
-    for (const Voxel& voxel : voxels) (void)table_.at(voxel.key);
-  }
-  /// Index of a cell; -1 if it is empty.
-  [[nodiscard]] std::int64_t find(const glm::ivec3& cell) const {
-    return table_.find(voxel_key(cell));
-  }
+  /// @param voxels  In ascending order of key.
+  explicit KeyIndex(std::span<const Voxel> voxels);
+
+  /// Calls visit(index) for the voxels of the cube of 2 `reach` + 1 cells around `cell`, along
+  /// x first, then y, then z. @param reach  1 or 2.
+  template <class Visit>
+  void for_each_near(const glm::ivec3& cell, int reach, Visit&& visit) const;
 
  private:
-  VoxelTable table_;
+  static constexpr int kBlockBits = 2;
+  struct Block {
+    VoxelKey key = 0;
+    std::uint64_t occupied = 0;  ///< Bit: the low six bits of a voxel's key. 0 = no block.
+    std::size_t first = 0;       ///< Voxel of the lowest bit.
+  };
+  /// Place of a block, or of the free slot where it would be.
+  [[nodiscard]] std::size_t slot_of(VoxelKey block) const {
+    std::size_t slot = (block * 0x9E3779B97F4A7C15ULL >> 20U) & (slots_.size() - 1);
+    while (slots_[slot].occupied != 0 && slots_[slot].key != block) {
+      slot = (slot + 1) & (slots_.size() - 1);
+    }
+    return slot;
+  }
+  std::vector<Block> slots_;  ///< Open addressing; half of them at most are in use.
 };
+
+KeyIndex::KeyIndex(std::span<const Voxel> voxels) {
+  const auto block_of = [&](std::size_t i) { return voxels[i].key >> 3 * kBlockBits; };
+  std::size_t blocks = 0;
+  for (std::size_t i = 0; i < voxels.size(); ++i) {
+    if (i == 0 || block_of(i) != block_of(i - 1)) ++blocks;
+  }
+  slots_.resize(std::bit_ceil(2 * blocks + 1));
+  for (std::size_t i = 0; i < voxels.size(); ++i) {
+    Block& block = slots_[slot_of(block_of(i))];
+    if (block.occupied == 0) block = {block_of(i), 0, i};
+    block.occupied |= std::uint64_t{1} << (voxels[i].key & 63U);
+  }
+}
+
+template <class Visit>
+void KeyIndex::for_each_near(const glm::ivec3& cell, int reach, Visit&& visit) const {
+  constexpr std::array<unsigned, 4> kSpread{0, 1, 8, 9};  // Two bits, as keys have them.
+  const glm::ivec3 low = cell - reach, high = cell + reach;
+  const glm::ivec3 first_block(low.x >> kBlockBits, low.y >> kBlockBits, low.z >> kBlockBits);
+  std::array<const Block*, 8> blocks{};
+  for (int k = 0; k < 8; ++k) {
+    const glm::ivec3 corner = (first_block + glm::ivec3(k & 1, k >> 1 & 1, k >> 2)) * 4;
+    if (corner.x > high.x || corner.y > high.y || corner.z > high.z) continue;
+    blocks[static_cast<std::size_t>(k)] =
+        &slots_[slot_of(voxel_key(corner) >> 3 * kBlockBits)];
+  }
+  for (int z = low.z; z <= high.z; ++z) {
+    for (int y = low.y; y <= high.y; ++y) {
+      const int row =
+          ((z >> kBlockBits) - first_block.z) * 4 + ((y >> kBlockBits) - first_block.y) * 2;
+      const unsigned row_bit = kSpread[static_cast<unsigned>(y) & 3U] * 2 +
+                               kSpread[static_cast<unsigned>(z) & 3U] * 4;
+      for (int x = low.x; x <= high.x; ++x) {
+        const Block& block =
+            *blocks[static_cast<std::size_t>(row + (x >> kBlockBits) - first_block.x)];
+        const std::uint64_t bit = std::uint64_t{1}
+                                  << (row_bit + kSpread[static_cast<unsigned>(x) & 3U]);
+        if ((block.occupied & bit) == 0) continue;
+        visit(block.first +
+              static_cast<std::size_t>(std::popcount(block.occupied & (bit - 1))));
+      }
+    }
+  }
+}
 
 core::Image<float> nearest_depth(const core::Image<float>& depth_m) {
   core::Image<float> nearest(depth_m.width_px(), depth_m.height_px(),
@@ -74,12 +137,10 @@ glm::vec3 project_on_plane(const std::vector<Voxel>& voxels, const KeyIndex& ind
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   Eigen::Matrix3d squares = Eigen::Matrix3d::Zero();
   int count = 0;
-  for (int k = 0; k < 125; ++k) {
-    const std::int64_t n = index.find(cell + glm::ivec3(k % 5 - 2, k / 5 % 5 - 2, k / 25 - 2));
-    if (n < 0) continue;
-    const Voxel& neighbor = voxels[static_cast<std::size_t>(n)];
+  index.for_each_near(cell, 2, [&](std::size_t n) {
+    const Voxel& neighbor = voxels[n];
     const float length = glm::length(neighbor.normal_sum);
-    if (glm::dot(neighbor.normal_sum, facing) < 0.4F * length) continue;
+    if (glm::dot(neighbor.normal_sum, facing) < 0.4F * length) return;
     const glm::vec3 d = neighbor.position_m(voxel_m) - center;
     const double w = neighbor.weight * std::exp(-falloff * glm::dot(d, d));
     const Eigen::Vector3d e(d.x, d.y, d.z);
@@ -87,7 +148,7 @@ glm::vec3 project_on_plane(const std::vector<Voxel>& voxels, const KeyIndex& ind
     sum += w * e;
     squares += w * e * e.transpose();
     ++count;
-  }
+  });
   if (count < 6 || !(total > 0.0)) return center;
   const Eigen::Vector3d mean = sum / total;
   Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
@@ -172,14 +233,11 @@ std::size_t remove_islands(std::vector<Voxel>& voxels, std::size_t fewest) {
     seen[first] = 1;
     island.assign(1, first);
     for (std::size_t next = 0; next < island.size(); ++next) {
-      const glm::ivec3 cell = voxel_cell(voxels[island[next]].key);
-      for (int k = 0; k < 27; ++k) {
-        const std::int64_t n =
-            index.find(cell + glm::ivec3(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1));
-        if (n < 0 || seen[static_cast<std::size_t>(n)]) continue;
-        seen[static_cast<std::size_t>(n)] = 1;
-        island.push_back(static_cast<std::size_t>(n));
-      }
+      index.for_each_near(voxel_cell(voxels[island[next]].key), 1, [&](std::size_t n) {
+        if (seen[n]) return;
+        seen[n] = 1;
+        island.push_back(n);
+      });
     }
     if (island.size() >= fewest) continue;
     for (const std::size_t i : island) marked[i] = 1;
