@@ -27,16 +27,18 @@ HEAVY = re.compile(r"/lib(torch|opencv_(videoio|imgcodecs)|vtk|gdal|Qt|ignition-
 RUNS = 5
 
 
-def commands(results):
-    """Arguments, and whether they must start at once."""
+def commands(segsim, results):
+    """Arguments, and whether they must start at once: work that is done at once, then every other subcommand's --help."""
     drive = str(ROOT / "experiments" / "trials" / "drive.yaml")
-    return [
-        (["--version"], True), (["--help"], True), (["table", results], True), (["compare", results], True),
-        (["plan", "--psi", "0.3", "--delta", "0.2"], True), (["export", results, "-o", f"{results}/trials.csv"], True),
-        (["suite", "list"], True), (["suite", "verify", "--help"], True),
-        (["trial", "check", "--help"], True), (["trial", "check", drive], True),
-        (["run", "--help"], False), (["render", "--help"], False), (["doctor"], False),
+    light = [
+        ["--version"], ["--help"], ["table", results], ["compare", results], ["plan", "--psi", "0.3", "--delta", "0.2"],
+        ["export", results, "-o", f"{results}/trials.csv"], ["suite", "list"], ["suite", "verify", "--help"], ["robots"],
+        ["trial", "check", "--help"], ["trial", "check", drive],
     ]
+    text = subprocess.run([segsim, "--help"], capture_output=True, text=True, check=True).stdout
+    names = re.findall(r"^  ([a-z]+) ", text.split("Subcommands:")[1], re.MULTILINE)
+    done = {arguments[0] for arguments in light}
+    return [(arguments, True) for arguments in light] + [([name, "--help"], False) for name in names if name not in done]
 
 
 def title(arguments, results):
@@ -119,7 +121,7 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         subprocess.run([flags.results, f"{folder}/results.sqlite"], check=True)
         rows = [(title(arguments, folder), light, measure([segsim, *arguments]))
-                for arguments, light in commands(folder) if light or flags.what == "measure"]
+                for arguments, light in commands(segsim, folder) if light or flags.what == "measure"]
     print(f"{'':42} libraries  processor time  memory")
     for name, _, found in rows:
         print(f"{name:42} {len(found['libraries']):9}  {found['cpu_s']:12.3f} s  {found['mb']:3.0f} MB")

@@ -21,7 +21,6 @@ void add_gazebo_command(CLI::App& app);
 void add_bench_command(CLI::App& app);
 void add_budget_command(CLI::App& app);
 void add_replay_command(CLI::App& app);
-void add_robots_command(CLI::App& app);
 void add_episodes_command(CLI::App& app);
 void add_explain_command(CLI::App& app);
 void add_sensors_command(CLI::App& app);

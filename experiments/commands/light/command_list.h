@@ -58,7 +58,7 @@ inline constexpr CommandWord kCommands[] = {
     {"serve", "Show runs in a browser: progress, what the robots see now, finished trials",
      false},
     {"sensors", "Draw one view of a scene as each sensor model delivers it", false},
-    {"robots", "List the robots that `robot:` may name, or check files of robots", false},
+    {"robots", "List the robots that `robot:` may name, or check files of robots", true},
     {"trial", "Scripted trials: where to drive, what goes wrong, what must hold", true},
     {"video", "Write a trial as a video, a pair of trials, or a demo of the run", false},
 };

@@ -76,6 +76,7 @@ void add_light_commands(CLI::App& app) {
                                       {"compare", add_compare_command},
                                       {"plan", add_plan_command},
                                       {"export", add_export_command},
+                                      {"robots", add_robots_command},
                                       {"trial", add_trial}};
   add_all(app, kCommands, kAdders);
 }

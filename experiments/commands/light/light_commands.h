@@ -25,6 +25,7 @@ void add_navigation_table(CLI::App& table);
 void add_compare_command(CLI::App& app);
 void add_plan_command(CLI::App& app);
 void add_export_command(CLI::App& app);
+void add_robots_command(CLI::App& app);
 /// `segsim suite` without its subcommands. @return It.
 CLI::App& add_suite_group(CLI::App& app);
 /// `segsim suite list`, `show` and `verify`, below `segsim suite`.

@@ -7,7 +7,7 @@
 #include <CLI/CLI.hpp>
 
 #include "core/formatted.h"
-#include "experiments/commands/commands.h"
+#include "experiments/commands/light/light_commands.h"
 #include "experiments/support/text_grid.h"
 #include "nav/grid/robot_fit.h"
 #include "sim/ground/robot.h"
