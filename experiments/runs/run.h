@@ -34,7 +34,7 @@ struct RunReport {
   std::int64_t run_id = 0;
   int trials_run = 0, trials_left = 0;    ///< Of the shard, if there is one.
   int trials_failed = 0;                  ///< In the harness; they run again on resume.
-  bool interrupted = false;               ///< By SIGINT or SIGTERM.
+  bool interrupted = false;               ///< By SIGINT or SIGTERM, during trials.
   double store_s = 0;                     ///< Spent on adding trials to the database.
   std::vector<support::StageTime> times;  ///< Of this call.
   double wall_s = 0;                      ///< Of all of it.
@@ -52,7 +52,8 @@ struct RunReport {
 /// what is missing, and the others wait for it.
 /// @throws core::InputError if the spec or a prepared input changed since the run began
 ///         (unless `new_run`), if another process works in the folder, or if results can no
-///         longer be written (those that are in are kept).
+///         longer be written (those that are in are kept); core::Interrupted if SIGINT or
+///         SIGTERM comes before the first trial.
 RunReport run_experiment(const specs::ExperimentSpec& spec, const RunOptions& options);
 
 /// "segsim-object: STOP within 1 m (geodesic) of a view point ..., within 180 s".
