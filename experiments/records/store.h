@@ -72,8 +72,7 @@ class Store {
 /// One line per trial with a header line. Numbers that do not exist are empty fields.
 void write_trials_csv(std::ostream& out, const std::vector<TrialRow>& trials);
 
-/// Now, as "2026-01-31T12:00:00Z": by the clock as it was when this process first asked, so
-/// that times of a run keep their order when the clock is set.
+/// Now, as "2026-01-31T12:00:00Z".
 [[nodiscard]] std::string utc_now();
 
 }  // namespace segsim::experiments::records
