@@ -16,9 +16,9 @@
 #include "core/check.h"
 #include "core/error.h"
 #include "core/input/regular_file.h"
-#include "core/process/system_random.h"
-#include "core/remakeable_file.h"
-#include "core/sync_to_disk.h"
+#include "core/system/remakeable_file.h"
+#include "core/system/sync_to_disk.h"
+#include "core/system/system_random.h"
 
 namespace segsim::core {
 namespace {
@@ -27,7 +27,7 @@ namespace fs = std::filesystem;
 
 enum class Durability {
   kOnDisk,      ///< Survives a power cut once the call returns.
-  kRemakeable,  ///< core/remakeable_file.h
+  kRemakeable,  ///< core/system/remakeable_file.h
 };
 
 fs::path temporary_name(const fs::path& file) {

@@ -77,8 +77,7 @@ Store::Store(const std::filesystem::path& file) : impl_(std::make_unique<Impl>()
   }
   const int flags = SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX;
   if (sqlite3_open_v2(file.c_str(), &impl_->db, flags, nullptr) != SQLITE_OK) {
-    throw core::InputError::expected(file.string(), "a place for a SQLite database",
-                                     sqlite3_errmsg(impl_->db));
+    throw sqlite_error(impl_->db, file);
   }
   sqlite3_busy_timeout(impl_->db, 10000);
   impl_->check_integrity();

@@ -2,8 +2,8 @@
 
 #include <string>
 
-#include "core/process/system_random.h"
-#include "core/sync_to_disk.h"
+#include "core/system/sync_to_disk.h"
+#include "core/system/system_random.h"
 
 namespace segsim::experiments::scenes {
 

@@ -24,7 +24,7 @@ FolderLock::FolderLock(const fs::path& folder, Kind kind, IfTaken if_taken) {
   descriptor_ = open(file.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0644);
   if (descriptor_ < 0) {
     throw core::InputError::expected(folder.string(), "a folder that can be written to",
-                                     std::strerror(errno));
+                                     error ? error.message() : std::strerror(errno));
   }
   const int operation = kind == Kind::kExclusive ? LOCK_EX : LOCK_SH;
   if (flock(descriptor_, operation | LOCK_NB) == 0) return;

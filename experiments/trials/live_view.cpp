@@ -10,8 +10,8 @@
 #include <nlohmann/json.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "core/process/system_random.h"
-#include "core/remakeable_file.h"
+#include "core/system/remakeable_file.h"
+#include "core/system/system_random.h"
 #include "experiments/drawing/frame_picture.h"
 #include "experiments/drawing/map_canvas.h"
 

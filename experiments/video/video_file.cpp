@@ -10,7 +10,7 @@
 
 #include "core/check.h"
 #include "core/error.h"
-#include "core/process/system_random.h"
+#include "core/system/system_random.h"
 
 namespace segsim::experiments::video::internal {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
-#include "core/process/system_random.h"
+#include "core/system/system_random.h"
 #include "experiments/web/internal/front_door.h"
 #include "experiments/web/internal/request_bytes.h"
 

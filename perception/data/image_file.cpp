@@ -7,7 +7,7 @@
 #include "core/file_io.h"
 #include "core/input/bounds.h"
 #include "core/pictures/picture_check.h"
-#include "core/remakeable_file.h"
+#include "core/system/remakeable_file.h"
 
 namespace segsim::perception {
 

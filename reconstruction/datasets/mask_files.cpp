@@ -9,7 +9,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "core/check.h"
-#include "core/remakeable_file.h"
+#include "core/system/remakeable_file.h"
 #include "reconstruction/datasets/internal/image_files.h"
 #include "reconstruction/datasets/internal/json_file.h"
 #include "reconstruction/datasets/labels_file.h"

@@ -15,9 +15,9 @@
 #include <gtest/gtest.h>
 
 #include "core/error.h"
-#include "core/process/system_random.h"
-#include "core/remakeable_file.h"
-#include "core/sync_to_disk.h"
+#include "core/system/remakeable_file.h"
+#include "core/system/sync_to_disk.h"
+#include "core/system/system_random.h"
 
 namespace {
 

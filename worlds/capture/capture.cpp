@@ -18,7 +18,7 @@
 #include "core/check.h"
 #include "core/error.h"
 #include "core/file_io.h"
-#include "core/remakeable_file.h"
+#include "core/system/remakeable_file.h"
 
 namespace segsim::worlds {
 namespace {
@@ -210,7 +210,7 @@ class CaptureFolder {
   }
 
  private:
-  /// A power cut leaves names without what they stand for (core/remakeable_file.h).
+  /// A power cut leaves names without what they stand for (core/system/remakeable_file.h).
   [[nodiscard]] bool is_written(std::size_t index, const std::string& suffix) const {
     std::error_code error;
     const std::uintmax_t bytes = fs::file_size(file(index, suffix), error);

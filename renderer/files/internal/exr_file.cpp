@@ -13,7 +13,7 @@
 
 #include "core/check.h"
 #include "core/error.h"
-#include "core/remakeable_file.h"
+#include "core/system/remakeable_file.h"
 
 namespace segsim::renderer::internal {
 namespace {

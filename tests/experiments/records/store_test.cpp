@@ -81,6 +81,21 @@ TEST_F(StoreTest, SettingTheClockDoesNotReachTheTimes) {
   clock_set_by_s = 0;
 }
 
+/// As another user than root, which may write everywhere.
+TEST_F(StoreTest, AFolderThatMayNotBeWrittenToIsSaidSo) {
+  { const records::Store store(file_); }
+  fs::permissions(file_, fs::perms::owner_read | fs::perms::others_read);
+  fs::permissions(folder_.path(), fs::perms::owner_read | fs::perms::owner_exec |
+                                      fs::perms::others_read | fs::perms::others_exec);
+  const bool root = ::geteuid() == 0;
+  ASSERT_EQ(::seteuid(root ? 65534 : ::geteuid()), 0);
+  const std::string said = refusal(file_), of_new = refusal(folder_ / "new.sqlite");
+  ASSERT_EQ(::seteuid(root ? 0 : ::geteuid()), 0);
+  fs::permissions(folder_.path(), fs::perms::owner_all);
+  EXPECT_THAT(said, HasSubstr("results.sqlite: expected a database in a folder that can be"));
+  EXPECT_THAT(of_new, HasSubstr("new.sqlite: expected a database in a folder that can be"));
+}
+
 /// What lies flat in the database, or elsewhere.
 TEST_F(StoreTest, OptionalPartsOfAnArmAreReadBack) {
   records::Store store(file_);

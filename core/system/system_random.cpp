@@ -1,11 +1,10 @@
-#include "core/process/system_random.h"
+#include "core/system/system_random.h"
 
 #include <sys/random.h>
 
 #include <cerrno>
+#include <system_error>
 #include <vector>
-
-#include "core/check.h"
 
 namespace segsim::core {
 
@@ -15,7 +14,7 @@ std::string random_hex(int bytes) {
   while (have < drawn.size()) {
     const ssize_t got = ::getrandom(drawn.data() + have, drawn.size() - have, 0);
     if (got < 0 && errno == EINTR) continue;
-    SEGSIM_CHECK(got > 0, "getrandom");
+    if (got < 0) throw std::system_error(errno, std::generic_category(), "getrandom");
     have += static_cast<std::size_t>(got);
   }
   static constexpr char kDigits[] = "0123456789abcdef";
