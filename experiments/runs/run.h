@@ -51,9 +51,8 @@ struct RunReport {
 /// With `shard`, others may work in the folder at the same time: whoever comes first makes
 /// what is missing, and the others wait for it.
 /// @throws core::InputError if the spec or a prepared input changed since the run began
-///         (unless `new_run`), if another process works in the folder, or if results can no
-///         longer be written (those that are in are kept); core::Interrupted if SIGINT or
-///         SIGTERM comes before the first trial.
+///         (unless `new_run`), another process works in the folder, or results cannot be
+///         written (what is in is kept); Interrupted by a signal before the first trial.
 RunReport run_experiment(const specs::ExperimentSpec& spec, const RunOptions& options);
 
 /// "segsim-object: STOP within 1 m (geodesic) of a view point ..., within 180 s".

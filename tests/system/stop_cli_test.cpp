@@ -62,7 +62,7 @@ class StopCli : public testing::Test {
 TEST_F(StopCli, DetectorFinetuneGoesOn) {
   const auto finetune = [&](const std::string& out) {
     return " detector finetune --from " + at("start.weights") + " --train " + at("far.json") +
-           " --out " + at(out) + " --steps 1500 --batch 2 --threads 1";
+           " --out " + at(out) + " --steps 500 --batch 2 --threads 1";
   };
   const fs::path state = folder_.path() / "disturbed.weights.state";
   ASSERT_EQ(signalled(finetune("disturbed.weights"), state, SIGKILL), 128 + SIGKILL) << said_;
@@ -87,7 +87,7 @@ TEST_F(StopCli, FineTuningOfARunGoesOn) {
                                    .more = R"(detectors:
   before: ${data}/start.weights
   after: ${work}/after.weights
-  finetune: {views_per_scene: 6, validation_views_per_scene: 4, steps: 1500, measure_elsewhere: false}
+  finetune: {views_per_scene: 6, validation_views_per_scene: 4, steps: 400, measure_elsewhere: false}
 )"};
   folder_.write("tiny.yaml", spec.text());
   const auto run = [&](const std::string& work) {
