@@ -109,9 +109,10 @@ TEST_F(StopCli, FineTuningOfARunGoesOn) {
 
 /// Libraries that cannot have their buffers ask for ever, before main().
 TEST(LittleMemory, IsOneLine) {
+  const std::string heavy = " render nosuch --view 0 --out nosuch.png";
   for (const char* limit : {"ulimit -v 950000", "ulimit -v 1000000", "ulimit -d 200000"}) {
     const ProcessOutput run =
-        run_shell(std::string(limit) + "; timeout 20 " + SEGSIM_BINARY + " robots");
+        run_shell(std::string(limit) + "; timeout 20 " + SEGSIM_BINARY + heavy);
     EXPECT_EQ(run.exit_code, 2) << run.text;
     EXPECT_THAT(run.text, HasSubstr("segsim: expected at least ")) << limit;
     EXPECT_THAT(run.text, HasSubstr(" MB of ")) << limit;
@@ -120,8 +121,9 @@ TEST(LittleMemory, IsOneLine) {
       run_shell("ulimit -v 300000; timeout 20 " + std::string(SEGSIM_BINARY) + " suite list");
   EXPECT_EQ(light.exit_code, 2) << light.text;
   const ProcessOutput enough =
-      run_shell("ulimit -v 1600000; timeout 60 " + std::string(SEGSIM_BINARY) + " robots");
-  EXPECT_EQ(enough.exit_code, 0) << enough.text;
+      run_shell("ulimit -v 1600000; timeout 60 " + std::string(SEGSIM_BINARY) + heavy);
+  expect_input_error(enough, "nosuch");  // It starts, and looks for the scene.
+  EXPECT_THAT(enough.text, Not(HasSubstr(" MB of ")));
 }
 
 /// What is redirected ends in files that others read.
