@@ -1,5 +1,6 @@
 #include "core/file_io.h"
 
+#include <fcntl.h>
 #include <unistd.h>
 
 #include <array>
@@ -15,15 +16,40 @@
 #include "core/check.h"
 #include "core/error.h"
 #include "core/input/regular_file.h"
+#include "core/system/remakeable_file.h"
+#include "core/system/sync_to_disk.h"
+#include "core/system/system_random.h"
 
 namespace segsim::core {
 namespace {
 
 namespace fs = std::filesystem;
 
+enum class Durability {
+  kOnDisk,      ///< Survives a power cut once the call returns.
+  kRemakeable,  ///< core/system/remakeable_file.h
+};
+
 fs::path temporary_name(const fs::path& file) {
-  return file.parent_path() / ("." + file.stem().string() + ".tmp" +
-                               std::to_string(::getpid()) + file.extension().string());
+  return file.parent_path() /
+         ("." + file.stem().string() + ".tmp" + unique_suffix() + file.extension().string());
+}
+
+fs::path folder_of(const fs::path& file) {
+  return file.has_parent_path() ? file.parent_path() : fs::path(".");
+}
+
+/// What a user can do something about: a full disk, a name that is too long, or most often a
+/// folder that nobody, or not this user, may write to.
+[[noreturn]] void refuse_place(const fs::path& file, int code) {
+  if (code == EROFS || code == EACCES || code == EPERM) {
+    throw InputError::expected(
+        file.string(), "a folder that can be written to",
+        code == EROFS
+            ? folder_of(file).string() + ", which is read-only"
+            : folder_of(file).string() + ", which may not be: " + std::strerror(code));
+  }
+  throw InputError::expected(file.string(), "a writable file", std::strerror(code));
 }
 
 /// Asks before it opens: opening a pipe waits for a writer.
@@ -67,24 +93,45 @@ class Sha256 {
 
 }  // namespace
 
-void write_via_temporary(const fs::path& file,
-                         const std::function<void(const fs::path&)>& write) {
-  if (file.has_parent_path()) {
-    std::error_code error;
-    fs::create_directories(file.parent_path(), error);
-    if (error) {
-      throw InputError::expected(file.parent_path().string(), "a folder that can be made",
-                                 error.message());
-    }
+void sync_to_disk(const fs::path& file_or_folder) {
+  const int descriptor = ::open(file_or_folder.c_str(), O_RDONLY | O_CLOEXEC);
+  const bool opened = descriptor >= 0;
+  const bool done = opened && ::fsync(descriptor) == 0;
+  const int code = errno;
+  if (opened) ::close(descriptor);
+  // Some network and FUSE file systems cannot sync folders: they have nothing to wait for.
+  if (done || (opened && code == EINVAL)) return;
+  throw InputError::expected(file_or_folder.string(), "a disk that keeps what is written",
+                             std::strerror(code));
+}
+
+namespace {
+
+void make_parent(const fs::path& file) {
+  if (!file.has_parent_path()) return;
+  std::error_code error;
+  fs::create_directories(file.parent_path(), error);
+  if (error) {
+    throw InputError::expected(file.parent_path().string(), "a folder that can be made",
+                               error.message());
   }
+}
+
+void write_and_rename(const fs::path& file, Durability durability,
+                      const std::function<void(const fs::path&)>& write) {
+  make_parent(file);
   const fs::path temporary = temporary_name(file);
+  const bool waits = durability == Durability::kOnDisk;
   try {
     write(temporary);
+    // In this order: else a power cut could leave the name without what it stands for.
+    if (waits) sync_to_disk(temporary);
     fs::rename(temporary, file);
+    if (waits) sync_to_disk(folder_of(file));
   } catch (const fs::filesystem_error& error) {
     std::error_code ignored;
     fs::remove(temporary, ignored);
-    throw InputError::expected(file.string(), "a writable file", error.code().message());
+    refuse_place(file, error.code().value());
   } catch (...) {
     std::error_code ignored;
     fs::remove(temporary, ignored);
@@ -92,19 +139,39 @@ void write_via_temporary(const fs::path& file,
   }
 }
 
-void write_file_atomically(const fs::path& file,
-                           const std::function<void(std::ostream&)>& write) {
-  write_via_temporary(file, [&](const fs::path& temporary) {
+void write_stream_and_rename(const fs::path& file, Durability durability,
+                             const std::function<void(std::ostream&)>& write) {
+  write_and_rename(file, durability, [&](const fs::path& temporary) {
     std::ofstream stream(temporary, std::ios::binary);
-    if (!stream) {
-      throw InputError::expected(file.string(), "a writable file", std::strerror(errno));
-    }
+    if (!stream) refuse_place(file, errno);
     write(stream);
     stream.flush();
     if (!stream) {
       throw InputError::expected(file.string(), "room to write", std::strerror(errno));
     }
   });
+}
+
+}  // namespace
+
+void write_via_temporary(const fs::path& file,
+                         const std::function<void(const fs::path&)>& write) {
+  write_and_rename(file, Durability::kOnDisk, write);
+}
+
+void write_file_atomically(const fs::path& file,
+                           const std::function<void(std::ostream&)>& write) {
+  write_stream_and_rename(file, Durability::kOnDisk, write);
+}
+
+void write_remakeable_via_temporary(const fs::path& file,
+                                    const std::function<void(const fs::path&)>& write) {
+  write_and_rename(file, Durability::kRemakeable, write);
+}
+
+void write_remakeable_file(const fs::path& file,
+                           const std::function<void(std::ostream&)>& write) {
+  write_stream_and_rename(file, Durability::kRemakeable, write);
 }
 
 std::string read_file(const fs::path& file) {

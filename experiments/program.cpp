@@ -163,7 +163,7 @@ int run_program(int argc, char** argv, void (*add_commands)(CLI::App& app)) {
   app.require_subcommand(1);
   app.footer(
       "Exit codes: 0 done, 1 an expectation failed, 2 bad input, too little memory or room on "
-      "the disk,\n3 internal error, 4 stopped by a signal with trials left.\n"
+      "the disk,\n3 internal error, 4 stopped by a signal with work left.\n"
       "Each subcommand has its own --help.");
   add_commands(app);
   refuse_non_numbers(app);

@@ -24,7 +24,7 @@ MAY_INCLUDE = {  # module: the folders of other modules that its files may inclu
 # Rooms of a module from the ground up: a room includes those before it, never one after it. "." is the module's own
 # folder. A folder `internal` belongs to the room above it, unless it is listed as a room itself.
 ROOMS = {
-    "core": ("input", ".", "pictures", "process"),
+    "core": ("system", "input", ".", "pictures", "process"),
     "renderer": ("scene", "raster", "cuda", ".", "files"),
     "reconstruction": ("upright", "datasets", "evaluation", "lifting", "segmentation", "stereo", "inspection", "rasterizer", "rasterizer/cuda",
                        "internal/tensors", "labels", "training"),

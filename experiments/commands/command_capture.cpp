@@ -11,6 +11,7 @@
 #include "experiments/scenes/scene_source.h"
 #include "experiments/specs/gazebo_spec.h"
 #include "experiments/specs/home_spec.h"
+#include "experiments/support/stop_signal.h"
 #include "experiments/support/text_grid.h"
 
 namespace segsim::experiments::commands {
@@ -68,6 +69,7 @@ void capture(Flags flags) {
   if (flags.out.empty()) {
     throw core::InputError::expected("segsim capture", "--out, a folder", "none");
   }
+  const support::StopOnSignal signals;
   scenes::capture_mesh_source(source, flags.out, flags.trajectory, flags.exr, flags.overwrite);
   std::printf("%s: RGB-D sequence in the 7-Scenes layout with exact labels\n",
               flags.out.string().c_str());

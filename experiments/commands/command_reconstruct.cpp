@@ -20,6 +20,7 @@
 #include "experiments/scenes/scene_source.h"
 #include "experiments/scenes/stereo_recording.h"
 #include "experiments/support/record_file.h"
+#include "experiments/support/stop_signal.h"
 #include "perception/data/image_file.h"
 #include "reconstruction/labels/panoptic_head.h"
 
@@ -204,6 +205,7 @@ void check_stereo_flags(const Flags& flags) {
 
 void reconstruct(Flags flags) {
   const auto begin = std::chrono::steady_clock::now();
+  const support::StopOnSignal signals;
   check_outputs(flags);
   check_stereo_flags(flags);
   if (flags.check) {

@@ -5,6 +5,7 @@
 
 #include <chrono>
 #include <cstdio>
+#include <string>
 #include <thread>
 
 #include "experiments/support/stop_signal.h"
@@ -19,13 +20,17 @@ namespace segsim::experiments::commands {
 /// --host, --port and --token.
 void add_server_flags(CLI::App& command, web::HttpOptions& options);
 
+/// Prints the address. Its token is shown on a terminal alone: what is redirected ends in
+/// files and logs that others read.
+/// @throws core::InputError if the token was made up and there is no terminal to tell it on.
+void tell_address(const std::string& address, const web::HttpOptions& options);
+
 /// Prints the address and answers until a signal asks to stop.
-/// @param server  Has address(), serve() and stop().
+/// @param server  Has address(), serve() and stop().  @param options  It was made with.
 template <class Server>
-void serve_until_interrupted(Server& server) {
+void serve_until_interrupted(Server& server, const web::HttpOptions& options) {
   const support::StopOnSignal signals;
-  std::printf("%s\n", server.address().c_str());
-  std::fflush(stdout);
+  tell_address(server.address(), options);
   std::fprintf(stderr, "segsim: serving until interrupted (Ctrl-C)\n");
   std::jthread watch([&](const std::stop_token& stop) {
     while (!stop.stop_requested() && !support::StopOnSignal::requested()) {

@@ -61,7 +61,7 @@ HttpReply library_reply(const fs::path& file, const char* package) {
   if (file.empty() || !fs::exists(file, error)) {
     return not_found(std::string("the package ") + package + " is not installed");
   }
-  return binary_reply(web::kScriptType, core::read_file(file), true);
+  return web::file_reply(web::kScriptType, core::read_file(file));
 }
 
 Json json_points(const std::vector<glm::dvec2>& points_m) {

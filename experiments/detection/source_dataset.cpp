@@ -8,6 +8,7 @@
 #include "core/file_io.h"
 #include "core/progress.h"
 #include "experiments/support/step_record.h"
+#include "experiments/support/stop_signal.h"
 #include "perception/data/box_labels.h"
 #include "perception/data/dataset.h"
 #include "perception/data/image_file.h"
@@ -72,6 +73,7 @@ class SceneViews {
       perception::write_image(folder_ / image.file, frame_.rgb);
       dataset_.images.push_back(std::move(image));
       progress_.update(static_cast<std::int64_t>(dataset_.images.size()));
+      support::StopOnSignal::check();
     }
   }
 

@@ -11,6 +11,7 @@
 #include "core/progress.h"
 #include "core/render.h"
 #include "experiments/scenes/scene_surfels.h"
+#include "experiments/support/stop_signal.h"
 #include "perception/data/image_file.h"
 #include "renderer/cpu_renderer.h"
 #include "sim/ground/world.h"
@@ -255,6 +256,7 @@ ViewLabels label_views(const LabelledScene& scene, const ViewLabelOptions& optio
     if (!labeller.add(pose, wanted_instance)) continue;
     sampler.accept(pose);
     ++added;
+    support::StopOnSignal::check();
     if (progress) progress->update(added);
     if (options.on_view) options.on_view();
   }

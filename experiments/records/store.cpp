@@ -1,6 +1,7 @@
 #include "experiments/records/store.h"
 
 #include <chrono>
+#include <cmath>
 #include <ctime>
 
 #include <sqlite3.h>
@@ -76,8 +77,7 @@ Store::Store(const std::filesystem::path& file) : impl_(std::make_unique<Impl>()
   }
   const int flags = SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX;
   if (sqlite3_open_v2(file.c_str(), &impl_->db, flags, nullptr) != SQLITE_OK) {
-    throw core::InputError::expected(file.string(), "a place for a SQLite database",
-                                     sqlite3_errmsg(impl_->db));
+    throw sqlite_error(impl_->db, file);
   }
   sqlite3_busy_timeout(impl_->db, 10000);
   impl_->check_integrity();
@@ -208,9 +208,23 @@ std::vector<ArmRow> Store::arms(std::int64_t run_id) const {
   return rows;
 }
 
+namespace {
+
+/// Seconds since the machine was started, also while it slept.
+double uptime_s() {
+  timespec time{};
+  ::clock_gettime(CLOCK_BOOTTIME, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
+
+}  // namespace
+
 std::string utc_now() {
-  const std::time_t now =
-      std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
+  // Read once: when the clock is set, times of one run must not go backwards or leave a gap.
+  static const auto begin = std::chrono::system_clock::now();
+  static const double begin_s = uptime_s();
+  const std::time_t now = std::chrono::system_clock::to_time_t(begin) +
+                          static_cast<std::time_t>(std::llround(uptime_s() - begin_s));
   std::tm parts{};
   gmtime_r(&now, &parts);
   char text[32];

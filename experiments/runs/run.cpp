@@ -405,6 +405,7 @@ RunReport run_experiment(const specs::ExperimentSpec& spec, const RunOptions& op
   const fs::path& work = options.folders.work;
   const support::StageTimes::Clock::time_point start = support::StageTimes::Clock::now();
   support::StageTimes times;
+  std::optional<support::StopOnSignal> signals(std::in_place);
   std::optional<support::FolderLock> lock, shard_lock;
   fs::path results = options.results.empty() ? work : options.results;
   Inputs inputs;
@@ -449,7 +450,6 @@ RunReport run_experiment(const specs::ExperimentSpec& spec, const RunOptions& op
   if (!options.prepare_only && !tasks.empty()) {
     support::StageTimes::Timer timer(times, "trials");
     timer.working();
-    const support::StopOnSignal signals;
     Tally tally(spec);
     for (const records::TrialRow& trial : trials) {
       if (!trial.failed()) tally.count(trial);
@@ -460,6 +460,8 @@ RunReport run_experiment(const specs::ExperimentSpec& spec, const RunOptions& op
   }
   report.trials_left = static_cast<int>(missing) - report.trials_run;
   for (const records::TrialRow& trial : trials) report.trials_failed += trial.failed() ? 1 : 0;
+
+  signals.reset();  // What follows is short, and not to be left half done.
 
   // The answer.
   const records::RunRow run = store.runs().back();

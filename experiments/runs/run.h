@@ -34,7 +34,7 @@ struct RunReport {
   std::int64_t run_id = 0;
   int trials_run = 0, trials_left = 0;    ///< Of the shard, if there is one.
   int trials_failed = 0;                  ///< In the harness; they run again on resume.
-  bool interrupted = false;               ///< By SIGINT or SIGTERM.
+  bool interrupted = false;               ///< By SIGINT or SIGTERM, during trials.
   double store_s = 0;                     ///< Spent on adding trials to the database.
   std::vector<support::StageTime> times;  ///< Of this call.
   double wall_s = 0;                      ///< Of all of it.
@@ -51,8 +51,8 @@ struct RunReport {
 /// With `shard`, others may work in the folder at the same time: whoever comes first makes
 /// what is missing, and the others wait for it.
 /// @throws core::InputError if the spec or a prepared input changed since the run began
-///         (unless `new_run`), if another process works in the folder, or if results can no
-///         longer be written (those that are in are kept).
+///         (unless `new_run`), another process works in the folder, or results cannot be
+///         written (what is in is kept); Interrupted by a signal before the first trial.
 RunReport run_experiment(const specs::ExperimentSpec& spec, const RunOptions& options);
 
 /// "segsim-object: STOP within 1 m (geodesic) of a view point ..., within 180 s".

@@ -18,6 +18,7 @@
 #include "experiments/scenes/robot_pictures.h"
 #include "experiments/scenes/scene_source.h"
 #include "experiments/scenes/scene_surfels.h"
+#include "experiments/support/stop_signal.h"
 #include "perception/data/image_file.h"
 #include "reconstruction/lifting/cloud_start.h"
 #include "reconstruction/training/training_pack.h"
@@ -173,6 +174,7 @@ reconstruction::LiftResult lift_recording(
       progress = std::make_unique<core::Progress>("lift: " + stage, total);
     }
     progress->update(done);
+    support::StopOnSignal::check();
   };
   if (cloud) return reconstruction::start_from_cloud(*cloud, sequence, options, report);
   if (!sequence.has_depth()) {

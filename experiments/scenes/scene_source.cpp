@@ -9,6 +9,7 @@
 #include "experiments/scenes/mesh_source.h"
 #include "experiments/specs/gazebo_spec.h"
 #include "experiments/specs/home_spec.h"
+#include "experiments/support/stop_signal.h"
 #include "reconstruction/datasets/box_annotation.h"
 #include "worlds/capture/capture.h"
 #include "worlds/capture/capture_plan.h"
@@ -107,7 +108,10 @@ void capture_mesh_source(const specs::SourceSpec& source, const fs::path& folder
   options.overwrite = overwrite;
   options.source = describe_capture(source);
   if (!trajectory.empty()) options.source += ", trajectory " + trajectory.filename().string();
-  options.on_frame = [&](int done, int) { progress.update(done); };
+  options.on_frame = [&](int done, int) {
+    progress.update(done);
+    support::StopOnSignal::check();
+  };
   worlds::capture_sequence(*renderer, path, intrinsics, folder, scene.classes, scene.instances,
                            options);
   write_credits(home.credits, folder);

@@ -5,6 +5,7 @@
 #include "core/name_table.h"
 #include "core/progress.h"
 #include "experiments/scenes/scene_source.h"
+#include "experiments/support/stop_signal.h"
 
 namespace segsim::experiments::scenes {
 namespace {
@@ -58,6 +59,7 @@ StereoRecording open_with_stereo(const std::filesystem::path& folder,
           progress = std::make_unique<core::Progress>("stereo: " + stage, total);
         }
         progress->update(done);
+        support::StopOnSignal::check();
       });
   progress.reset();
   result.comparison = reconstruction::compare_with_recorded(work, recorded);

@@ -15,7 +15,8 @@ class FolderLock {
   enum class IfTaken { kRefuse, kWait };
 
   /// @param folder  Is made if it is missing.
-  /// @throws core::InputError if it cannot be written to, or is taken and `if_taken` says so.
+  /// @throws core::InputError if it cannot be written to, or is taken and `if_taken` says so;
+  ///         core::Interrupted if a signal to stop comes while it waits (stop_signal.h).
   FolderLock(const std::filesystem::path& folder, Kind kind, IfTaken if_taken);
   ~FolderLock();
   FolderLock(const FolderLock&) = delete;

@@ -11,6 +11,7 @@
 
 #include "core/check.h"
 #include "experiments/support/side_by_side.h"
+#include "experiments/support/stop_signal.h"
 #include "renderer/scene/parallel_limit.h"
 
 namespace segsim::experiments::support {
@@ -44,6 +45,7 @@ class TaskGraph::Workers {
 
   void rethrow() const {
     if (failure_) std::rethrow_exception(failure_);
+    if (!ready_.empty()) StopOnSignal::check();
   }
 
  private:
@@ -51,6 +53,7 @@ class TaskGraph::Workers {
   std::optional<Id> next(std::unique_lock<std::mutex>& lock) {
     change_.wait(lock, [&] { return failure_ || !ready_.empty() || at_work_ == 0; });
     if (failure_ || ready_.empty()) return std::nullopt;
+    if (StopOnSignal::requested()) return std::nullopt;
     return ready_.extract(ready_.begin()).value();
   }
 

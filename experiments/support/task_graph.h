@@ -23,7 +23,8 @@ class TaskGraph {
   /// after another, nothing is limited.
   ///
   /// An exception lets those under way end, begins no other, and is then thrown here: that of
-  /// the task that was added first.
+  /// the task that was added first. A signal to stop (stop_signal.h) likewise, as
+  /// core::Interrupted, unless all tasks have ended.
   void run(int at_once);
 
  private:

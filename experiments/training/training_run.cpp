@@ -13,6 +13,7 @@
 #include "core/file_io.h"
 #include "core/progress.h"
 #include "experiments/drawing/frame_picture.h"
+#include "experiments/support/stop_signal.h"
 #include "experiments/training/training_folder.h"
 #include "perception/data/image_file.h"
 #include "reconstruction/datasets/mask_files.h"
@@ -179,6 +180,12 @@ class TrainingRun {
     return options_.time_limit_s > 0.0 &&
            seconds_since(begin_) > share * options_.time_limit_s;
   }
+  /// After the state has been written. @throws core::Interrupted
+  void check_signal() const {
+    support::StopOnSignal::check("the state in " + options_.work.string() +
+                                 " is kept, and the same command goes on there "
+                                 "(`segsim reconstruct`: with --resume)");
+  }
 
   SurfelCloud train_geometry();
   /// An error of the input, such as a loss that is not finite, tells where the state is.
@@ -226,7 +233,8 @@ SurfelCloud TrainingRun::train_geometry() {
   const Clock::time_point start = Clock::now();
   core::Progress progress("train shape and colour", config.iterations);
   std::int64_t done_here = 0;
-  while (trainer.iteration() < config.iterations && !out_of_time(kGeometryShare)) {
+  while (trainer.iteration() < config.iterations && !out_of_time(kGeometryShare) &&
+         !support::StopOnSignal::requested()) {
     const reconstruction::GeometryStep step = naming_state([&] { return trainer.step(); });
     ++done_here;
     char note[96];
@@ -251,6 +259,7 @@ SurfelCloud TrainingRun::train_geometry() {
     keep(trainer);
     fs::remove(head_mark());  // A head learns on finished surfels only.
   }
+  check_signal();
   const double seconds = seconds_since(start);
   statistics_.emplace_back("geometry_iterations", static_cast<double>(trainer.iteration()));
   statistics_.emplace_back("geometry_seconds", seconds);
@@ -366,12 +375,13 @@ std::shared_ptr<const renderer::PanopticField> TrainingRun::train_head(TrainedSc
                     std::make_shared<const renderer::PanopticField>(head->result().field),
                     options_.device.threads);
     }
-    return !out_of_time(1.0);
+    return !out_of_time(1.0) && !support::StopOnSignal::requested();
   };
   const std::int64_t iterations =
       naming_state([&] { return train_panoptic(*views, *head, run); });
   progress.finish();
   save_head(*head, iterations);
+  check_signal();
 
   reconstruction::PanopticResult result = head->result();
   scene.model = std::move(result.model);

@@ -10,7 +10,8 @@
 #include <nlohmann/json.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "core/file_io.h"
+#include "core/system/remakeable_file.h"
+#include "core/system/system_random.h"
 #include "experiments/drawing/frame_picture.h"
 #include "experiments/drawing/map_canvas.h"
 
@@ -32,7 +33,8 @@ double ms_since(std::chrono::steady_clock::time_point start) {
   return 1e3 * Seconds(std::chrono::steady_clock::now() - start).count();
 }
 
-/// "host-1234-0": unique among the workers of all machines that share a folder.
+/// "host-5be27d01-0": unique among the workers of all machines and containers that share a
+/// folder.
 std::string worker_name() {
   static std::atomic<int> count{0};
   char host[256] = {};
@@ -40,7 +42,8 @@ std::string worker_name() {
   std::replace_if(
       name.begin(), name.end(),
       [](char c) { return std::isalnum(static_cast<unsigned char>(c)) == 0; }, '_');
-  return name + "-" + std::to_string(::getpid()) + "-" + std::to_string(count++);
+  static const std::string process = core::random_hex(4);
+  return name + "-" + process + "-" + std::to_string(count++);
 }
 
 std::string encoded_picture(const core::Image<core::Rgb8>& image) {
@@ -147,7 +150,7 @@ void LiveView::write(const sim::TickRecord& tick, const core::Frame& frame,
     parts.emplace_back("panoptic.jpg", encoded_picture(drawing::panoptic_picture(frame)));
   }
   if (!view.cells.empty()) parts.emplace_back("cells.png", encoded_cells(view.cells));
-  core::write_file_atomically(file_, [&](std::ostream& out) {
+  core::write_remakeable_file(file_, [&](std::ostream& out) {
     out << header(tick, frame, detections, view, parts) << '\n';
     for (const auto& [name, bytes] : parts) out << bytes;
   });

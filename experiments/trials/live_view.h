@@ -6,7 +6,7 @@
 ///
 ///     live/watched           touched by whoever watches; a worker looks at it once a second
 ///
-///     live/HOST-PID-N.live   one line of JSON, then the bytes of the parts that it names:
+///     live/HOST-ID-N.live    one line of JSON, then the bytes of the parts that it names:
 ///                            camera.jpg, panoptic.jpg, cells.png
 ///
 /// One file holds it all, so that pictures and numbers are of the same tick. Nothing of it

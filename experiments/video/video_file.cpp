@@ -1,7 +1,5 @@
 #include "experiments/video/video_file.h"
 
-#include <unistd.h>
-
 #include <cmath>
 #include <fstream>
 #include <string>
@@ -12,6 +10,7 @@
 
 #include "core/check.h"
 #include "core/error.h"
+#include "core/system/system_random.h"
 
 namespace segsim::experiments::video::internal {
 namespace {
@@ -24,7 +23,7 @@ VideoFile::VideoFile(fs::path file, double frames_per_s)
     : file_(std::move(file)), frames_per_s_(frames_per_s) {
   SEGSIM_CHECK(frames_per_s > 0.0, file_.string());
   temporary_ = file_.parent_path() / ("." + file_.stem().string() + ".part" +
-                                      std::to_string(::getpid()) + file_.extension().string());
+                                      core::unique_suffix() + file_.extension().string());
 }
 
 VideoFile::~VideoFile() {

@@ -1,19 +1,21 @@
 #include "experiments/web/http_server.h"
 
 #include <httplib.h>
-#include <sys/socket.h>
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "core/error.h"
+#include "core/file_io.h"
+#include "core/system/system_random.h"
+#include "experiments/web/internal/front_door.h"
+#include "experiments/web/internal/request_bytes.h"
 
 namespace segsim::experiments::web {
 namespace {
 
-/// An idle connection of a browser keeps its thread for a moment, and a browser has six.
-constexpr std::size_t kThreads = 24;
-constexpr std::size_t kLargestRequest = 4096;  // Bytes of a body.
+using internal::WireResponse;
 
 /// Scripts, styles and pictures from here and nowhere else; no frames around the pages.
 constexpr const char* kContentPolicy =
@@ -54,22 +56,92 @@ std::string cookie(const httplib::Request& request, const std::string& name) {
 }
 
 /// An address that others can reach needs a token that they cannot guess.
-void check_token(const HttpOptions& options) {
-  const bool exposed = !is_loopback(options.host);
-  if (!exposed && options.token.empty()) return;
+/// @return  What was given, or one that was made up.
+std::string checked_token(const HttpOptions& options) {
+  constexpr int kBytes = 16;  // 128 bits.
+  if (options.token.empty()) {
+    return is_loopback(options.host) ? std::string() : core::random_hex(kBytes);
+  }
+  const std::string& token = options.token;
   const bool plain =
-      options.token.find_first_not_of(
+      token.find_first_not_of(
           "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_.~") ==
       std::string::npos;
-  if (plain && options.token.size() >= kShortestToken) return;
+  const std::set<char> different(token.begin(), token.end());
+  if (plain && token.size() >= kShortestToken && different.size() >= kFewestCharacters) {
+    return token;
+  }
   throw core::InputError::expected(
       "--token",
-      "at least " + std::to_string(kShortestToken) + " letters, digits, - _ . ~" +
-          (exposed ? " (" + options.host + " can be reached from other machines)" : ""),
-      options.token.empty() ? "none"
-                            : std::to_string(options.token.size()) + " characters" +
-                                  (plain ? "" : ", some of them others"));
+      "at least " + std::to_string(kShortestToken) + " letters, digits, - _ . ~, " +
+          std::to_string(kFewestCharacters) + " of them different, or no --token, so that " +
+          "one is made up for an address that other machines reach",
+      std::to_string(token.size()) + " characters, " + std::to_string(different.size()) +
+          " of them different" + (plain ? "" : ", some of no such kind"));
 }
+
+/// Of what is the same until another version of the program runs. Weak, as what is sent may
+/// be compressed.
+std::string entity_tag(const std::string& body) {
+  return "W/\"" + core::sha256_hex(body).substr(0, 32) + "\"";
+}
+
+/// One request in memory for the HTTP library, and what it answers. How connections are read
+/// and written is front_door.h's.
+class MemoryStream : public httplib::Stream {
+ public:
+  explicit MemoryStream(const std::string& request) : request_(request) {}
+
+  [[nodiscard]] bool is_readable() const override { return at_ < request_.size(); }
+  [[nodiscard]] bool is_writable() const override { return true; }
+  ssize_t read(char* to, std::size_t size) override {
+    const std::size_t taken = request_.copy(to, size, at_);
+    at_ += taken;
+    return static_cast<ssize_t>(taken);
+  }
+  ssize_t write(const char* from, std::size_t size) override {
+    response_.append(from, size);
+    return static_cast<ssize_t>(size);
+  }
+  void get_remote_ip_and_port(std::string&, int&) const override {}
+  void get_local_ip_and_port(std::string&, int&) const override {}
+  [[nodiscard]] socket_t socket() const override { return INVALID_SOCKET; }
+
+  [[nodiscard]] std::string take_response() { return std::move(response_); }
+
+ private:
+  const std::string& request_;
+  std::size_t at_ = 0;
+  std::string response_;
+};
+
+/// The HTTP library as what reads the text of a request and writes that of a response.
+class HttpText : public httplib::Server {
+ public:
+  HttpText(double idle_s,
+           std::function<void(const httplib::Request&, httplib::Response&)> respond) {
+    set_keep_alive_timeout(static_cast<time_t>(idle_s));  // Responses tell it.
+    set_keep_alive_max_count(1000);
+    set_pre_routing_handler([respond = std::move(respond)](const httplib::Request& request,
+                                                           httplib::Response& response) {
+      respond(request, response);
+      return HandlerResponse::Handled;
+    });
+  }
+
+  [[nodiscard]] WireResponse answer(std::string request) {
+    // Parts of files are not served: asked for 1000 of them, the library sent the whole 1000
+    // times.
+    internal::drop_header(request, "Range");
+    const std::string body = request.substr(request.find("\r\n\r\n") + 4);
+    MemoryStream stream(request);
+    bool closes = false;
+    const bool done = process_request(stream, false, closes, [&](httplib::Request& parsed) {
+      parsed.body = body;  // Handlers of all requests come before the library reads it.
+    });
+    return {stream.take_response(), closes || !done};
+  }
+};
 
 }  // namespace
 
@@ -81,6 +153,12 @@ HttpReply json_reply(std::string body) {
 
 HttpReply binary_reply(const char* type, std::string body, bool keeps) {
   return {200, type, std::move(body), keeps};
+}
+
+HttpReply file_reply(const char* type, std::string body) {
+  HttpReply reply = binary_reply(type, std::move(body), false);
+  reply.is_file = true;
+  return reply;
 }
 
 HttpReply refusal(int status, const std::string& why) {
@@ -114,8 +192,29 @@ bool is_loopback(const std::string& host) {
 struct HttpServer::Impl {
   HttpOptions options;
   HttpHandler handler;
-  httplib::Server server;
+  HttpText text;
+  internal::FrontDoor door;
   int port = 0;
+
+  static internal::FrontDoorOptions door_of(const HttpOptions& options) {
+    internal::FrontDoorOptions door;
+    door.host = options.host;
+    door.port = options.port;
+    return door;
+  }
+
+  Impl(const HttpOptions& wanted, HttpHandler of)
+      : options(wanted),
+        handler(std::move(of)),
+        text(internal::FrontDoorOptions().idle_s,
+             [this](const httplib::Request& request, httplib::Response& response) {
+               respond(request, response);
+             }),
+        door(door_of(wanted),
+             [this](const std::string& request) { return text.answer(request); }) {
+    options.token = checked_token(wanted);
+    port = door.port();
+  }
 
   [[nodiscard]] std::string cookie_name() const { return "segsim_" + std::to_string(port); }
 
@@ -182,63 +281,37 @@ struct HttpServer::Impl {
   }
 
   void respond(const httplib::Request& request, httplib::Response& response) const {
-    const HttpReply reply = answer(request);
+    HttpReply reply = answer(request);
     response.status = reply.status;
     response.set_header("Content-Security-Policy", kContentPolicy);
     response.set_header("X-Content-Type-Options", "nosniff");
     response.set_header("X-Frame-Options", "DENY");
     response.set_header("Referrer-Policy", "no-referrer");
     response.set_header("Cross-Origin-Resource-Policy", "same-origin");
-    response.set_header("Cache-Control", reply.keeps ? "private, max-age=3600" : "no-store");
+    response.set_header("Cache-Control", reply.keeps     ? "private, max-age=3600"
+                                         : reply.is_file ? "private, no-cache"
+                                                         : "no-store");
     if (reply.status == 405) response.set_header("Allow", methods());
     if (reply.status == 200 && request.has_param("token") && !options.token.empty()) {
       response.set_header("Set-Cookie", cookie_name() + "=" + options.token +
                                             "; Path=/; HttpOnly; SameSite=Strict");
     }
-    response.set_content(reply.body, reply.type);
+    if (reply.status == 200 && reply.is_file) {
+      const std::string tag = entity_tag(reply.body);
+      response.set_header("ETag", tag);
+      if (request.get_header_value("If-None-Match") == tag) {
+        response.status = 304;
+        return;
+      }
+    }
+    // set_content() would copy it.
+    response.set_header("Content-Type", reply.type);
+    response.body = std::move(reply.body);
   }
 };
 
 HttpServer::HttpServer(const HttpOptions& options, HttpHandler handler)
-    : impl_(std::make_unique<Impl>()) {
-  check_token(options);
-  impl_->options = options;
-  impl_->handler = std::move(handler);
-  httplib::Server& server = impl_->server;
-  server.new_task_queue = [] { return new httplib::ThreadPool(kThreads); };
-  server.set_keep_alive_timeout(2);
-  server.set_read_timeout(2);
-  server.set_keep_alive_max_count(1000);
-  server.set_payload_max_length(kLargestRequest);
-  // The library's default would let two programs share the port.
-  server.set_socket_options([](socket_t socket) {
-    const int yes = 1;
-    setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
-  });
-  server.set_pre_routing_handler(
-      [impl = impl_.get()](const httplib::Request& request, httplib::Response& response) {
-        // The body of a POST has not been read yet.
-        if (impl->options.takes_posts && request.method == "POST") {
-          return httplib::Server::HandlerResponse::Unhandled;
-        }
-        impl->respond(request, response);
-        return httplib::Server::HandlerResponse::Handled;
-      });
-  server.Post(".*", [impl = impl_.get()](const httplib::Request& request,
-                                         httplib::Response& response) {
-    impl->respond(request, response);
-  });
-  if (options.port == 0) {
-    impl_->port = server.bind_to_any_port(options.host);
-  } else if (server.bind_to_port(options.host, options.port)) {
-    impl_->port = options.port;
-  }
-  if (impl_->port <= 0) {
-    throw core::InputError::expected(
-        options.host + ":" + std::to_string(options.port),
-        "an address of this machine and a port that is free (--host, --port)", "none such");
-  }
-}
+    : impl_(std::make_unique<Impl>(options, std::move(handler))) {}
 
 HttpServer::~HttpServer() = default;
 
@@ -247,9 +320,9 @@ std::string HttpServer::address() const {
   const HttpOptions& of = impl_->options;
   const bool six = of.host.find(':') != std::string::npos;
   return "http://" + (six ? "[" + of.host + "]" : of.host) + ":" + std::to_string(port()) +
-         "/" + (of.token.empty() ? "" : "?token=" + of.token);
+         "/" + (of.token.empty() ? "" : kTokenInAddress + of.token);
 }
-void HttpServer::serve() { impl_->server.listen_after_bind(); }
-void HttpServer::stop() { impl_->server.stop(); }
+void HttpServer::serve() { impl_->door.serve(); }
+void HttpServer::stop() { impl_->door.stop(); }
 
 }  // namespace segsim::experiments::web

@@ -2,7 +2,7 @@
 
 /// @file
 /// The only file pair that knows the HTTP library: methods, tokens, headers, errors. What is
-/// answered comes from a handler.
+/// answered comes from a handler; internal/front_door.h has the connections.
 ///
 /// A visitor on another address than a loopback one needs the token. On a loopback address
 /// only requests for a loopback host are answered, so that a page elsewhere cannot reach in
@@ -31,11 +31,14 @@ struct HttpReply {
   std::string type = "application/json";
   std::string body;
   bool keeps = false;  ///< Never changes while the server runs: a browser may keep it.
+  /// Of the program itself: a browser asks each time whether it is still the same.
+  bool is_file = false;
 };
 
 /// @param body  What is not UTF-8 in it has been replaced already.
 [[nodiscard]] HttpReply json_reply(std::string body);
 [[nodiscard]] HttpReply binary_reply(const char* type, std::string body, bool keeps);
+[[nodiscard]] HttpReply file_reply(const char* type, std::string body);
 [[nodiscard]] HttpReply not_found(const std::string& what);
 /// {"error": why}
 [[nodiscard]] HttpReply refusal(int status, const std::string& why);
@@ -45,12 +48,15 @@ using HttpHandler = std::function<HttpReply(const HttpRequest&)>;
 struct HttpOptions {
   std::string host = "127.0.0.1";
   int port = 8080;           ///< 0: any that is free.
-  std::string token;         ///< Empty: none is asked for; only on a loopback address.
+  std::string token;         ///< Empty: none is asked for on a loopback address, else made up.
   bool takes_posts = false;  ///< Else GET and HEAD are all that is answered.
 };
 
-/// A token may not be shorter: it is all that protects an open port.
-inline constexpr std::size_t kShortestToken = 12;
+/// A token is all that protects an open port: it holds the 128 bits of one that is made up, if
+/// it was drawn from letters and digits, and is no repeated word.
+inline constexpr std::size_t kShortestToken = 22, kFewestCharacters = 8;
+/// Before the token in address().
+inline constexpr const char* kTokenInAddress = "?token=";
 
 /// Equal in a time that does not depend on where they differ.
 [[nodiscard]] bool equal_tokens(const std::string& a, const std::string& b);
@@ -62,8 +68,7 @@ class HttpServer {
   /// Takes the port.
   /// @param handler  Called by many threads at once. A core::InputError that it throws becomes
   ///     status 404, or 400 for a POST; other exceptions 500.
-  /// @throws core::InputError if the address is not to be had, or can be reached from
-  ///     elsewhere and there is no token (or a short one).
+  /// @throws core::InputError if the address is not to be had, or the token is weak.
   HttpServer(const HttpOptions& options, HttpHandler handler);
   ~HttpServer();
   HttpServer(const HttpServer&) = delete;

@@ -16,17 +16,17 @@ HttpReply page(const std::string& name, const char* own) {
     return binary_reply("image/svg+xml", internal::find_asset("favicon.svg"), true);
   }
   if (own == nullptr || !name.ends_with(".html")) return not_found("no such page");
-  return binary_reply(kPageType, own, false);
+  return file_reply(kPageType, own);
 }
 
 HttpReply file_of_pages(const std::string& name, const char* own) {
   if (name == "report.css") {
-    return binary_reply(kStyleType, report::internal::kReportCss, false);
+    return file_reply(kStyleType, report::internal::kReportCss);
   }
   const char* text = own != nullptr ? own : internal::find_asset(name);
   const bool style = name.ends_with(".css");
   if (text == nullptr || (!style && !name.ends_with(".js"))) return not_found("no such file");
-  return binary_reply(style ? kStyleType : kScriptType, text, false);
+  return file_reply(style ? kStyleType : kScriptType, text);
 }
 
 }  // namespace segsim::experiments::web

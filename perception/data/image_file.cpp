@@ -7,6 +7,7 @@
 #include "core/file_io.h"
 #include "core/input/bounds.h"
 #include "core/pictures/picture_check.h"
+#include "core/system/remakeable_file.h"
 
 namespace segsim::perception {
 
@@ -41,7 +42,7 @@ void write_image(const std::filesystem::path& file, const core::Image<core::Rgb8
   }
   if (!done)
     throw core::InputError::expected(file.string(), "extension .png or .jpg", "another");
-  core::write_file_atomically(file, [&encoded](std::ostream& out) {
+  core::write_remakeable_file(file, [&encoded](std::ostream& out) {
     for (const unsigned char byte : encoded) out.put(static_cast<char>(byte));
   });
 }

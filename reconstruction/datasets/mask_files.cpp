@@ -9,6 +9,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "core/check.h"
+#include "core/system/remakeable_file.h"
 #include "reconstruction/datasets/internal/image_files.h"
 #include "reconstruction/datasets/internal/json_file.h"
 #include "reconstruction/datasets/labels_file.h"
@@ -31,7 +32,7 @@ void write_png(const fs::path& file, const core::Image<Pixel>& image, int type) 
                        const_cast<Pixel*>(image.data()));
   std::vector<unsigned char> bytes;
   SEGSIM_CHECK(cv::imencode(".png", pixels, bytes), file.string());
-  core::write_file_atomically(file, [&](std::ostream& stream) {
+  core::write_remakeable_file(file, [&](std::ostream& stream) {
     stream.write(reinterpret_cast<const char*>(bytes.data()),
                  static_cast<std::streamsize>(bytes.size()));
   });

@@ -18,6 +18,7 @@
 #include "core/check.h"
 #include "core/error.h"
 #include "core/file_io.h"
+#include "core/system/remakeable_file.h"
 
 namespace segsim::worlds {
 namespace {
@@ -89,7 +90,7 @@ void write_text(const fs::path& file, const std::string& text) {
 void write_png(const fs::path& file, const cv::Mat& image) {
   std::vector<unsigned char> bytes;
   SEGSIM_CHECK(cv::imencode(".png", image, bytes), file.string());
-  core::write_file_atomically(file, [&](std::ostream& stream) {
+  core::write_remakeable_file(file, [&](std::ostream& stream) {
     stream.write(reinterpret_cast<const char*>(bytes.data()),
                  static_cast<std::streamsize>(bytes.size()));
   });
@@ -128,7 +129,7 @@ cv::Mat to_millimetres(const core::Image<float>& depth_m) {
 }
 
 void write_depth(const fs::path& file, const core::Image<float>& depth_m) {
-  core::write_via_temporary(file, [&](const fs::path& temporary) {
+  core::write_remakeable_via_temporary(file, [&](const fs::path& temporary) {
     Imf::Header header(depth_m.width_px(), depth_m.height_px());
     header.compression() = Imf::ZIP_COMPRESSION;
     header.channels().insert("Z", Imf::Channel(Imf::FLOAT));
@@ -184,11 +185,11 @@ class CaptureFolder {
   }
 
   [[nodiscard]] bool is_complete(std::size_t index) const {
-    for (const char* suffix : {"color.png", "depth.png", "semantic.png", "instance.png"}) {
-      if (!fs::exists(file(index, suffix))) return false;
+    for (const char* suffix :
+         {"color.png", "depth.png", "semantic.png", "instance.png", "pose.txt"}) {
+      if (!is_written(index, suffix)) return false;
     }
-    return fs::exists(file(index, "pose.txt")) &&
-           (!options_.depth_exr || fs::exists(file(index, "depth.exr")));
+    return !options_.depth_exr || is_written(index, "depth.exr");
   }
 
   void write(std::size_t index, core::Frame& frame) const {
@@ -203,10 +204,18 @@ class CaptureFolder {
     write_png(file(index, "semantic.png"), to_16_bit(frame.semantic));
     write_png(file(index, "instance.png"), to_16_bit(frame.instance));
     if (options_.depth_exr) write_depth(file(index, "depth.exr"), frame.depth_m);
-    write_text(file(index, "pose.txt"), pose_text(frame.T_world_camera));
+    core::write_remakeable_file(file(index, "pose.txt"), [&](std::ostream& stream) {
+      stream << pose_text(frame.T_world_camera);
+    });
   }
 
  private:
+  /// A power cut leaves names without what they stand for (core/system/remakeable_file.h).
+  [[nodiscard]] bool is_written(std::size_t index, const std::string& suffix) const {
+    std::error_code error;
+    const std::uintmax_t bytes = fs::file_size(file(index, suffix), error);
+    return !error && bytes > 0;
+  }
   [[nodiscard]] fs::path file(std::size_t index, const std::string& suffix) const {
     std::array<char, 32> stem{};
     std::snprintf(stem.data(), stem.size(), "frame-%06zu.", index);

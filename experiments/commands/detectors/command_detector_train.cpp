@@ -10,6 +10,7 @@
 #include "core/file_io.h"
 #include "experiments/commands/detectors/detector_commands.h"
 #include "experiments/detection/source_dataset.h"
+#include "experiments/support/stop_signal.h"
 #include "perception/checkpoint/weights_file.h"
 #include "perception/training/training.h"
 #include "perception/training/training_config.h"
@@ -125,8 +126,15 @@ class TrainingFlags {
   std::vector<std::function<void(TrainOptions&)>> copies_;
 };
 
-void run_training(const TrainOptions& options) {
+void run_training(TrainOptions options) {
+  const support::StopOnSignal signals;
+  options.on_step = [](int, double) { return !support::StopOnSignal::requested(); };
   const perception::TrainReport report = perception::train(options);
+  if (!report.finished) {
+    support::StopOnSignal::check("step " + std::to_string(report.steps_done) + " is kept in " +
+                                 options.output.string() +
+                                 ".state, where the same command goes on");
+  }
   for (const std::string& name : report.classes_without_boxes) {
     std::fprintf(stderr, "warning: %s has no box of class '%s'\n",
                  options.train_json.string().c_str(), name.c_str());

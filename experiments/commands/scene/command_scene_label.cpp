@@ -27,7 +27,7 @@ void add_scene_label(CLI::App& scene) {
   add_server_flags(*command, flags->server);
   command->callback([flags] {
     scene_labels::LabelServer server(flags->bundle, flags->server);
-    serve_until_interrupted(server);
+    serve_until_interrupted(server, flags->server);
   });
 }
 

@@ -18,11 +18,19 @@ namespace segsim::experiments::records {
 /// What went wrong last.
 [[nodiscard]] inline core::InputError sqlite_error(sqlite3* db,
                                                    const std::filesystem::path& file) {
-  const bool full = sqlite3_errcode(db) == SQLITE_FULL;
-  return core::InputError::expected(
-      file.string(),
-      full ? "room for results (those that are in are kept)" : "a working SQLite database",
-      sqlite3_errmsg(db));
+  const char* expected = "a working SQLite database";
+  switch (sqlite3_errcode(db)) {
+    case SQLITE_FULL:
+      expected = "room for results (those that are in are kept)";
+      break;
+    case SQLITE_READONLY:
+    case SQLITE_CANTOPEN:  // Also of the files that SQLite keeps beside it.
+      expected = "a database in a folder that can be written to (or a copy in another)";
+      break;
+    default:
+      break;
+  }
+  return core::InputError::expected(file.string(), expected, sqlite3_errmsg(db));
 }
 
 /// A prepared statement; values are bound and read in order.

@@ -12,6 +12,7 @@
 #include "core/progress.h"
 #include "experiments/detection/source_dataset.h"
 #include "experiments/support/side_by_side.h"
+#include "experiments/support/stop_signal.h"
 #include "perception/checkpoint/weights_file.h"
 #include "perception/training/training_config.h"
 
@@ -113,9 +114,9 @@ void FineTuning::make(const fs::path& mix,
   train.show_progress = false;
   train.on_step = [&](int steps_done, double loss) {
     on_step(steps_done, loss);
-    return true;
+    return !support::StopOnSignal::requested();  // Then the state is written.
   };
-  perception::train(train);
+  if (!perception::train(train).finished) support::StopOnSignal::check();
   record_.mark_done();
 }
 

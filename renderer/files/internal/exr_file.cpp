@@ -13,7 +13,7 @@
 
 #include "core/check.h"
 #include "core/error.h"
-#include "core/file_io.h"
+#include "core/system/remakeable_file.h"
 
 namespace segsim::renderer::internal {
 namespace {
@@ -100,7 +100,7 @@ void ExrOutput::write(const std::filesystem::path& file) {
   const std::vector<Part*> filled = parts();
   SEGSIM_CHECK(!filled.empty(), "no channels");
   const int rows = blank_.dataWindow().max.y - blank_.dataWindow().min.y + 1;
-  core::write_via_temporary(file, [&](const std::filesystem::path& temporary) {
+  core::write_remakeable_via_temporary(file, [&](const std::filesystem::path& temporary) {
     guard_exr(file, "a place to write an OpenEXR image", [&] {
       if (filled.size() == 1) {  // An ordinary file, which every reader knows.
         Imf::OutputFile out(temporary.c_str(), filled[0]->header_, kThreads);

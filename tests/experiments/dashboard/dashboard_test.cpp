@@ -18,7 +18,7 @@ using testing::HasSubstr;
 using testing::Not;
 using testing::StartsWith;
 
-constexpr const char* kToken = "correct-horse-battery";
+constexpr const char* kToken = "correct-horse-battery-staple";
 
 /// A real run of two trials with bundle and logs, served.
 class DashboardOfARun : public testing::Test {
@@ -229,23 +229,25 @@ TEST_F(DashboardOfARun, LookingChangesNothing) {
 TEST(Dashboard, ATokenIsAskedFor) {
   const TemporaryFolder folder;
   const ServedFolder served(folder.path(), kToken);
-  EXPECT_THAT(served.home(), HasSubstr("?token=correct-horse-battery"));
+  EXPECT_THAT(served.home(), HasSubstr("?token=correct-horse-battery-staple"));
   EXPECT_EQ(served.get("/").status, 401);
   EXPECT_EQ(served.get("/static/common.js").status, 401);
   EXPECT_EQ(served.get("/nothing").status, 401);
   EXPECT_EQ(served.get("/?token=").status, 401);
-  EXPECT_EQ(served.get("/?token=correct-horse-batterx").status, 401);
-  EXPECT_EQ(served.get("/?token=correct-horse-battery-").status, 401);
+  EXPECT_EQ(served.get("/?token=correct-horse-battery-staplx").status, 401);
+  EXPECT_EQ(served.get("/?token=correct-horse-battery-staple-").status, 401);
   EXPECT_EQ(served.get("/", "Authorization: Bearer wrong\r\n").status, 401);
-  EXPECT_EQ(served.get("/", "Authorization: Bearer correct-horse-battery\r\n").status, 200);
-  const Answer first = served.get("/?token=correct-horse-battery");
+  EXPECT_EQ(served.get("/", "Authorization: Bearer correct-horse-battery-staple\r\n").status,
+            200);
+  const Answer first = served.get("/?token=correct-horse-battery-staple");
   EXPECT_EQ(first.status, 200);
   const std::string name = "segsim_" + std::to_string(served.port());
   EXPECT_THAT(first.head, HasSubstr("Set-Cookie: " + name +
-                                    "=correct-horse-battery; Path=/; "
+                                    "=correct-horse-battery-staple; Path=/; "
                                     "HttpOnly; SameSite=Strict\r\n"));
-  EXPECT_EQ(served.get("/", "Cookie: a=b; " + name + "=correct-horse-battery\r\n").status,
-            200);
+  EXPECT_EQ(
+      served.get("/", "Cookie: a=b; " + name + "=correct-horse-battery-staple\r\n").status,
+      200);
   EXPECT_EQ(served.get("/", "Cookie: " + name + "=correct-horse\r\n").status, 401);
   EXPECT_THAT(served.get("/api/runs").body, HasSubstr("expected the token"));
 }
@@ -281,9 +283,12 @@ TEST(Dashboard, BadOptionsAreRefused) {
   options.roots = {folder.path()};
   EXPECT_EQ(refusal_of(options), "served");
   options.host = "0.0.0.0";
-  EXPECT_THAT(refusal_of(options), HasSubstr("--token: expected at least 12"));
+  EXPECT_EQ(refusal_of(options), "served") << "with a token that is made up";
   options.token = "short";
+  EXPECT_THAT(refusal_of(options), HasSubstr("--token: expected at least 22"));
   EXPECT_THAT(refusal_of(options), HasSubstr("found 5 characters"));
+  options.token = std::string(40, 'a') + "bcd";
+  EXPECT_THAT(refusal_of(options), HasSubstr("4 of them different"));
   options.token = "with a space\r\nand a line";
   EXPECT_THAT(refusal_of(options), HasSubstr("--token"));
   options.token = kToken;

@@ -48,5 +48,23 @@ TEST(RowNames, AWordThatIsNotKnownIsNamedWithFileTrialAndColumn) {
   EXPECT_TRUE(refusal(row).ends_with("found \"bad_luck\""));
 }
 
+TEST(RowNames, FilesLieBelowTheFolderOfTheRun) {
+  records::TrialRow row = a_row();
+  row.log = "logs/a..b/couch.json.gz";
+  row.picture = "./pictures/../tracks/x.png";
+  EXPECT_EQ(refusal(row), "no error");
+  for (const char* outside : {"/etc/passwd", "../other/log.json.gz", "logs/../../x", ".."}) {
+    row = a_row();
+    row.log = outside;
+    EXPECT_EQ(refusal(row),
+              "results.sqlite: trial 12: log: expected a file below the folder "
+              "of the run, found \"" +
+                  std::string(outside) + "\"");
+    row = a_row();
+    row.picture = outside;
+    EXPECT_TRUE(refusal(row).starts_with("results.sqlite: trial 12: picture: expected"));
+  }
+}
+
 }  // namespace
 }  // namespace segsim::experiments

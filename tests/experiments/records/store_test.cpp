@@ -7,6 +7,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sqlite3.h>
+#include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 #include <nlohmann/json.hpp>
@@ -16,6 +17,19 @@
 #include "experiments/results/trial_export.h"
 #include "tests/experiments/records/column_values.h"
 #include "tests/experiments/records/store_fixture.h"
+
+namespace {
+
+int clock_set_by_s = 0;  ///< As if somebody had set the clock.
+
+}  // namespace
+
+/// In the place of the C library's.
+extern "C" int clock_gettime(clockid_t clock, timespec* time) {
+  const long result = ::syscall(SYS_clock_gettime, clock, time);
+  if (clock == CLOCK_REALTIME) time->tv_sec += clock_set_by_s;
+  return static_cast<int>(result);
+}
 
 namespace segsim::experiments {
 namespace {
@@ -53,6 +67,33 @@ TEST_F(StoreTest, WhatIsWrittenIsReadBack) {
   EXPECT_EQ(values_of(store.scenes(id)[0]), values_of(scene));
   ASSERT_EQ(store.arms(id).size(), 1U);
   EXPECT_EQ(values_of(records::columns_of(store.arms(id)[0])), values_of(arm));
+}
+
+/// Times of a run keep their order, whatever the clock is set to.
+TEST_F(StoreTest, SettingTheClockDoesNotReachTheTimes) {
+  const std::string first = records::utc_now();
+  clock_set_by_s = 100'000;
+  const std::string second = records::utc_now();
+  clock_set_by_s = -100'000;
+  const std::string third = records::utc_now();
+  EXPECT_LE(first, second);
+  EXPECT_LE(second, third);
+  clock_set_by_s = 0;
+}
+
+/// As another user than root, which may write everywhere.
+TEST_F(StoreTest, AFolderThatMayNotBeWrittenToIsSaidSo) {
+  { const records::Store store(file_); }
+  fs::permissions(file_, fs::perms::owner_read | fs::perms::others_read);
+  fs::permissions(folder_.path(), fs::perms::owner_read | fs::perms::owner_exec |
+                                      fs::perms::others_read | fs::perms::others_exec);
+  const bool root = ::geteuid() == 0;
+  ASSERT_EQ(::seteuid(root ? 65534 : ::geteuid()), 0);
+  const std::string said = refusal(file_), of_new = refusal(folder_ / "new.sqlite");
+  ASSERT_EQ(::seteuid(root ? 0 : ::geteuid()), 0);
+  fs::permissions(folder_.path(), fs::perms::owner_all);
+  EXPECT_THAT(said, HasSubstr("results.sqlite: expected a database in a folder that can be"));
+  EXPECT_THAT(of_new, HasSubstr("new.sqlite: expected a database in a folder that can be"));
 }
 
 /// What lies flat in the database, or elsewhere.

@@ -215,8 +215,9 @@ TEST_F(LabelServerTest, PagesElsewhereCannotEdit) {
 
 TEST(LabelServer, ATokenIsAskedForBeforeEdits) {
   const TemporaryFolder folder;
-  const ServedLabels served(write_label_scene(folder / "scene"), "correct-horse-battery");
-  EXPECT_THAT(served.address(), HasSubstr("?token=correct-horse-battery"));
+  const ServedLabels served(write_label_scene(folder / "scene"),
+                            "correct-horse-battery-staple");
+  EXPECT_THAT(served.address(), HasSubstr("?token=correct-horse-battery-staple"));
   const std::string body = R"({"revision":1,"do":"delete","instance":1})";
   const std::string json = "Content-Type: application/json\r\n";
   EXPECT_EQ(served.get("/").status, 401);
@@ -224,14 +225,15 @@ TEST(LabelServer, ATokenIsAskedForBeforeEdits) {
   EXPECT_EQ(served.post("/api/edits", body, json + "Authorization: Bearer no\r\n").status,
             401);
   EXPECT_EQ(served
-                .post("/api/edits?token=correct-horse-battery", body,
+                .post("/api/edits?token=correct-horse-battery-staple", body,
                       json + "Origin: http://evil.example\r\n")
                 .status,
             403);
-  EXPECT_EQ(
-      served.post("/api/edits", body, json + "Authorization: Bearer correct-horse-battery\r\n")
-          .status,
-      200);
+  EXPECT_EQ(served
+                .post("/api/edits", body,
+                      json + "Authorization: Bearer correct-horse-battery-staple\r\n")
+                .status,
+            200);
 }
 
 }  // namespace

@@ -16,9 +16,11 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
+#include "core/interrupted.h"
 #include "experiments/scenes/coverage.h"
 #include "experiments/scenes/reconstruct.h"
 #include "experiments/scenes/viewed_place.h"
+#include "experiments/support/stop_signal.h"
 #include "experiments/training/training_folder.h"
 #include "reconstruction/labels/panoptic_head.h"
 #include "reconstruction/training/surfel_labels.h"
@@ -97,6 +99,26 @@ void expect_same(const training::TrainedScene& a, const training::TrainedScene& 
   EXPECT_EQ(a.surfels.semantic_id, b.surfels.semantic_id);
   EXPECT_EQ(a.surfels.instance_id, b.surfels.instance_id);
   EXPECT_EQ(a.surfels.instance_feature, b.surfels.instance_feature);
+}
+
+/// A signal while the shape, and one while the labels are trained.
+TEST_F(TrainingRunTest, StoppedAndResumedIsTheSame) {
+  options_.checkpoint_every_s = 1e-9;  // Files tell how far it is.
+  options_.resume = true;
+  for (const char* state : {"geometry.state", "head.iteration"}) {
+    const support::StopOnSignal signals;
+    std::jthread watch([&](const std::stop_token& ended) {
+      while (!ended.stop_requested() && !fs::exists(options_.work / state)) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      }
+      support::StopOnSignal::request();
+    });
+    EXPECT_THROW((void)training::train_scene(set_, start_, options_), core::Interrupted);
+    EXPECT_TRUE(fs::exists(options_.work / "geometry.state"));
+  }
+  const training::TrainedScene resumed = training::train_scene(set_, start_, options_);
+  options_.work = folder_ / "whole";
+  expect_same(resumed, training::train_scene(set_, start_, options_));
 }
 
 TEST_F(TrainingRunTest, KilledAndResumedIsTheSame) {
