@@ -49,6 +49,7 @@ std::uint8_t encoded(const SrgbTables& srgb, float linear) {
 std::vector<double> RgbModel::exposure_offsets_s() const {
   if (!blurs()) return {0.0};
   std::vector<double> offsets_s;
+  offsets_s.reserve(static_cast<std::size_t>(sub_poses));
   for (int k = 0; k < sub_poses; ++k) {
     // Twice the middle of part k, counted from the middle of the exposure, is a whole number
     // of parts: the one in the middle is exactly 0.
