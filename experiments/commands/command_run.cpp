@@ -6,6 +6,7 @@
 #include <CLI/CLI.hpp>
 
 #include "core/error.h"
+#include "core/file_io.h"
 #include "experiments/commands/commands.h"
 #include "experiments/commands/run_flags.h"
 #include "experiments/results/stored_run.h"
@@ -24,8 +25,9 @@ struct Flags : RunFlags {
 
 void run(Flags& flags) {
   if (!flags.shard.empty()) flags.options.shard = runs::shard_from(flags.shard);
+  const fs::path file = support::find_shipped(flags.spec);
   const specs::ExperimentSpec spec =
-      specs::load_spec(support::find_shipped(flags.spec), flags.options.folders);
+      specs::parse_spec(with_flags(core::read_file(file), flags), file, flags.options.folders);
   check_end(run_and_print(spec, flags));
 }
 

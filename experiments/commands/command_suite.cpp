@@ -42,8 +42,8 @@ void write_files(const results::StoredRun& stored) {
 void run(Flags& flags) {
   const suites::Suite suite = suites::load_suite(flags.suite);
   if (!flags.shard.empty()) flags.options.shard = runs::shard_from(flags.shard);
-  const specs::ExperimentSpec spec =
-      specs::parse_spec(suite.spec_text, suite.spec_origin(), flags.options.folders);
+  const specs::ExperimentSpec spec = specs::parse_spec(
+      with_flags(suite.spec_text, flags), suite.spec_origin(), flags.options.folders);
   if (!flags.options.new_run) check_folder(suite, flags.options.folders.work);
   const runs::RunReport report = run_and_print(spec, flags);
   if (!flags.options.shard) write_files(results::load_run(report.results));

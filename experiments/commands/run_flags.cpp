@@ -1,6 +1,7 @@
 #include "experiments/commands/run_flags.h"
 
 #include <cstdio>
+#include <utility>
 
 #include <CLI/CLI.hpp>
 
@@ -19,6 +20,11 @@ void check_end(const runs::RunReport& report) {
     throw core::CheckFailed(std::to_string(report.trials_failed) +
                             " trials failed in the harness; run again to repeat them");
   }
+}
+
+std::string with_flags(std::string spec_text, const RunFlags& flags) {
+  if (flags.backend.empty()) return spec_text;
+  return specs::with_backend(std::move(spec_text), renderer::backend_of(flags.backend));
 }
 
 runs::RunReport run_and_print(const specs::ExperimentSpec& spec, const RunFlags& flags) {
@@ -55,6 +61,11 @@ void add_run_flags(CLI::App& command, RunFlags& flags) {
       .add_option("--max-trials", flags.options.max_trials,
                   "Stop after so many trials (0 = all)")
       ->check(CLI::NonNegativeNumber);
+  command
+      .add_option("--backend", flags.backend,
+                  "cpu | cuda: what draws, trains and detects (default: as the spec says, or "
+                  "the CPU)")
+      ->check(CLI::IsMember({"cpu", "cuda"}));
   CLI::Option* shard = command.add_option(
       "--shard", flags.shard,
       "Run one part, beside workers with the others: I/N (0 <= I < N), or auto: as the batch "

@@ -16,11 +16,15 @@ namespace segsim::experiments::commands {
 
 struct RunFlags {
   std::string shard;
+  std::string backend;  ///< Empty: the spec's.
   runs::RunOptions options;
 };
 
 /// @param flags  Outlives the command.
 void add_run_flags(CLI::App& command, RunFlags& flags);
+
+/// The text of a spec with the backend that the flags name, if they do.
+[[nodiscard]] std::string with_flags(std::string spec_text, const RunFlags& flags);
 
 /// Runs it and prints table, digests, times. @return  How it ended: check_end() throws that.
 runs::RunReport run_and_print(const specs::ExperimentSpec& spec, const RunFlags& flags);

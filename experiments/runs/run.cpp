@@ -30,6 +30,7 @@
 #include "experiments/support/stop_signal.h"
 #include "experiments/trials/arm_detector.h"
 #include "experiments/trials/trial_runner.h"
+#include "reconstruction/training/geometry_training.h"
 
 namespace segsim::experiments::runs {
 namespace {
@@ -105,7 +106,9 @@ void check_goals_known(const specs::ExperimentSpec& spec, const Inputs& inputs) 
     for (const trials::LoadedScene& scene : inputs.scenes) {
       if (scene.spec->reconstruction != arm.reconstruction) continue;
       if (!known) {
-        known = trials::load_arm_detector(arm, inputs.detectors, scene)->class_names();
+        known = trials::load_arm_detector(arm, inputs.detectors, scene,
+                                          trials::compute_device(spec))
+                    ->class_names();
         if (arm.detector == specs::ArmDetector::kBefore) {  // That is told in the table.
           known->insert(known->end(), inputs.new_classes.begin(), inputs.new_classes.end());
         }
@@ -404,6 +407,8 @@ RunReport run_experiment(const specs::ExperimentSpec& spec, const RunOptions& op
   using Kind = support::FolderLock::Kind;
   const fs::path& work = options.folders.work;
   const support::StageTimes::Clock::time_point start = support::StageTimes::Clock::now();
+  // Before hours of work on the CPU.
+  (void)reconstruction::trains_on_gpu({.backend = spec.backend});
   support::StageTimes times;
   std::optional<support::StopOnSignal> signals(std::in_place);
   std::optional<support::FolderLock> lock, shard_lock;

@@ -20,8 +20,9 @@ namespace fs = std::filesystem;
 using core::ConfigNode;
 using internal::Variables;
 
-CameraSpec read_camera(const ConfigNode& root) {
+CameraSpec read_camera(const ConfigNode& root, renderer::Backend usual) {
   CameraSpec camera;
+  camera.backend = usual;
   const std::optional<ConfigNode> node = root.optional_child("camera");
   if (!node) return camera;
   camera.width_px = support::count_within(*node, "width", camera.width_px, 16, 8192);
@@ -207,7 +208,9 @@ SourceSpec read_source_spec(const ConfigNode& node, const SpecFolders& folders,
   return internal::read_source(node, Variables(folders, file));
 }
 
-CameraSpec read_camera_spec(const ConfigNode& root) { return read_camera(root); }
+CameraSpec read_camera_spec(const ConfigNode& root) {
+  return read_camera(root, renderer::Backend::kCpu);
+}
 
 sim::CollisionMode read_collision_mode(const ConfigNode& root) {
   if (!root.has("collision")) return sim::CollisionMode::kFootprint;
@@ -218,6 +221,12 @@ sim::CollisionMode read_collision_mode(const ConfigNode& root) {
 fs::path read_spec_path(const ConfigNode& node, const SpecFolders& folders,
                         const fs::path& file) {
   return Variables(folders, file).expand(node);
+}
+
+std::string with_backend(std::string text, renderer::Backend backend) {
+  // At the end, so that lines keep their numbers.
+  if (!text.empty() && text.back() != '\n') text += '\n';
+  return text + "backend: " + renderer::backend_name(backend) + '\n';
 }
 
 ExperimentSpec load_spec(const fs::path& file, SpecFolders& folders) {
@@ -261,7 +270,12 @@ ExperimentSpec parse_spec(const std::string& text, const fs::path& origin,
   spec.time_limit_s =
       support::number_within(root, "time_limit_s", spec.time_limit_s, 1.0, 100000.0);
   internal::read_repetitions(root, spec);
-  spec.camera = read_camera(root);
+  if (root.has("backend")) {
+    spec.backend = core::choice(root, "backend", {"cpu", "cuda"}) == 1
+                       ? renderer::Backend::kCuda
+                       : renderer::Backend::kCpu;
+  }
+  spec.camera = read_camera(root, spec.backend);
   spec.success = read_success(root);
   spec.planned_n = support::count_within(root, "planned_n", 0, 0, 1000000);
   if (root.has("videos")) spec.videos = read_recorded(root, "videos");

@@ -208,7 +208,8 @@ struct CameraSpec {
   double hfov_deg = 70.0;
   double pitch_down_deg = 0.0;
   double depth_range_m = 6.0;
-  /// That draws the camera's view; kAuto falls back to the CPU with one warning.
+  /// That draws the camera's view; kAuto falls back to the CPU with one warning. Default: the
+  /// spec's.
   renderer::Backend backend = renderer::Backend::kCpu;
   [[nodiscard]] core::CameraIntrinsics intrinsics() const;
   [[nodiscard]] double pitch_down_rad() const;
@@ -265,6 +266,9 @@ struct ExperimentSpec {
   FramesSpec frames;
   ReplaysSpec replays;
   bool pictures = true;  ///< A PNG per trial.
+  /// That trains scenes and detectors, runs detectors and draws robots' views (these unless
+  /// `camera` names another). Not kAuto: a GPU has other last digits.
+  renderer::Backend backend = renderer::Backend::kCpu;
 
   std::filesystem::path file;  ///< It was read from.
   std::string text;            ///< The YAML itself.
@@ -297,6 +301,10 @@ struct SpecFolders {
 [[nodiscard]] ExperimentSpec parse_spec(const std::string& text,
                                         const std::filesystem::path& origin,
                                         SpecFolders& folders);
+
+/// The text of a spec with its key `backend`, as if the file said so. A text that has the key
+/// is refused when it is read.
+[[nodiscard]] std::string with_backend(std::string text, renderer::Backend backend);
 
 /// A `source:` section alone, for other files that name scenes.
 /// @param file  That it stands in: ${spec} is its folder.

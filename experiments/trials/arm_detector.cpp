@@ -17,6 +17,11 @@ std::vector<std::string> goal_names(const LoadedScene& scene) {
 
 }  // namespace
 
+perception::ComputeDevice compute_device(const specs::ExperimentSpec& spec) {
+  return spec.backend == renderer::Backend::kCuda ? perception::ComputeDevice::kCuda
+                                                  : perception::ComputeDevice::kCpu;
+}
+
 bool is_prompted(const specs::ArmSpec& arm) {
   return arm.detector == specs::ArmDetector::kFile &&
          perception::is_foreign_detector(arm.weights) && perception::needs_prompt(arm.weights);
@@ -24,13 +29,15 @@ bool is_prompted(const specs::ArmSpec& arm) {
 
 std::unique_ptr<core::Detector> load_arm_detector(const specs::ArmSpec& arm,
                                                   const PreparedDetectors& detectors,
-                                                  const LoadedScene& scene) {
+                                                  const LoadedScene& scene,
+                                                  perception::ComputeDevice device) {
   const std::filesystem::path file = weights_of(arm, scene.spec->name, detectors).file;
   std::optional<float> threshold;
   if (arm.score_threshold) threshold = static_cast<float>(*arm.score_threshold);
   if (!perception::is_foreign_detector(file)) {
     perception::DetectorOptions options;
     options.score_threshold = threshold;
+    options.device = device;
     return perception::load_detector(file, options);
   }
   perception::ObjectDetectorOptions options;

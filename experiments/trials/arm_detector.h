@@ -11,16 +11,21 @@
 #include "experiments/specs/spec.h"
 #include "experiments/trials/prepared_detectors.h"
 #include "experiments/trials/trial_runner.h"
+#include "perception/data/compute_device.h"
 
 namespace segsim::experiments::trials {
 
 /// Whether the arm's detector is asked for the goals of each scene.
 [[nodiscard]] bool is_prompted(const specs::ArmSpec& arm);
 
+/// Where the experiment's networks run.
+[[nodiscard]] perception::ComputeDevice compute_device(const specs::ExperimentSpec& spec);
+
 /// @param arm  Not the oracle's.
 /// @throws core::InputError if its file is missing or damaged.
 [[nodiscard]] std::unique_ptr<core::Detector> load_arm_detector(
-    const specs::ArmSpec& arm, const PreparedDetectors& detectors, const LoadedScene& scene);
+    const specs::ArmSpec& arm, const PreparedDetectors& detectors, const LoadedScene& scene,
+    perception::ComputeDevice device);
 
 /// Goals of the scene's episodes, sorted.
 [[nodiscard]] std::vector<std::string> searched_classes(const LoadedScene& scene);

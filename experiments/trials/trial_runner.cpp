@@ -212,7 +212,7 @@ TrialRunner::ArmDetectorSlot& TrialRunner::detector_for(const LoadedScene& scene
     slot.truth = detector.get();
     slot.detector = std::move(detector);
   } else {
-    slot.detector = load_arm_detector(arm, detectors_, scene);
+    slot.detector = load_arm_detector(arm, detectors_, scene, compute_device(spec_));
   }
   return slot;
 }

@@ -13,7 +13,7 @@ function(segsim_add_cuda_renderer target)
     PROPERTIES COMPILE_OPTIONS "-fmad=false;-prec-sqrt=false")
   set_source_files_properties(${folder}/raster.cu ${folder}/raster_many.cu
     TARGET_DIRECTORY ${target} PROPERTIES COMPILE_OPTIONS "-prec-sqrt=false;-prec-div=false")
-  target_compile_definitions(${target} PUBLIC SEGSIM_WITH_CUDA=1)
+  target_compile_definitions(${target} PRIVATE SEGSIM_WITH_CUDA=1)
   target_link_libraries(${target} PUBLIC CUDA::cudart_static)
 endfunction()
 

@@ -232,6 +232,7 @@ void DetectorPreparation::pretrain() {
   train.output = spec_.detectors.before;
   train.steps = pretrain.steps;
   train.seed = pretrain.seed;
+  train.device = trials::compute_device(spec_);
   perception::train(train);
 }
 

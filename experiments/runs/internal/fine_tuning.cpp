@@ -13,6 +13,7 @@
 #include "experiments/detection/source_dataset.h"
 #include "experiments/support/side_by_side.h"
 #include "experiments/support/stop_signal.h"
+#include "experiments/trials/arm_detector.h"
 #include "perception/checkpoint/weights_file.h"
 #include "perception/training/training_config.h"
 
@@ -75,6 +76,7 @@ FineTuning::FineTuning(const specs::ExperimentSpec& spec, const fs::path& before
                        const fs::path& validation, const Training& training,
                        const fs::path& work)
     : finetune_(*spec.detectors.finetune),
+      device_(trials::compute_device(spec)),
       before_(before),
       views_(views),
       validation_(validation),
@@ -100,6 +102,7 @@ void FineTuning::make(const fs::path& mix,
   train.steps = finetune_.steps;
   train.seed = seed_;
   train.threads = finetune_.threads;
+  train.device = device_;
   if (finetune_.learning_rate > 0.0) {
     train.learning_rate = finetune_.learning_rate;
     if (train.optimizer == perception::Optimizer::kAuto) {
@@ -132,6 +135,7 @@ std::string FineTuning::recipe() const {
     text << ", mixed " << finetune_.mix_share << " of " << finetune_.mix_rooms << " rooms";
   }
   for (const std::string& name : new_classes_) text << ", new " << name;
+  if (device_ == perception::ComputeDevice::kCuda) text << ", on cuda";
   return text.str();
 }
 

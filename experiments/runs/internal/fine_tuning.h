@@ -54,6 +54,7 @@ class FineTuning {
   [[nodiscard]] std::string recipe() const;
 
   const specs::FinetuneSpec& finetune_;
+  perception::ComputeDevice device_;
   std::filesystem::path before_, views_, validation_;
   std::vector<std::string> new_classes_;
   std::uint64_t seed_;

@@ -17,8 +17,10 @@ namespace {
 namespace fs = std::filesystem;
 
 training::TrainingOptions training_of(const specs::ReconstructSpec& spec,
-                                      const specs::SourceSpec& source) {
+                                      const specs::SourceSpec& source,
+                                      renderer::Backend backend) {
   training::TrainingOptions training;
+  training.device.backend = backend;
   if (!spec.config.empty())
     training.config = reconstruction::read_training_config(spec.config);
   if (spec.iterations >= 0) training.config.geometry.iterations = spec.iterations;
@@ -99,7 +101,7 @@ std::unique_ptr<reconstruction::RgbdSequence> SceneStep::open_recording() const 
 std::optional<training::TrainingOptions> SceneStep::training() const {
   const specs::SourceSpec& source = *scene_.source;
   if (!source.reconstruct) return std::nullopt;
-  return training_of(*source.reconstruct, source);
+  return training_of(*source.reconstruct, source, spec_.backend);
 }
 
 std::string SceneStep::recipe() const {
@@ -111,6 +113,9 @@ std::string SceneStep::recipe() const {
     text << "; trained, mesh of rendered depth, " << trained->head << ", seed "
          << trained->seed << ", "
          << core::sha256_hex(reconstruction::training_config_text(trained->config));
+    if (spec_.backend != renderer::Backend::kCpu) {
+      text << ", on " << renderer::backend_name(spec_.backend);
+    }
   }
   return text.str();
 }

@@ -299,6 +299,22 @@ TEST(Spec, TheHashIsThatOfTheText) {
   EXPECT_NE(parse(kSpec).sha256, parse(with(kSpec, "seed: 7", "seed: 8")).sha256);
 }
 
+TEST(Spec, ABackendIsThatOfAllWorkButACamerasOfItsOwn) {
+  EXPECT_EQ(parse(kSpec).backend, renderer::Backend::kCpu);
+  const std::string asked = specs::with_backend(kSpec, renderer::Backend::kCuda);
+  const specs::ExperimentSpec spec = parse(asked);
+  EXPECT_EQ(spec.backend, renderer::Backend::kCuda);
+  EXPECT_EQ(spec.camera.backend, renderer::Backend::kAuto);
+  EXPECT_NE(spec.sha256, parse(kSpec).sha256);
+  const specs::ExperimentSpec everywhere = parse(with(asked, ", backend: auto", ""));
+  EXPECT_EQ(everywhere.camera.backend, renderer::Backend::kCuda);
+
+  EXPECT_THAT(error_of(specs::with_backend(asked, renderer::Backend::kCpu)),
+              AllOf(HasSubstr("backend"), HasSubstr("once")));
+  EXPECT_THAT(error_of(std::string(kSpec) + "backend: auto\n"),
+              AllOf(HasSubstr("cpu"), HasSubstr("cuda"), HasSubstr("auto")));
+}
+
 TEST(Spec, AnUnknownKeyIsNamedWithItsLineAndTheNearestKey) {
   EXPECT_THAT(
       error_of(with(kSpec, "planned_n: 6", "plannedn: 6")),

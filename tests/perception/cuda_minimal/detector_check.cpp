@@ -42,9 +42,7 @@ int run_all(ComputeDevice compute, bool with_times) {
   check_steps("small", small, compute);
   check_steps("yolov13n", n128, compute);
   check_steps("centernet", center, compute);
-#ifdef SEGSIM_WITH_CUDA
   if (cuda) check_shared_stream(small, device);
-#endif
   if (with_times && cuda) {
     time_inference("small", small, device);
     for (const Scale scale : {Scale::kN, Scale::kS}) {
