@@ -81,16 +81,16 @@ step reconstruct_cpu 0 "$segsim" reconstruct recording --backend cpu --iteration
   --out scene_cpu
 same "the same surfels twice" "$(sha256sum <scene_gpu/surfels.ply)" "$(sha256sum <scene_gpu_again/surfels.ply)"
 
-# 3. Labels and a detector.
-step label 0 "$segsim" label scene_gpu --views 400 --out labels
-step finetune 0 "$segsim" detector finetune --from "$(dirname "$segsim")/../share/segsim/weights/source_rooms.weights" \
-  --train labels/labels.json --steps 800 --device cuda --out after.weights
-
-# 4. The quickstart's run, twice.
+# 3. The quickstart's run, twice.
 for name in flat flat_again; do
   step "$name" 0 "$segsim" run experiments/specs/flat.yaml --backend cuda --workers "$workers" --work "run_$name"
 done
 same "the same rows twice" "$(results_of flat)" "$(results_of flat_again)"
+
+# 4. Labels and a detector.
+step label 0 "$segsim" label scene_gpu --views 400 --out labels
+step finetune 0 "$segsim" detector finetune --from run_flat/arm-before.weights \
+  --train labels/labels.json --steps 800 --device cuda --out after.weights
 
 # 5. Places of others.
 if [[ -n $data ]]; then
@@ -99,7 +99,7 @@ if [[ -n $data ]]; then
   step house_trained 0 "$segsim" reconstruct run_house/captures/house --backend cuda --iterations 7000 \
     --label-iterations 3000 --out scene_house --record records/house_segsim_gpu.json
   step breakroom 0 "$segsim" reconstruct "$data/hololens_breakroom" --backend cuda --iterations 7000 \
-    --label-iterations 3000 --boxes experiments/specs/breakroom_boxes.json --out scene_breakroom
+    --label-iterations 3000 --boxes "$data/hololens_breakroom/annotation/breakroom_boxes.json" --out scene_breakroom
 fi
 
 echo

@@ -7,9 +7,12 @@
 # OUT/segsim/bin/segsim starts the program from any place; specs that came with it are found by their names
 # (experiments/specs/flat.yaml). OUT/part-*.tar.xz hold the same, each below the given size, for machines that files
 # reach piece by piece: unpack all of them into one folder.
+#
+# Of a build with the libtorch of a Python package, libtorch and CUDA's libraries stay behind: the launcher takes those
+# of the package `torch` that python3 finds there (or of the folder SEGSIM_TORCH).
 set -euo pipefail
 if [[ $# -lt 2 || ${1:-} == --help ]]; then
-  sed -n '2,9s/^# \{0,1\}//p' "$0"
+  sed -n '2,12s/^# \{0,1\}//p' "$0"
   exit $(($# < 2 ? 2 : 0))
 fi
 build=$1 out=$2 part_mb=55
@@ -20,17 +23,25 @@ target=$out/segsim
 rm -rf "$target" && mkdir -p "$target/lib"
 cmake --install "$build" --component program --prefix "$target" >/dev/null
 
+torch_path=""
+if ldd "$target/bin/segsim-main" | grep -q libtorch_cuda; then
+  torch_path=':${SEGSIM_TORCH:-$(python3 -c "import importlib.util as u
+print(u.find_spec(\"torch\").submodule_search_locations[0])")}/lib:${LD_LIBRARY_PATH:-}'
+  torch_path+=':/usr/local/cuda/lib64:/usr/local/nvidia/lib64'
+fi
+
 # The launcher sets the environment, then becomes a program beside it: here a script that brings its own loader, so
 # that C library and mathematics are those that the program was built with.
 for name in segsim-main segsim-light; do
   mv "$target/bin/$name" "$target/lib/$name"
   ldd "$target/lib/$name" | awk '/=> \//{print $3}' | while read -r library; do
+    [[ $torch_path && $library =~ /torch/lib/|/cuda[^/]*/|/libcuda\. ]] && continue
     cp -Lf "$library" "$target/lib/$(basename "$library")"
   done
   cat >"$target/bin/$name" <<TXT
 #!/bin/sh
 here=\$(dirname "\$(readlink -f "\$0")")
-exec "\$here/../lib/ld-linux.so" --library-path "\$here/../lib" --argv0 segsim "\$here/../lib/$name" "\$@"
+exec "\$here/../lib/ld-linux.so" --library-path "\$here/../lib$torch_path" --argv0 segsim "\$here/../lib/$name" "\$@"
 TXT
   chmod +x "$target/bin/$name"
 done

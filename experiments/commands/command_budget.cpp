@@ -1,23 +1,28 @@
-// `segsim budget check`, `sweep` and `trace`.
+// `segsim budget check`, `sweep`, `measure` and `trace`.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <map>
 #include <memory>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include <CLI/CLI.hpp>
 
 #include "core/error.h"
 #include "core/file_io.h"
+#include "core/process/measurement_record.h"
 #include "core/version.h"
 #include "experiments/commands/commands.h"
+#include "experiments/commands/run_flags.h"
 #include "experiments/records/replay_log.h"
 #include "experiments/records/store.h"
 #include "experiments/results/timing_report.h"
+#include "experiments/runs/budget_measure.h"
 #include "experiments/runs/budget_sweep.h"
 #include "experiments/specs/budget_file.h"
+#include "experiments/support/shipped_file.h"
 #include "perception/data/image_file.h"
 #include "sim/time/budget_play.h"
 
@@ -182,6 +187,38 @@ void sweep(SweepFlags& flags) {
   }
 }
 
+struct MeasureFlags {
+  std::string spec, arm;
+  RunFlags run;
+  runs::MeasuredBudget about;
+  fs::path output;
+};
+
+void measure(MeasureFlags& flags) {
+  const fs::path file = support::find_shipped(flags.spec);
+  runs::RunOptions& run = flags.run.options;
+  const specs::ExperimentSpec spec = runs::measured_spec(
+      specs::parse_spec(with_flags(core::read_file(file), flags.run), file, run.folders),
+      flags.arm);
+  run.results = run.folders.work / ("budget-" + spec.arms.front().name);
+  run.new_run = true;
+  run.workers = 1;  // Trials beside each other would wait for each other.
+  const runs::RunReport report = runs::run_experiment(spec, run);
+  const records::Store store(run.results / "results.sqlite");
+  runs::StageDurations durations;
+  for (const records::TrialRow& trial : store.trials(report.run_id)) {
+    const fs::path log = records::replay_log_of(run.folders.work, trial);
+    runs::add_durations(records::read_replay_log(log).trace, durations);
+  }
+  flags.about.origin =
+      core::processor_name() + ", segsim " + core::version() + ": " + core::command_line();
+  flags.about.processors = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+  flags.about.detects_on_gpu = spec.backend == renderer::Backend::kCuda;
+  const std::string text = runs::budget_text(flags.about, durations);
+  core::write_file_atomically(flags.output, [&](std::ostream& out) { out << text; });
+  std::fputs(text.c_str(), stdout);
+}
+
 struct TraceFlags {
   std::vector<fs::path> logs;
   fs::path output;
@@ -286,6 +323,30 @@ void add_sweep(CLI::App& budget) {
   command->callback([flags] { sweep(*flags); });
 }
 
+void add_measure(CLI::App& budget) {
+  auto flags = std::make_shared<MeasureFlags>();
+  flags->run.options.max_trials = 4;
+  flags->about.id = "measured";
+  CLI::App* command = budget.add_subcommand(
+      "measure",
+      "Run some trials one by one, and write what this machine's stages took as a "
+      "budget");
+  command->add_option("spec", flags->spec, "Experiment (YAML)")->required();
+  command->add_option("--arm", flags->arm, "Arm of the spec (default: the first)");
+  command->add_option("--id", flags->about.id, "Name of the budget")->capture_default_str();
+  command->add_option("--trials", flags->run.options.max_trials, "How many trials")
+      ->check(CLI::Range(1, 100000))
+      ->capture_default_str();
+  command->add_option("-o,--output", flags->output, "YAML file")->required();
+  command->add_option("--data", flags->run.options.folders.data,
+                      "Folder that ${data} stands for");
+  command->add_option("--work", flags->run.options.folders.work,
+                      "Work folder of the spec (default: out/<name of the spec>)");
+  command->add_option("--backend", flags->run.backend, "cpu | cuda (default: the spec's)")
+      ->check(CLI::IsMember({"cpu", "cuda"}));
+  command->callback([flags] { measure(*flags); });
+}
+
 }  // namespace
 
 void add_budget_command(CLI::App& app) {
@@ -293,6 +354,7 @@ void add_budget_command(CLI::App& app) {
   budget->require_subcommand(1);
   add_check(*budget);
   add_sweep(*budget);
+  add_measure(*budget);
   add_trace(*budget);
 }
 

@@ -40,16 +40,6 @@ double frames_per_s(const results::StoredRun& stored, const records::TrialRow& t
 
 }  // namespace
 
-fs::path replay_log_of(const results::StoredRun& stored, const records::TrialRow& trial) {
-  // Files of one trial have the same name in different folders.
-  if (trial.log.empty()) return {};
-  fs::path stem = fs::path(trial.log).lexically_relative("logs");
-  while (stem.has_extension() && (stem.extension() == ".gz" || stem.extension() == ".json")) {
-    stem.replace_extension();
-  }
-  return stored.folder / "replays" / (stem.string() + ".jsonl");
-}
-
 struct TrialPlayer::Impl {
   const results::StoredRun& stored;
   fs::path data;
@@ -62,7 +52,7 @@ TrialPlayer::TrialPlayer(const results::StoredRun& stored, fs::path data)
 TrialPlayer::~TrialPlayer() = default;
 
 void TrialPlayer::play(const records::TrialRow& trial, trials::TrialViewer& viewer) {
-  const fs::path file = replay_log_of(impl_->stored, trial);
+  const fs::path file = records::replay_log_of(impl_->stored.folder, trial);
   if (file.empty() || !fs::exists(file)) {
     throw core::InputError::expected(
         name_of(trial), "a log to play again (replays: {of: all} in the spec)", "none");
@@ -83,7 +73,7 @@ void TrialPlayer::play(const records::TrialRow& trial, trials::TrialViewer& view
 
 VideoSummary write_trial_video(const results::StoredRun& stored,
                                const records::TrialRow& trial, const VideoOptions& options) {
-  const fs::path log = replay_log_of(stored, trial);
+  const fs::path log = records::replay_log_of(stored.folder, trial);
   const fs::path recorded = trial.video.empty() ? fs::path() : stored.folder / trial.video;
   if ((log.empty() || !fs::exists(log)) && !recorded.empty() && fs::exists(recorded)) {
     core::write_via_temporary(options.output, [&](const fs::path& to) {

@@ -30,10 +30,6 @@ struct VideoSummary {
   bool copied = false;
 };
 
-/// The log that belongs to a trial; whether it is there is another matter.
-[[nodiscard]] std::filesystem::path replay_log_of(const results::StoredRun& stored,
-                                                  const records::TrialRow& trial);
-
 /// Plays trials of one run.
 class TrialPlayer {
  public:

@@ -315,6 +315,16 @@ ReplayLog read_replay_log(const fs::path& file) {
   return log;
 }
 
+fs::path replay_log_of(const fs::path& work, const TrialRow& trial) {
+  // Files of one trial have the same name in different folders.
+  if (trial.log.empty()) return {};
+  fs::path stem = fs::path(trial.log).lexically_relative("logs");
+  while (stem.has_extension() && (stem.extension() == ".gz" || stem.extension() == ".json")) {
+    stem.replace_extension();
+  }
+  return work / "replays" / (stem.string() + ".jsonl");
+}
+
 fs::path replay_images(const fs::path& log_file) {
   return fs::path(log_file).replace_extension(".images");
 }

@@ -23,6 +23,7 @@
 
 #include "core/render.h"
 #include "core/stages.h"
+#include "experiments/records/trial_row.h"
 #include "sim/trial/trial.h"
 
 namespace segsim::experiments::records {
@@ -52,6 +53,10 @@ struct ReplayLog {
 void write_replay_log(const std::filesystem::path& file, const ReplayLog& log);
 /// @throws core::InputError with file and line.
 [[nodiscard]] ReplayLog read_replay_log(const std::filesystem::path& file);
+/// That of a stored trial, which may not be there; empty for a trial without outputs.
+/// @param work  Folder of the run.
+[[nodiscard]] std::filesystem::path replay_log_of(const std::filesystem::path& work,
+                                                  const TrialRow& trial);
 /// The folder of the images that belong to a log.
 [[nodiscard]] std::filesystem::path replay_images(const std::filesystem::path& log_file);
 

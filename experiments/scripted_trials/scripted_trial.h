@@ -7,7 +7,7 @@
 ///     schema: segsim.trial/1
 ///     scene: {source: {type: flat, seed: 3}}       # or the folder of a bundle
 ///     robot: jackal-gentle
-///     clock: {mode: virtual, control_hz: 20, budget: ../budgets/edge-orin-v1.yaml}
+///     clock: {mode: virtual, control_hz: 20, budget: ../budgets/example-edge.yaml}
 ///     start: {pose: [0.5, -1.2, 0.0]}              # or {latlon: [..], heading_deg: ..}
 ///     steps:
 ///       - goto: {xy: [3.0, 2.0], tolerance: 0.25, timeout_s: 40}

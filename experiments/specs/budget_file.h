@@ -4,7 +4,7 @@
 /// Latency budgets and traces as files (docs/simulation.md has the schema). A budget:
 ///
 ///     schema: segsim.budget/1
-///     id: edge-orin-v1
+///     id: example-edge
 ///     resources: {gpu: 1, cpu: 2}
 ///     stages:
 ///       capture: {ms: 33}

@@ -5,7 +5,7 @@
 ///
 ///     clock:
 ///       mode: virtual              # lockstep (default) | virtual | measured | realtime
-///       budget: ${spec}/../budgets/edge-orin-v1.yaml
+///       budget: ${spec}/../budgets/example-edge.yaml
 ///       camera: {period_ms: 50, phase_ms: 0, jitter_ms: 2}   # default: every control period
 ///       registration: capture      # or use: labels are placed with the pose of the decision
 ///       scale: 1.0                 # of measured times: how much slower the robot's computer
@@ -59,7 +59,7 @@ void check_arm_clock(const ClockSpec& clock, const ArmClockSpec& arm_clock,
 /// What the trials of an arm are run with.
 [[nodiscard]] sim::TrialClock trial_clock(const ClockSpec& clock, const ArmClockSpec& arm);
 
-/// "virtual time, budget edge-orin-v1"; "" in lockstep.
+/// "virtual time, budget example-edge"; "" in lockstep.
 [[nodiscard]] std::string clock_in_words(const ClockSpec& clock);
 
 }  // namespace segsim::experiments::specs

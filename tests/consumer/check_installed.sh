@@ -39,7 +39,7 @@ mkdir "$work/elsewhere" && cd "$work/elsewhere"
 "$prefix/bin/segsim" --version
 "$prefix/bin/segsim" run --help >/dev/null
 "$prefix/bin/segsim" trial check experiments/trials/drive.yaml  # Of $prefix/share/segsim.
-for file in perception/weights/source_rooms.weights experiments/budgets/edge-orin-v1.yaml; do
+for file in perception/weights/source_rooms.weights experiments/budgets/example-edge.yaml; do
   [[ -f $prefix/share/segsim/$file ]] || fail "expected share/segsim/$file, found none"
 done
 grep -rlE "^#include .*(internal/|tbb/|hwy/)" "$prefix/include/segsim" && fail "installed headers include what is not installed"

@@ -161,7 +161,7 @@ TEST_F(VideoTest, WithoutALogTheRecordingIsCopiedOrNothingIsMade) {
 
 TEST_F(VideoTest, ATrialThatDoesNotHappenAgainIsNotShown) {
   const records::TrialRow& trial = stored_->trials.at(2);
-  const fs::path log = films::replay_log_of(*stored_, trial);
+  const fs::path log = records::replay_log_of(stored_->folder, trial);
   const std::string text = core::read_file(log);
   records::ReplayLog changed = records::read_replay_log(log);
   changed.ticks.at(5).pose.x_m += 1e-9;

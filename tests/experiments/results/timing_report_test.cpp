@@ -4,7 +4,9 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "core/error.h"
 #include "experiments/records/store.h"
+#include "experiments/runs/budget_measure.h"
 #include "experiments/runs/budget_sweep.h"
 #include "experiments/specs/budget_file.h"
 #include "sim/time/budget_play.h"
@@ -106,7 +108,7 @@ TEST(BudgetPlay, TwoHundredMillisecondsOnDetect) {
   sim::TrialClock clock;
   clock.mode = sim::ClockMode::kVirtual;
   clock.budget =
-      specs::read_budget_file(std::filesystem::path(SEGSIM_BUDGETS) / "edge-orin-v1.yaml")
+      specs::read_budget_file(std::filesystem::path(SEGSIM_BUDGETS) / "example-edge.yaml")
           .budget;
   // With servers enough nothing waits, and the delay is all there is. One server alone also
   // takes fewer images, so what is in use grows older by more than the delay.
@@ -164,6 +166,50 @@ TEST(BudgetSweep, TheMarginIsTheLastDelayWithinDelta) {
 
   const auto picture = runs::draw_sweep(result, options, "test");
   EXPECT_GT(picture.width_px(), 400);
+}
+
+TEST(BudgetMeasure, WhatStagesTookIsABudgetThatCanBePlayed) {
+  sim::LatencyTrace trace;
+  for (std::uint64_t k = 0; k < 101; ++k) {
+    trace.add("detect", k, static_cast<core::TimeNs>(1'000'000 + 10'000 * k));  // 1 to 2 ms
+    trace.add("policy", k, 3'000'000);
+  }
+  runs::StageDurations durations;
+  runs::add_durations(trace, durations);
+  const runs::MeasuredBudget about{"here", "a processor", 2, true};
+  const std::string text = runs::budget_text(about, durations);
+  EXPECT_THAT(text, HasSubstr("# a processor"));
+  const sim::LatencyBudget budget = specs::parse_budget(text, "here.yaml").budget;
+  EXPECT_EQ(budget.id, "here");
+  const sim::StageBudget* detect = budget.find("detect");
+  ASSERT_NE(detect, nullptr);
+  EXPECT_EQ(detect->on, "gpu");
+  EXPECT_EQ(detect->duration.kind, sim::DurationModel::Kind::kLognormal);
+  EXPECT_NEAR(detect->duration.a_ms, 1.5, 1e-9);
+  EXPECT_NEAR(detect->duration.b_ms, 1.95, 1e-9);
+  const sim::StageBudget* policy = budget.find("policy");
+  ASSERT_NE(policy, nullptr);
+  EXPECT_EQ(policy->on, "cpu");
+  EXPECT_EQ(policy->duration.kind, sim::DurationModel::Kind::kConstant);
+  EXPECT_NEAR(policy->duration.a_ms, 3.0, 1e-9);
+  EXPECT_THROW((void)runs::budget_text(about, {}), core::InputError);
+}
+
+TEST(BudgetMeasure, OneArmRunsInMeasuredTime) {
+  specs::ExperimentSpec spec;
+  spec.sha256 = "spec";
+  spec.arms.resize(2);
+  spec.arms[0].name = "before";
+  spec.arms[1].name = "after";
+  spec.repetitions.trials = 5;
+  const specs::ExperimentSpec measured = runs::measured_spec(spec, "after");
+  ASSERT_EQ(measured.arms.size(), 1U);
+  EXPECT_EQ(measured.arms[0].name, "after.measured");
+  EXPECT_EQ(measured.clock.mode, sim::ClockMode::kMeasured);
+  EXPECT_EQ(measured.repetitions.trials, 1);
+  EXPECT_NE(measured.sha256, spec.sha256);
+  EXPECT_EQ(runs::measured_spec(spec, "").arms[0].name, "before.measured");
+  EXPECT_THROW((void)runs::measured_spec(spec, "afters"), core::InputError);
 }
 
 }  // namespace

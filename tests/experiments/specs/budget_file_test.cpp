@@ -19,7 +19,7 @@ using Kind = sim::DurationModel::Kind;
 
 /// The example of docs/simulation.md, in other numbers.
 const char* const kExample = R"(schema: segsim.budget/1
-id: edge-orin-v1
+id: example-edge
 resources: {gpu: 1, cpu: 2}
 stages:
   capture: {charge: robot, ms: 33}
@@ -35,7 +35,7 @@ max_age_ms: {value: 400, on_exceed: zero_command}
 
 TEST(BudgetFile, TheExampleOfTheDesignIsRead) {
   const sim::LatencyBudget budget = specs::parse_budget(kExample, "edge.yaml").budget;
-  EXPECT_EQ(budget.id, "edge-orin-v1");
+  EXPECT_EQ(budget.id, "example-edge");
   EXPECT_EQ(budget.resources.at("cpu"), 2);
   ASSERT_EQ(budget.stages.size(), 7U);
   EXPECT_EQ(budget.find("render")->charge, sim::Charge::kSim);
@@ -142,7 +142,7 @@ TEST(ClockSpec, ReadsAndRefuses) {
   EXPECT_EQ(clock.mode, sim::ClockMode::kVirtual);
   EXPECT_EQ(clock.camera.period_ns, 50'000'000);
   EXPECT_EQ(clock.registration, sim::Registration::kUse);
-  EXPECT_EQ(specs::clock_in_words(clock), "virtual time, budget edge-orin-v1");
+  EXPECT_EQ(specs::clock_in_words(clock), "virtual time, budget example-edge");
   EXPECT_THAT(input_error_of([&] { (void)read("clock:\n  mode: virtuel\n"); }),
               testing::AllOf(HasSubstr("spec.yaml:2"), HasSubstr("near: virtual")));
   EXPECT_THAT(
