@@ -29,6 +29,7 @@
 #include "experiments/support/step_record.h"
 #include "experiments/support/stop_signal.h"
 #include "experiments/trials/arm_detector.h"
+#include "experiments/trials/policy_models.h"
 #include "experiments/trials/trial_runner.h"
 #include "reconstruction/training/geometry_training.h"
 
@@ -113,15 +114,26 @@ void check_goals_known(const specs::ExperimentSpec& spec, const Inputs& inputs) 
           known->insert(known->end(), inputs.new_classes.begin(), inputs.new_classes.end());
         }
       }
-      const auto unknown = trials::unknown_goals(trials::searched_classes(scene), *known);
+      std::vector<std::string> names = *known;
+      if (!arm.open_detector.empty()) {
+        const auto open = trials::load_open_detector(arm, scene);
+        names.insert(names.end(), open->class_names().begin(), open->class_names().end());
+      }
+      const auto unknown = trials::unknown_goals(trials::searched_classes(scene), names);
       if (unknown.empty()) continue;
       throw core::InputError::expected("scene " + scene.spec->name + ", arm " + arm.name,
                                        "goals that its detector knows (" +
-                                           support::listed(*known) + "), or fine-tuning in " +
+                                           support::listed(names) + "), or fine-tuning in " +
                                            "that scene, which teaches new ones",
                                        support::listed(unknown));
     }
   }
+}
+
+/// Networks that policies name are read before any trial. @throws core::InputError
+void check_policy_models(const specs::ExperimentSpec& spec) {
+  trials::LoadedPolicyModels models;
+  for (const specs::ArmSpec& arm : spec.arms) models.load(trials::policy_of(spec, arm));
 }
 
 /// New classes that a robot searches for by a head that no scene has taught: those of one
@@ -407,7 +419,8 @@ RunReport run_experiment(const specs::ExperimentSpec& spec, const RunOptions& op
   using Kind = support::FolderLock::Kind;
   const fs::path& work = options.folders.work;
   const support::StageTimes::Clock::time_point start = support::StageTimes::Clock::now();
-  // Before hours of work on the CPU.
+  // Before hours of work.
+  check_policy_models(spec);
   (void)reconstruction::trains_on_gpu({.backend = spec.backend});
   support::StageTimes times;
   std::optional<support::StopOnSignal> signals(std::in_place);

@@ -16,7 +16,10 @@
 #include "experiments/detection/weights_exposure.h"
 #include "experiments/specs/clock_spec.h"
 #include "experiments/specs/tuning_set.h"
+#include "experiments/trials/policy_models.h"
+#include "experiments/trials/trial_runner.h"
 #include "perception/detector/library_versions.h"
+#include "perception/models/model_description.h"
 #include "renderer/scene/simd_target.h"
 #include "worlds/mesh/library_versions.h"
 
@@ -101,6 +104,9 @@ void add_file(const specs::ExperimentSpec& spec, const specs::ArmSpec& arm,
               std::span<const detection::EvaluationScene> evaluated, records::ArmRow& row) {
   const trials::PreparedWeights weights = trials::weights_of(arm, {}, detectors);
   row.detector = weights.file.empty() ? "oracle" : weights.file.filename().string();
+  if (!arm.open_detector.empty()) {
+    row.detector += ", then " + arm.open_detector.filename().string();
+  }
   if (!weights.file.empty()) {
     row.weights_sha256 = core::sha256_of_file(weights.file);
     row.exposure = exposure_of_arm(spec, arm, weights.file, evaluated);
@@ -165,6 +171,23 @@ void add_scenes(const specs::ExperimentSpec& spec, const specs::ArmSpec& arm,
   if (leak.views > 0) row.start_leak = leak;
 }
 
+/// SHA-256 of what networks of others consist of that policies and second detectors name.
+std::map<std::string, std::string> model_hashes(const specs::ExperimentSpec& spec) {
+  std::map<std::string, std::string> hashes;
+  for (const specs::ArmSpec& arm : spec.arms) {
+    std::vector<std::filesystem::path> models =
+        trials::model_files(trials::policy_of(spec, arm));
+    if (!arm.open_detector.empty()) models.push_back(arm.open_detector);
+    for (const std::filesystem::path& model : models) {
+      hashes[model.filename()] = core::sha256_of_file(model);
+      for (const auto& [role, file] : perception::read_model_description(model).files) {
+        hashes[file.filename()] = core::sha256_of_file(file);
+      }
+    }
+  }
+  return hashes;
+}
+
 }  // namespace
 
 std::string host_and_processor() {
@@ -197,6 +220,7 @@ std::map<std::string, std::string> run_provenance(const specs::ExperimentSpec& s
   for (const specs::ArmSpec& arm : spec.arms) {
     rows["training_scenes/" + arm.name] = training_scenes(spec, arm);
   }
+  for (const auto& [name, sha256] : model_hashes(spec)) rows["model/" + name] = sha256;
   if (shard) rows["shard"] = shard->text();
   return rows;
 }

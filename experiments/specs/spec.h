@@ -190,7 +190,11 @@ struct ArmSpec {
   std::optional<std::uint64_t> finetune_seed;  ///< If this run fine-tunes its detector.
   std::filesystem::path weights;               ///< kFile.
   std::optional<double> score_threshold;       ///< None: the one stored with the weights.
-  std::optional<nav::PolicyChoice> policy;     ///< None: the spec's.
+  /// A second detector, which is asked for what the first does not know: a model of others
+  /// (docs/models.md). Empty: none.
+  std::filesystem::path open_detector;
+  std::vector<std::string> open_targets;    ///< Goals that are its own in any case.
+  std::optional<nav::PolicyChoice> policy;  ///< None: the spec's.
   ArmClockSpec clock;
 };
 

@@ -15,6 +15,15 @@ std::vector<std::string> goal_names(const LoadedScene& scene) {
   return scene.spec->goals.empty() ? searched_classes(scene) : scene.spec->goals;
 }
 
+std::unique_ptr<core::Detector> load_foreign(const std::filesystem::path& file,
+                                             std::optional<float> score_threshold,
+                                             const LoadedScene& scene) {
+  perception::ObjectDetectorOptions options;
+  options.score_threshold = score_threshold;
+  if (perception::needs_prompt(file)) options.prompts = goal_names(scene);
+  return perception::load_object_detector(file, options);
+}
+
 }  // namespace
 
 perception::ComputeDevice compute_device(const specs::ExperimentSpec& spec) {
@@ -40,10 +49,12 @@ std::unique_ptr<core::Detector> load_arm_detector(const specs::ArmSpec& arm,
     options.device = device;
     return perception::load_detector(file, options);
   }
-  perception::ObjectDetectorOptions options;
-  options.score_threshold = threshold;
-  if (perception::needs_prompt(file)) options.prompts = goal_names(scene);
-  return perception::load_object_detector(file, options);
+  return load_foreign(file, threshold, scene);
+}
+
+std::unique_ptr<core::Detector> load_open_detector(const specs::ArmSpec& arm,
+                                                   const LoadedScene& scene) {
+  return load_foreign(arm.open_detector, std::nullopt, scene);
 }
 
 std::vector<std::string> searched_classes(const LoadedScene& scene) {

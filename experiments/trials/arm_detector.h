@@ -27,6 +27,11 @@ namespace segsim::experiments::trials {
     const specs::ArmSpec& arm, const PreparedDetectors& detectors, const LoadedScene& scene,
     perception::ComputeDevice device);
 
+/// The arm's second detector, asked for the goals of the scene if it takes a prompt.
+/// @throws core::InputError if its file is missing or damaged.
+[[nodiscard]] std::unique_ptr<core::Detector> load_open_detector(const specs::ArmSpec& arm,
+                                                                 const LoadedScene& scene);
+
 /// Goals of the scene's episodes, sorted.
 [[nodiscard]] std::vector<std::string> searched_classes(const LoadedScene& scene);
 

@@ -12,7 +12,7 @@
 #include "experiments/trials/arm_detector.h"
 #include "experiments/trials/internal/trial_outputs.h"
 #include "experiments/trials/trial_options.h"
-#include "nav/policies/policy_registry.h"
+#include "nav/policies/built_in_policies.h"
 #include "renderer/renderer_backend.h"
 #include "sim/trial/oracle_way.h"
 
@@ -128,12 +128,25 @@ LiveTrial live_trial(const TrialTask& task, const drawing::TrialScene& scene,
           scene.shortest_path_m};
 }
 
+/// By the rules of the policy, if it is one that has them.
+nav::DetectorRoute route_of(const nav::PolicyChoice& policy, const specs::ArmSpec& arm,
+                            const RoutedDetector& detector, const std::string& target) {
+  const auto* vlfm = policy.settings<nav::VlfmSettings>();
+  return nav::route_target(target, detector.closed_class_names(), arm.open_targets,
+                           vlfm != nullptr ? vlfm->rules : nav::VlfmRules());
+}
+
 int index_of(const std::vector<std::string>& names, const std::string& name) {
   const auto found = std::find(names.begin(), names.end(), name);
   return found == names.end() ? -1 : static_cast<int>(found - names.begin());
 }
 
 }  // namespace
+
+const nav::PolicyChoice& policy_of(const specs::ExperimentSpec& spec,
+                                   const specs::ArmSpec& arm) {
+  return arm.policy ? *arm.policy : spec.policy;
+}
 
 Starts starts_of(const LoadedScene& scene) {
   Starts starts_m;
@@ -196,7 +209,8 @@ TrialRunner::ArmDetectorSlot& TrialRunner::detector_for(const LoadedScene& scene
                                                         const specs::ArmSpec& arm) {
   const bool oracle = arm.detector == specs::ArmDetector::kOracle;
   // A prompted detector looks for the goals of its scene.
-  const bool per_scene = oracle || is_prompted(arm) || specs::is_tuned_by_scene(arm.detector);
+  const bool per_scene = oracle || is_prompted(arm) || !arm.open_detector.empty() ||
+                         specs::is_tuned_by_scene(arm.detector);
   ArmDetectorSlot& slot = slots_[per_scene ? scene.spec->name + "/" + arm.name : arm.name];
   if (slot.detector != nullptr) return slot;
   if (oracle) {
@@ -213,18 +227,25 @@ TrialRunner::ArmDetectorSlot& TrialRunner::detector_for(const LoadedScene& scene
     slot.detector = std::move(detector);
   } else {
     slot.detector = load_arm_detector(arm, detectors_, scene, compute_device(spec_));
+    if (!arm.open_detector.empty()) {
+      auto routed = std::make_unique<RoutedDetector>(std::move(slot.detector),
+                                                     load_open_detector(arm, scene));
+      slot.routed = routed.get();
+      slot.detector = std::move(routed);
+    }
   }
   return slot;
 }
 
 /// The arm's policy; only "oracle-path" is handed the way to the goal.
 std::unique_ptr<core::Policy> TrialRunner::policy_for(const TrialTask& task,
-                                                      const ArmDetectorSlot& slot) const {
-  const nav::PolicyChoice& policy = task.arm->policy ? *task.arm->policy : spec_.policy;
+                                                      const ArmDetectorSlot& slot) {
+  const nav::PolicyChoice& policy = policy_of(spec_, *task.arm);
   nav::PolicyContext context;
   context.class_names = slot.detector->class_names();
   context.robot = task.scene->world.robot();
   context.camera_height_m = task.scene->spec->camera_height_m;
+  context.models = models_.loaders();
   if (policy.name() == "oracle-path") {
     // Odom equals World with perfect localisation.
     context.oracle = [way = std::make_shared<sim::OracleWay>(task.scene->world,
@@ -276,6 +297,11 @@ void TrialRunner::run_checked(const TrialTask& task, records::TrialRow& row) {
   core::Renderer& eye = draws ? eye_for(task) : replayed_images;
   ArmDetectorSlot& slot =
       task.replay_perception ? replayed : detector_for(*task.scene, *task.arm);
+  if (slot.routed != nullptr) {
+    slot.routed->set_route(
+        route_of(policy_of(spec_, *task.arm), *task.arm, *slot.routed, episode.class_name),
+        episode.class_name);
+  }
   const std::vector<std::string>& classes = slot.detector->class_names();
   const std::unique_ptr<core::Policy> policy = policy_for(task, slot);
   sim::TrialOptions options = trial_options(spec_, *task.scene);

@@ -20,7 +20,9 @@
 #include "experiments/records/trial_witness.h"
 #include "experiments/specs/spec.h"
 #include "experiments/trials/live_view.h"
+#include "experiments/trials/policy_models.h"
 #include "experiments/trials/prepared_detectors.h"
+#include "experiments/trials/routed_detector.h"
 #include "experiments/trials/shared_views.h"
 #include "experiments/trials/trial_viewer.h"
 #include "renderer/scene/panoptic_field.h"
@@ -85,6 +87,10 @@ struct TrialTask {
   TrialViewer* viewer = nullptr;  ///< Of this trial; does not change it.
 };
 
+/// That which the arm runs.
+[[nodiscard]] const nav::PolicyChoice& policy_of(const specs::ExperimentSpec& spec,
+                                                 const specs::ArmSpec& arm);
+
 /// Weights of an arm in a scene; empty for the oracle. @param scene  Its name.
 [[nodiscard]] PreparedWeights weights_of(const specs::ArmSpec& arm, const std::string& scene,
                                          const PreparedDetectors& detectors);
@@ -109,13 +115,13 @@ class TrialRunner {
   struct ArmDetectorSlot {
     std::unique_ptr<core::Detector> detector;
     sim::GroundTruthSink* truth = nullptr;  ///< The oracle itself.
+    RoutedDetector* routed = nullptr;       ///< The detector, if it is one of two.
   };
   core::Renderer& renderer_for(const LoadedScene& scene);
   /// What the robot sees by: views that an arm before it has seen are not drawn again.
   core::Renderer& eye_for(const TrialTask& task);
   ArmDetectorSlot& detector_for(const LoadedScene& scene, const specs::ArmSpec& arm);
-  std::unique_ptr<core::Policy> policy_for(const TrialTask& task,
-                                           const ArmDetectorSlot& slot) const;
+  std::unique_ptr<core::Policy> policy_for(const TrialTask& task, const ArmDetectorSlot& slot);
   void run_checked(const TrialTask& task, records::TrialRow& row);
   /// The result under the spec's success rule, and why it failed.
   records::Attribution judge_trial(const TrialTask& task, const sim::Episode& episode,
@@ -131,6 +137,7 @@ class TrialRunner {
   std::map<std::string, std::unique_ptr<core::Renderer>> renderers_;  ///< By scene.
   std::optional<SharedViews> views_;  ///< Of the episode that ran last.
   std::string views_of_;              ///< Its scene and name.
+  LoadedPolicyModels models_;
   std::map<std::string, ArmDetectorSlot>
       slots_;  ///< By arm; those that differ between scenes by scene and arm.
 };

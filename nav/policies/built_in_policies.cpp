@@ -4,7 +4,9 @@
 #include <charconv>
 #include <cmath>
 #include <limits>
+#include <utility>
 
+#include "core/error.h"
 #include "nav/behaviours/fitted_options.h"
 #include "nav/frontier/frontier_policy.h"
 #include "nav/frontier/value_search.h"
@@ -58,7 +60,32 @@ void read_frontier(const SettingsNode& node, FrontierSettings& settings) {
   settings.rival_iou = share_or(node, "rival_iou", settings.rival_iou, false);
 }
 
+/// A path that must be that of a file, before any trial.
+std::filesystem::path file_of(const SettingsNode& node, const std::string& key) {
+  std::filesystem::path file = node.path(key);
+  if (!std::filesystem::is_regular_file(file)) {
+    node.child(key).fail("the description of a model (docs/models.md)",
+                         "no file " + file.string());
+  }
+  return file;
+}
+
+void read_scorer_model(const SettingsNode& node, ScorerSettings& settings) {
+  settings.type = "model";
+  settings.model = file_of(node, "model");
+  settings.prompt = node.text_or("prompt", settings.prompt);
+  if (settings.prompt.find("{}") == std::string::npos) {
+    node.child("prompt").fail("a text with {} where the target stands", settings.prompt);
+  }
+  node.finish();
+}
+
 void read_scorer(const SettingsNode& node, ScorerSettings& settings) {
+  if (node.has("scorer") && !node.child("scorer").is_scalar()) {
+    read_scorer_model(node.map("scorer"), settings);
+    if (node.has("prior")) node.child("prior").fail("no prior beside a model", "both");
+    return;
+  }
   if (node.has("scorer")) {
     settings.type = node.text("scorer");
     (void)one_of(node.child("scorer"), settings.type,
@@ -134,12 +161,27 @@ void read_vlfm(const SettingsNode& node, VlfmSettings& settings) {
         choice(node, "fusion", {"weighted", "max-confidence", "replace", "equal-weighting"}));
   }
   read_scorer(node, settings.scorer);
+  if (node.has("segmenter")) settings.segmenter = file_of(node, "segmenter");
+}
+
+/// Of what the context hands in. @throws core::InputError if it is nothing.
+template <class Load, class... Arguments>
+auto load_model(const Load& load, const std::filesystem::path& model,
+                Arguments&&... arguments) {
+  if (load == nullptr) {
+    throw core::InputError::expected(model.string(), "a policy that can use models here",
+                                     "one that cannot");
+  }
+  return load(model, std::forward<Arguments>(arguments)...);
 }
 
 std::shared_ptr<ImageTextScorer> make_scorer(const ScorerSettings& settings,
                                              const PolicyContext& context) {
   if (settings.type == "constant") return make_constant_scorer();
   if (settings.type == "open-space") return make_open_space_scorer();
+  if (settings.type == "model") {
+    return load_model(context.models.scorer, settings.model, settings.prompt);
+  }
   const SemanticPrior& prior = default_semantic_prior();
   return make_semantic_scorer(
       settings.prior.empty() ? prior : SemanticPrior::load(settings.prior),
@@ -185,6 +227,9 @@ std::unique_ptr<core::Policy> make_vlfm(const VlfmSettings& settings,
   options.values.fusion = settings.fusion;
   if (settings.dynamic_window) options.follower.motion = LocalMotion::kDynamicWindow;
   options.scorer = make_scorer(settings.scorer, context);
+  if (!settings.segmenter.empty()) {
+    options.segmenter = load_model(context.models.segmenter, settings.segmenter);
+  }
   GridLocalOptions local;
   local.planner = settings.planner;
   local.actions = options.actions;

@@ -4,6 +4,7 @@
 /// The policies that come with the program, each with the settings that a spec may give it:
 ///
 ///     policy: {type: vlfm, parity: fixed, quirks: {Q4: vlfm}, motion: discrete}
+///     policy: {type: vlfm, scorer: {model: blip2.yaml}, segmenter: sam.yaml}
 ///     policy: {type: frontier, follower: dwa}
 ///     policy: {type: script, actions: [left*12, forward*4, stop]}
 ///
@@ -32,8 +33,10 @@ struct FrontierSettings {
 
 /// How a view is rated that a value map is made of.
 struct ScorerSettings {
-  std::string type = "semantic-prior";  ///< Or "constant", "open-space".
+  std::string type = "semantic-prior";  ///< Or "constant", "open-space", "model".
   std::filesystem::path prior;  ///< Empty: the built-in nav/policies/data/semantic_prior.yaml.
+  std::filesystem::path model;  ///< Image-text model (docs/models.md).
+  std::string prompt = "Seems like there is a {} ahead.";  ///< Of the model; as published.
 };
 
 /// "frontier-value"
@@ -55,6 +58,7 @@ struct VlfmSettings {
   double min_score = 0.0;
   FusionRule fusion = FusionRule::kWeighted;
   ScorerSettings scorer;
+  std::filesystem::path segmenter;  ///< Model (docs/models.md); empty: by depth.
 };
 
 /// "random"

@@ -35,12 +35,28 @@
 
 namespace segsim::nav {
 
+class ImageTextScorer;
+class Segmenter;
+
+/// Networks of others that settings may name. Whoever makes policies hands them in, because a
+/// policy does not read networks itself.
+struct PolicyModels {
+  /// @param model  Description (docs/models.md). @param prompt  "{}" stands for the target.
+  /// @throws core::InputError if it cannot be used.
+  std::function<std::shared_ptr<ImageTextScorer>(const std::filesystem::path& model,
+                                                 const std::string& prompt)>
+      scorer;
+  /// @throws core::InputError if it cannot be used.
+  std::function<std::shared_ptr<Segmenter>(const std::filesystem::path& model)> segmenter;
+};
+
 /// What a policy may know of the trial besides its observations.
 struct PolicyContext {
   std::vector<std::string> class_names;  ///< Of the detector.
   core::RobotBase robot;                 ///< It plans for this one.
   double camera_height_m = 1.2;          ///< Of the robot in this scene.
   PathOracle oracle;                     ///< Null but for "oracle-path".
+  PolicyModels models;                   ///< Null where no policy may use any.
 };
 
 using MakePolicy = std::function<std::unique_ptr<core::Policy>(const PolicyContext&)>;
@@ -54,6 +70,10 @@ class SettingsNode : public core::ConfigNode {
       : ConfigNode(std::move(node)), expand_(std::move(expand)) {}
   [[nodiscard]] std::filesystem::path path(const std::string& key) const {
     return expand_(child(key));
+  }
+  /// A map inside this one.
+  [[nodiscard]] SettingsNode map(const std::string& key) const {
+    return {child(key), expand_};
   }
 
  private:

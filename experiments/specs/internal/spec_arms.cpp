@@ -139,6 +139,17 @@ ArmSpec read_arm(const ConfigNode& node, const Variables& variables) {
                        {"before", "after", "after-here", "after-elsewhere", "after-exact",
                         "oracle", "a path of weights or of a model"});
   }
+  if (node.has("open_detector")) {
+    if (arm.detector == ArmDetector::kOracle) {
+      node.child("open_detector").fail("none beside the oracle, which knows all", "one");
+    }
+    arm.open_detector = variables.expand(node.child("open_detector"));
+    if (node.has("open_targets")) {
+      for (const ConfigNode& element : node.list("open_targets")) {
+        arm.open_targets.push_back(element.as_text());
+      }
+    }
+  }
   if (node.has("policy")) arm.policy = read_policy(node, variables);
   if (node.has("score_threshold")) {
     arm.score_threshold = support::number_within(node, "score_threshold", 0.5, 0.0, 1.0);

@@ -2,12 +2,17 @@
 
 #include <gmock/gmock.h>
 
+#include <fstream>
+
 #include "core/check.h"
 #include "core/error.h"
+#include "nav/objects/segmenter.h"
 #include "nav/policies/built_in_policies.h"
+#include "nav/value/image_text_scorer.h"
 #include "tests/nav/box_world.h"
 #include "tests/nav/robots.h"
 #include "tests/nav/test_view.h"
+#include "tests/temporary_folder.h"
 
 namespace segsim::nav {
 namespace {
@@ -100,6 +105,59 @@ PolicyContext things() {
   context.class_names = {"thing"};
   context.robot = test::jackal();
   return context;
+}
+
+/// Promises a lot, and says what it was made with.
+class FakeScorer final : public ImageTextScorer {
+ public:
+  double score(const core::Observation&, std::span<const core::Detection>,
+               const std::string& target) override {
+    targets.push_back(target);
+    return 0.9;
+  }
+  std::vector<std::string> targets;
+};
+
+TEST(PolicyRegistry, ModelsComeFromWhoeverMakesThePolicy) {
+  const tests::TemporaryFolder folder;
+  for (const char* name : {"clip.yaml", "sam.yaml"}) std::ofstream(folder / name) << "task: x";
+  const std::string clip = (folder / "clip.yaml").string();
+  const std::string sam = (folder / "sam.yaml").string();
+  const PolicyChoice choice = read("{type: vlfm, scorer: {model: " + clip +
+                                   ", prompt: \"a {}\"}, segmenter: " + sam + "}");
+  EXPECT_EQ(choice.settings<VlfmSettings>()->scorer.model, clip);
+  EXPECT_EQ(choice.settings<VlfmSettings>()->segmenter, sam);
+  EXPECT_EQ(vlfm("{type: vlfm, scorer: {model: " + clip + "}}").scorer.prompt,
+            "Seems like there is a {} ahead.");
+  EXPECT_THROW((void)choice.make(things()), core::InputError) << "nobody loads models here";
+
+  PolicyContext context = things();
+  const auto scorer = std::make_shared<FakeScorer>();
+  std::vector<std::string> loaded;
+  context.models.scorer = [&](const std::filesystem::path& model, const std::string& prompt) {
+    loaded.push_back(model.filename().string() + " " + prompt);
+    return scorer;
+  };
+  context.models.segmenter = [&](const std::filesystem::path& model) {
+    loaded.push_back(model.filename().string());
+    return std::shared_ptr<Segmenter>(make_depth_segmenter());
+  };
+  const auto policy = choice.make(context);
+  EXPECT_THAT(loaded, testing::UnorderedElementsAre("clip.yaml a {}", "sam.yaml"));
+  policy->reset({"thing", 0}, 1);
+  const test::TestView view({}, 3.0F, 1.2);
+  (void)policy->decide(view.observation, {});
+  EXPECT_THAT(scorer->targets, testing::Contains("thing"));
+
+  EXPECT_THAT(refusal("{type: vlfm, scorer: {model: " + clip + "x}}"),
+              testing::HasSubstr("no file"));
+  EXPECT_THAT(refusal("{type: vlfm, segmenter: " + sam + "x}"), testing::HasSubstr("no file"));
+  EXPECT_THAT(refusal("{type: vlfm, scorer: {model: " + clip + ", prompt: here}}"),
+              testing::HasSubstr("{}"));
+  EXPECT_THAT(refusal("{type: vlfm, scorer: {model: " + clip + ", promt: x}}"),
+              testing::HasSubstr("promt"));
+  EXPECT_THAT(refusal("{type: vlfm, scorer: {model: " + clip + "}, prior: " + clip + "}"),
+              testing::HasSubstr("prior"));
 }
 
 /// The camera measures nothing, so nothing new can turn up.

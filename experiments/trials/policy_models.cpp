@@ -1,0 +1,95 @@
+#include "experiments/trials/policy_models.h"
+
+#include <algorithm>
+#include <array>
+#include <span>
+
+#include "core/check.h"
+#include "nav/objects/segmenter.h"
+#include "nav/policies/built_in_policies.h"
+#include "nav/value/image_text_scorer.h"
+#include "perception/models/image_text_scorer.h"
+#include "perception/models/prompt_segmenter.h"
+
+namespace segsim::experiments::trials {
+namespace {
+
+/// The model's score of the image and the prompt. A cosine below 0 promises nothing.
+class ModelScorer final : public nav::ImageTextScorer {
+ public:
+  ModelScorer(const std::filesystem::path& model, std::string prompt)
+      : model_(perception::load_image_text_scorer(model)), prompt_(std::move(prompt)) {}
+
+  double score(const core::Observation& observation,
+               std::span<const core::Detection> /*detections*/,
+               const std::string& target) override {
+    SEGSIM_CHECK(observation.rgb != nullptr, "a model scores colours");
+    std::string text = prompt_;
+    text.replace(text.find("{}"), 2, target);
+    return std::clamp(static_cast<double>(model_->scores(*observation.rgb, {text}).front()),
+                      0.0, 1.0);
+  }
+
+ private:
+  std::unique_ptr<perception::ImageTextScorer> model_;
+  std::string prompt_;
+};
+
+class ModelSegmenter final : public nav::Segmenter {
+ public:
+  explicit ModelSegmenter(const std::filesystem::path& model)
+      : model_(perception::load_prompt_segmenter(model)) {}
+
+  core::Image<std::uint8_t> segment(const core::Observation& observation,
+                                    const core::BoxPx& box) override {
+    SEGSIM_CHECK(observation.rgb != nullptr, "a model segments colours");
+    const std::array<core::BoxPx, 1> boxes{box};
+    return std::move(model_->segment(*observation.rgb, boxes).front().inside);
+  }
+
+ private:
+  std::unique_ptr<perception::PromptSegmenter> model_;
+};
+
+/// Null if the policy has none.
+const nav::ScorerSettings* scorer_of(const nav::PolicyChoice& policy) {
+  if (const auto* vlfm = policy.settings<nav::VlfmSettings>()) return &vlfm->scorer;
+  if (const auto* value = policy.settings<nav::FrontierValueSettings>()) return &value->scorer;
+  return nullptr;
+}
+
+}  // namespace
+
+std::vector<std::filesystem::path> model_files(const nav::PolicyChoice& policy) {
+  std::vector<std::filesystem::path> files;
+  const nav::ScorerSettings* scorer = scorer_of(policy);
+  if (scorer != nullptr && !scorer->model.empty()) files.push_back(scorer->model);
+  const auto* vlfm = policy.settings<nav::VlfmSettings>();
+  if (vlfm != nullptr && !vlfm->segmenter.empty()) files.push_back(vlfm->segmenter);
+  return files;
+}
+
+void LoadedPolicyModels::load(const nav::PolicyChoice& policy) {
+  const nav::PolicyModels load = loaders();
+  const nav::ScorerSettings* scorer = scorer_of(policy);
+  if (scorer != nullptr && !scorer->model.empty()) load.scorer(scorer->model, scorer->prompt);
+  const auto* vlfm = policy.settings<nav::VlfmSettings>();
+  if (vlfm != nullptr && !vlfm->segmenter.empty()) load.segmenter(vlfm->segmenter);
+}
+
+nav::PolicyModels LoadedPolicyModels::loaders() {
+  nav::PolicyModels models;
+  models.scorer = [this](const std::filesystem::path& model, const std::string& prompt) {
+    std::shared_ptr<nav::ImageTextScorer>& scorer = scorers_[{model, prompt}];
+    if (scorer == nullptr) scorer = std::make_shared<ModelScorer>(model, prompt);
+    return scorer;
+  };
+  models.segmenter = [this](const std::filesystem::path& model) {
+    std::shared_ptr<nav::Segmenter>& segmenter = segmenters_[model];
+    if (segmenter == nullptr) segmenter = std::make_shared<ModelSegmenter>(model);
+    return segmenter;
+  };
+  return models;
+}
+
+}  // namespace segsim::experiments::trials

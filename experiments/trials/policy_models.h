@@ -1,0 +1,38 @@
+#pragma once
+
+/// @file
+/// Networks of others (perception/models) behind the interfaces of policies (nav): the two
+/// modules do not know each other, and meet here.
+
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "nav/policies/policy_registry.h"
+
+namespace segsim::experiments::trials {
+
+/// The descriptions of models that the settings of a built-in policy name.
+[[nodiscard]] std::vector<std::filesystem::path> model_files(const nav::PolicyChoice& policy);
+
+/// Loads each model once, for all policies of one thread.
+class LoadedPolicyModels {
+ public:
+  /// What policies load by. Outlived by this object.
+  [[nodiscard]] nav::PolicyModels loaders();
+
+  /// Loads what the settings of a built-in policy name, so that a mistake is told before any
+  /// trial. @throws core::InputError
+  void load(const nav::PolicyChoice& policy);
+
+ private:
+  std::map<std::pair<std::filesystem::path, std::string>,
+           std::shared_ptr<nav::ImageTextScorer>>
+      scorers_;
+  std::map<std::filesystem::path, std::shared_ptr<nav::Segmenter>> segmenters_;
+};
+
+}  // namespace segsim::experiments::trials
