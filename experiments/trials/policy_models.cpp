@@ -5,9 +5,11 @@
 #include <span>
 
 #include "core/check.h"
+#include "nav/mapping/depth_inference.h"
 #include "nav/objects/segmenter.h"
 #include "nav/policies/built_in_policies.h"
 #include "nav/value/image_text_scorer.h"
+#include "perception/models/depth_estimator.h"
 #include "perception/models/image_text_scorer.h"
 #include "perception/models/prompt_segmenter.h"
 
@@ -51,6 +53,20 @@ class ModelSegmenter final : public nav::Segmenter {
   std::unique_ptr<perception::PromptSegmenter> model_;
 };
 
+class ModelDepth final : public nav::DepthInference {
+ public:
+  explicit ModelDepth(const std::filesystem::path& model)
+      : model_(perception::load_depth_estimator(model)) {}
+
+  void infer(const core::Observation& observation, core::Image<float>& depth_m) override {
+    SEGSIM_CHECK(observation.rgb != nullptr, "a model infers depth from colours");
+    model_->infer(*observation.rgb, depth_m);
+  }
+
+ private:
+  std::unique_ptr<perception::DepthEstimator> model_;
+};
+
 /// Null if the policy has none.
 const nav::ScorerSettings* scorer_of(const nav::PolicyChoice& policy) {
   if (const auto* vlfm = policy.settings<nav::VlfmSettings>()) return &vlfm->scorer;
@@ -66,6 +82,7 @@ std::vector<std::filesystem::path> model_files(const nav::PolicyChoice& policy) 
   if (scorer != nullptr && !scorer->model.empty()) files.push_back(scorer->model);
   const auto* vlfm = policy.settings<nav::VlfmSettings>();
   if (vlfm != nullptr && !vlfm->segmenter.empty()) files.push_back(vlfm->segmenter);
+  if (vlfm != nullptr && !vlfm->depth.empty()) files.push_back(vlfm->depth);
   return files;
 }
 
@@ -75,6 +92,7 @@ void LoadedPolicyModels::load(const nav::PolicyChoice& policy) {
   if (scorer != nullptr && !scorer->model.empty()) load.scorer(scorer->model, scorer->prompt);
   const auto* vlfm = policy.settings<nav::VlfmSettings>();
   if (vlfm != nullptr && !vlfm->segmenter.empty()) load.segmenter(vlfm->segmenter);
+  if (vlfm != nullptr && !vlfm->depth.empty()) load.depth(vlfm->depth);
 }
 
 nav::PolicyModels LoadedPolicyModels::loaders() {
@@ -88,6 +106,11 @@ nav::PolicyModels LoadedPolicyModels::loaders() {
     std::shared_ptr<nav::Segmenter>& segmenter = segmenters_[model];
     if (segmenter == nullptr) segmenter = std::make_shared<ModelSegmenter>(model);
     return segmenter;
+  };
+  models.depth = [this](const std::filesystem::path& model) {
+    std::shared_ptr<nav::DepthInference>& depth = depths_[model];
+    if (depth == nullptr) depth = std::make_shared<ModelDepth>(model);
+    return depth;
   };
   return models;
 }

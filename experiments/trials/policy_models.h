@@ -33,6 +33,7 @@ class LoadedPolicyModels {
            std::shared_ptr<nav::ImageTextScorer>>
       scorers_;
   std::map<std::filesystem::path, std::shared_ptr<nav::Segmenter>> segmenters_;
+  std::map<std::filesystem::path, std::shared_ptr<nav::DepthInference>> depths_;
 };
 
 }  // namespace segsim::experiments::trials

@@ -162,6 +162,7 @@ void read_vlfm(const SettingsNode& node, VlfmSettings& settings) {
   }
   read_scorer(node, settings.scorer);
   if (node.has("segmenter")) settings.segmenter = file_of(node, "segmenter");
+  if (node.has("inferred_depth")) settings.depth = file_of(node, "inferred_depth");
 }
 
 /// Of what the context hands in. @throws core::InputError if it is nothing.
@@ -229,6 +230,9 @@ std::unique_ptr<core::Policy> make_vlfm(const VlfmSettings& settings,
   options.scorer = make_scorer(settings.scorer, context);
   if (!settings.segmenter.empty()) {
     options.segmenter = load_model(context.models.segmenter, settings.segmenter);
+  }
+  if (!settings.depth.empty()) {
+    options.depth = load_model(context.models.depth, settings.depth);
   }
   GridLocalOptions local;
   local.planner = settings.planner;

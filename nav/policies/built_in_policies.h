@@ -59,6 +59,7 @@ struct VlfmSettings {
   FusionRule fusion = FusionRule::kWeighted;
   ScorerSettings scorer;
   std::filesystem::path segmenter;  ///< Model (docs/models.md); empty: by depth.
+  std::filesystem::path depth;      ///< `inferred_depth`, a model; empty: measured.
 };
 
 /// "random"

@@ -35,6 +35,7 @@
 
 namespace segsim::nav {
 
+class DepthInference;
 class ImageTextScorer;
 class Segmenter;
 
@@ -48,6 +49,8 @@ struct PolicyModels {
       scorer;
   /// @throws core::InputError if it cannot be used.
   std::function<std::shared_ptr<Segmenter>(const std::filesystem::path& model)> segmenter;
+  /// @throws core::InputError if it cannot be used.
+  std::function<std::shared_ptr<DepthInference>(const std::filesystem::path& model)> depth;
 };
 
 /// What a policy may know of the trial besides its observations.

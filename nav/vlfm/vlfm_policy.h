@@ -27,6 +27,7 @@
 #include "nav/behaviours/recovery.h"
 #include "nav/behaviours/sweep.h"
 #include "nav/frontier/frontier_choice.h"
+#include "nav/mapping/depth_inference.h"
 #include "nav/mapping/obstacle_map.h"
 #include "nav/motion/local_policy.h"
 #include "nav/motion/path_follower.h"
@@ -104,6 +105,7 @@ struct VlfmOptions {
   // Null: the defaults of the headers. Shared by all episodes of the policy.
   std::shared_ptr<ImageTextScorer> scorer;  ///< Null: constant 0.5.
   std::shared_ptr<Segmenter> segmenter;
+  std::shared_ptr<DepthInference> depth;  ///< Null: depth is measured.
   std::shared_ptr<LocalPolicy> local;
 };
 

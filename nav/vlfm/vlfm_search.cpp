@@ -96,7 +96,8 @@ core::Decision VlfmSearch::decide(const core::Observation& observation,
   if (!stop_reason_ && finite_pose(observation)) {
     const core::TimeNs time_ns = observation.capture_time_ns;
     const double period_s = last_time_ns_ ? core::seconds(time_ns - *last_time_ns_) : 0.1;
-    const Now now{moment_of(observation), detections, period_s};
+    const core::Observation seen = with_depth(observation);
+    const Now now{moment_of(seen), detections, period_s};
     update_maps(now);
     decision.command = act(now);
     last_time_ns_ = time_ns;
@@ -108,6 +109,21 @@ core::Decision VlfmSearch::decide(const core::Observation& observation,
     decision.stop = stop_reason_;
   }
   return decision;
+}
+
+core::Observation VlfmSearch::with_depth(const core::Observation& observation) {
+  core::Observation seen = observation;
+  if (options_.depth == nullptr) return seen;
+  options_.depth->infer(observation, inferred_m_);
+  const DepthCleanupOptions& range = options_.obstacles.depth;
+  for (float& depth_m : inferred_m_.pixels()) {
+    const double share =
+        normalised_inferred(static_cast<double>(depth_m), options_.rules, range);
+    depth_m = static_cast<float>(range.min_depth_m +
+                                 share * (range.max_depth_m - range.min_depth_m));
+  }
+  seen.depth_m = &inferred_m_;
+  return seen;
 }
 
 void VlfmSearch::update_maps(const Now& now) {

@@ -14,14 +14,15 @@ using core::ConfigNode;
 constexpr std::pair<const char*, ModelTask> kTasks[] = {
     {"yolo", ModelTask::kYolo},     {"grounding-dino", ModelTask::kGroundingDino},
     {"sam", ModelTask::kSam},       {"clip", ModelTask::kClip},
-    {"siglip", ModelTask::kSiglip}, {"itm", ModelTask::kItm}};
+    {"siglip", ModelTask::kSiglip}, {"itm", ModelTask::kItm},
+    {"depth", ModelTask::kDepth}};
 
 ModelTask read_task(const ConfigNode& node) {
   const std::string word = node.text("task");
   for (const auto& [name, task] : kTasks) {
     if (word == name) return task;
   }
-  node.child("task").fail("yolo | grounding-dino | sam | clip | siglip | itm",
+  node.child("task").fail("yolo | grounding-dino | sam | clip | siglip | itm | depth",
                           "\"" + word + "\"");
 }
 
@@ -93,6 +94,9 @@ ModelDescription read_model_description(const fs::path& file) {
   description.nms_iou = read_share(node, "nms_iou");
   description.logit_scale = read_number(node, "logit_scale");
   description.logit_bias = read_number(node, "logit_bias");
+  if (node.has("colours")) {
+    description.centred_colours = core::choice(node, "colours", {"imagenet", "centred"}) == 1;
+  }
   node.finish();
   return description;
 }

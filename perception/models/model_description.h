@@ -4,7 +4,7 @@
 /// What a model is for and what it wants, as a YAML file beside it:
 ///
 ///     schema: segsim.model/1
-///     task: grounding-dino        yolo | grounding-dino | sam | clip | siglip | itm
+///     task: grounding-dino        yolo | grounding-dino | sam | clip | siglip | itm | depth
 ///     files: {model: gdino.onnx, tokenizer: vocab.txt}      relative to this file
 ///     input_px: [800, 800]        height, width; or one number; default: the model's own
 ///     class_names: [chair, ...]   yolo; default: the model's metadata
@@ -25,7 +25,15 @@
 
 namespace segsim::perception {
 
-enum class ModelTask : std::uint8_t { kYolo, kGroundingDino, kSam, kClip, kSiglip, kItm };
+enum class ModelTask : std::uint8_t {
+  kYolo,
+  kGroundingDino,
+  kSam,
+  kClip,
+  kSiglip,
+  kItm,
+  kDepth
+};
 
 struct ModelDescription {
   std::string place;  ///< Of the description, for messages.
@@ -35,6 +43,7 @@ struct ModelDescription {
   std::vector<std::string> class_names;
   std::optional<float> score_threshold, text_threshold, nms_iou;
   std::optional<float> logit_scale, logit_bias;
+  bool centred_colours = false;  ///< Of depth: to [-1, 1] (ZoeDepth), not by ImageNet's mean.
 
   /// @throws core::InputError if the description does not name it.
   [[nodiscard]] const std::filesystem::path& file(const std::string& role) const;

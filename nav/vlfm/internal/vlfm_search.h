@@ -35,6 +35,8 @@ class VlfmSearch final : public core::Policy {
     double period_s = 0.0;  ///< Since the last decision.
   };
 
+  /// The observation with inferred depth, if the options infer it.
+  [[nodiscard]] core::Observation with_depth(const core::Observation& observation);
   // vlfm_search.cpp: maps and modes; vlfm_search_object.cpp: going to the object.
   void update_maps(const Now& now);
   core::VelocityCommand act(const Now& now);
@@ -74,6 +76,7 @@ class VlfmSearch final : public core::Policy {
 
   VlfmOptions options_;
   core::ObjectGoal goal_;
+  core::Image<float> inferred_m_;
 
   ObstacleMap obstacles_;
   ValueMap values_;

@@ -5,10 +5,12 @@
 
 #include "core/error.h"
 #include "experiments/trials/routed_detector.h"
+#include "nav/mapping/depth_inference.h"
 #include "nav/objects/segmenter.h"
 #include "nav/value/image_text_scorer.h"
 #include "perception/models/prompt_segmenter.h"
 #include "tests/perception/clip_model.h"
+#include "tests/perception/depth_model.h"
 #include "tests/perception/tiny_models.h"
 #include "tests/temporary_folder.h"
 
@@ -52,6 +54,16 @@ TEST(PolicyModels, ASegmentersMaskIsThatOfTheModel) {
   EXPECT_EQ(mask.width_px(), 128);
   EXPECT_EQ(mask(48, 44), 1);
   EXPECT_EQ(mask(100, 80), 0);
+}
+
+TEST(PolicyModels, DepthIsInferredFromColours) {
+  const tests::TemporaryFolder folder;
+  const std::filesystem::path model = perception::write_depth_model(folder / "");
+  trials::LoadedPolicyModels models;
+  Image<float> depth_m;
+  models.loaders().depth(model)->infer(seen(Image<Rgb8>(20, 10, {255, 255, 255})), depth_m);
+  ASSERT_EQ(depth_m.width_px(), 20);
+  EXPECT_NEAR(depth_m(7, 4), 1.0F, 1e-6F);
 }
 
 TEST(PolicyModels, ADamagedModelIsToldWhenItIsLoaded) {

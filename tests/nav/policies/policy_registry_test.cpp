@@ -2,10 +2,12 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <fstream>
 
 #include "core/check.h"
 #include "core/error.h"
+#include "nav/mapping/depth_inference.h"
 #include "nav/objects/segmenter.h"
 #include "nav/policies/built_in_policies.h"
 #include "nav/value/image_text_scorer.h"
@@ -117,6 +119,41 @@ class FakeScorer final : public ImageTextScorer {
   }
   std::vector<std::string> targets;
 };
+
+/// A wall at one distance, whatever the camera measures.
+class FakeDepth final : public DepthInference {
+ public:
+  void infer(const core::Observation& observation, core::Image<float>& depth_m) override {
+    ++calls;
+    depth_m = core::Image<float>(observation.depth_m->width_px(),
+                                 observation.depth_m->height_px(), 2.0F);
+  }
+  int calls = 0;
+};
+
+/// A camera that measures nothing explores nothing; with inferred depth the policy knows the
+/// wall.
+TEST(PolicyRegistry, DepthMayBeInferred) {
+  const tests::TemporaryFolder folder;
+  std::ofstream(folder / "depth.yaml") << "task: depth";
+  const PolicyChoice choice =
+      read("{type: vlfm, inferred_depth: " + (folder / "depth.yaml").string() + "}");
+  const auto depth = std::make_shared<FakeDepth>();
+  PolicyContext context = things();
+  context.models.depth = [&](const std::filesystem::path&) { return depth; };
+  const auto inferring = choice.make(context);
+  const auto measuring = read("vlfm").make(things());
+  test::TestView view({}, test::kNan, 1.2);
+  const auto obstacles_of = [&](core::Policy& policy) {
+    policy.reset({"thing", 0}, 1);
+    (void)policy.decide(view.observation, {});
+    const core::PolicyView seen = policy.view();
+    return std::count(seen.cells.pixels().begin(), seen.cells.pixels().end(), 2);
+  };
+  EXPECT_GT(obstacles_of(*inferring), 0);
+  EXPECT_EQ(depth->calls, 1);
+  EXPECT_EQ(obstacles_of(*measuring), 0);
+}
 
 TEST(PolicyRegistry, ModelsComeFromWhoeverMakesThePolicy) {
   const tests::TemporaryFolder folder;
