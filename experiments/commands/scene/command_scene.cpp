@@ -172,6 +172,7 @@ void add_scene_command(CLI::App& app) {
   command->callback([flags] { inspect(flags->folder, flags->robot); });
   add_scene_mesh(*scene);
   add_scene_coverage(*scene);
+  add_scene_query(*scene);
   add_scene_label(*scene);
 }
 

@@ -15,5 +15,7 @@ void add_scene_mesh(CLI::App& scene);
 void add_scene_label(CLI::App& scene);
 /// `segsim scene coverage`, below `segsim scene`.
 void add_scene_coverage(CLI::App& scene);
+/// `segsim scene query`, below `segsim scene`.
+void add_scene_query(CLI::App& scene);
 
 }  // namespace segsim::experiments::commands::scene

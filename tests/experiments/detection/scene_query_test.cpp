@@ -1,0 +1,101 @@
+#include "experiments/detection/scene_query.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "core/error.h"
+#include "renderer/cpu_renderer.h"
+#include "tests/experiments/surfel_room.h"
+#include "tests/perception/clip_model.h"
+#include "tests/temporary_folder.h"
+
+namespace segsim::experiments {
+namespace {
+
+using detection::QueriedInstance;
+using testing::ElementsAre;
+
+constexpr float kShC0 = 0.28209479F;
+
+/// A cube of 0.4 m on the floor in one colour.
+void append_cube(renderer::SurfelCloud& cloud, const glm::dvec3& corner,
+                 const glm::vec3& colour, std::uint16_t instance_id) {
+  const std::size_t begin = cloud.size();
+  const double s = 0.4;
+  internal::append_patch(cloud, corner, {0, 0, s}, {0, s, 0}, kBoxClass);
+  internal::append_patch(cloud, corner + glm::dvec3(s, 0, 0), {0, s, 0}, {0, 0, s}, kBoxClass);
+  internal::append_patch(cloud, corner, {s, 0, 0}, {0, 0, s}, kBoxClass);
+  internal::append_patch(cloud, corner + glm::dvec3(0, s, 0), {0, 0, s}, {s, 0, 0}, kBoxClass);
+  internal::append_patch(cloud, corner + glm::dvec3(0, 0, s), {s, 0, 0}, {0, s, 0}, kBoxClass);
+  for (std::size_t i = begin; i < cloud.size(); ++i) {
+    cloud.sh[i] = (colour - 0.5F) / kShC0;
+    cloud.instance_id[i] = instance_id;
+  }
+}
+
+core::SceneInstance cube_instance(const glm::dvec3& corner, std::uint16_t id,
+                                  const char* name) {
+  return {id, kBoxClass, name, corner, corner + glm::dvec3(0.4)};
+}
+
+struct ColouredCubes {
+  ColouredCubes() {
+    auto cloud = std::make_shared<renderer::SurfelCloud>();
+    internal::append_patch(*cloud, {-3, -3, 0}, {6, 0, 0}, {0, 6, 0}, kShellClass);
+    const glm::dvec3 red(-1.2, 0, 0), blue(1.2, 0, 0);
+    append_cube(*cloud, red, {0.9F, 0.05F, 0.05F}, 1);
+    append_cube(*cloud, blue, {0.05F, 0.05F, 0.9F}, 2);
+    renderer = renderer::make_cpu_renderer(cloud, {.threads = 1});
+    manifest.name = "cubes";
+    manifest.classes = {{kShellClass, "floor", false}, {kBoxClass, "cube", true}};
+    manifest.instances = {cube_instance(red, 1, "red"), cube_instance(blue, 2, "blue"),
+                          cube_instance({20, 0, 0}, 3, "away")};
+  }
+  std::unique_ptr<core::Renderer> renderer;
+  core::SceneManifest manifest;
+};
+
+/// The model takes "chair" for red and "table" for blue.
+TEST(SceneQuery, ThingsAreRankedByHowTheyLook) {
+  const tests::TemporaryFolder folder;
+  const auto scorer =
+      perception::load_image_text_scorer(perception::write_clip(folder / "", "clip"));
+  ColouredCubes scene;
+  int calls = 0;
+  const std::vector<std::string> phrases{"chair", "table"};
+  const std::vector<QueriedInstance> things = detection::query_scene(
+      *scene.renderer, scene.manifest, *scorer, phrases, {}, [&](int done, int all) {
+        EXPECT_EQ(done, ++calls);
+        EXPECT_EQ(all, 3);
+      });
+  ASSERT_EQ(things.size(), 3U);
+  EXPECT_EQ(calls, 3);
+  EXPECT_EQ(things[0].class_name, "cube");
+  EXPECT_EQ(things[0].views, 4);
+  EXPECT_THAT(detection::ranking(things, 0), ElementsAre(0, 1));
+  EXPECT_THAT(detection::ranking(things, 1), ElementsAre(1, 0));
+  EXPECT_GT(things[0].scores[0], things[1].scores[0] + 0.2);
+  EXPECT_EQ(things[2].views, 0) << "no camera sees what has no surfels";
+  EXPECT_TRUE(things[2].scores.empty());
+
+  // The crop shows the cube and something around it.
+  const core::Rgb8 middle =
+      things[0].picture(things[0].picture.width_px() / 2, things[0].picture.height_px() / 2);
+  EXPECT_GT(middle.r, 150);
+  EXPECT_LT(middle.b, 80);
+  EXPECT_GT(detection::query_picture(things, phrases, 2).width_px(), 100);
+}
+
+TEST(SceneQuery, ASceneWithoutThingsIsRefused) {
+  const tests::TemporaryFolder folder;
+  const auto scorer =
+      perception::load_image_text_scorer(perception::write_clip(folder / "", "clip"));
+  ColouredCubes scene;
+  scene.manifest.instances.clear();
+  EXPECT_THROW(
+      (void)detection::query_scene(*scene.renderer, scene.manifest, *scorer, {"chair"}),
+      core::InputError);
+}
+
+}  // namespace
+}  // namespace segsim::experiments
