@@ -66,13 +66,14 @@ void write_measurement(const fs::path& file, const std::string& inputs,
 using Rename = std::map<std::string, std::string>;
 
 void choose_threshold(const fs::path& weights_file, const fs::path& validation,
-                      const Rename& rename, double precision_target, const fs::path& output) {
+                      const Rename& rename, double precision_target,
+                      perception::ComputeDevice device, const fs::path& output) {
   perception::DetectorWeights weights = perception::read_weights(weights_file);
   perception::CocoDataset dataset = perception::read_coco(validation);
   perception::add_data(weights, weights_file,
                        data_use(perception::DataPurpose::kValidation, dataset));
   perception::match_classes(dataset, weights.class_names, rename);
-  const auto results = perception::detect_all(weights_file, dataset);
+  const auto results = perception::detect_all(weights_file, dataset, device);
   const auto points =
       perception::operating_points(results, static_cast<int>(weights.class_names.size()));
   weights.score_threshold =
@@ -85,10 +86,13 @@ void choose_threshold(const fs::path& weights_file, const fs::path& validation,
 }  // namespace
 
 records::HeldOutPrecision prepare_arm_weights(const fs::path& weights, const HeldOutSets& sets,
-                                              double precision_target, const fs::path& output,
+                                              double precision_target,
+                                              perception::ComputeDevice device,
+                                              const fs::path& output,
                                               const std::function<void()>& on_measure) {
   const fs::path record = output.string() + ".precision.json";
-  const std::string inputs = describe_inputs(weights, sets, precision_target);
+  const std::string inputs = describe_inputs(weights, sets, precision_target) +
+                             (device == perception::ComputeDevice::kCuda ? "; on cuda" : "");
   if (fs::exists(output)) {
     if (const auto known = read_measurement(record, inputs)) return *known;
   }
@@ -97,7 +101,8 @@ records::HeldOutPrecision prepare_arm_weights(const fs::path& weights, const Hel
   for (const std::string& name : sets.unknown_classes) rename[name] = "";
   perception::EvaluateOptions evaluation;
   evaluation.rename = rename;
-  choose_threshold(weights, sets.validation, rename, precision_target, output);
+  evaluation.device = device;
+  choose_threshold(weights, sets.validation, rename, precision_target, device, output);
   const perception::EvaluationReport report =
       perception::evaluate(output, sets.test, evaluation);
   const perception::OperatingPoint& point = report.precision.operating;

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "experiments/records/held_out_precision.h"
+#include "perception/data/compute_device.h"
 
 namespace segsim::experiments::detection {
 
@@ -25,12 +26,13 @@ struct HeldOutSets {
 /// Writes `output`: the weights with the threshold that is chosen on the validation views
 /// (`precision_target`: perception::most_recall(); 0: of best F1), and measures it on the
 /// others. 'Before' and 'after' are treated alike, so that neither
-/// profits from a better chosen threshold. A measurement of the same files is not repeated: it
-/// lies in `output`.precision.json.
+/// profits from a better chosen threshold. Both detect on `device`. A measurement of the same
+/// files is not repeated: it lies in `output`.precision.json.
 /// @param on_measure  Called before that takes time.
 /// @throws core::InputError if a file is missing or damaged.
 records::HeldOutPrecision prepare_arm_weights(const std::filesystem::path& weights,
                                               const HeldOutSets& sets, double precision_target,
+                                              perception::ComputeDevice device,
                                               const std::filesystem::path& output,
                                               const std::function<void()>& on_measure = {});
 

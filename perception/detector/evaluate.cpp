@@ -32,8 +32,9 @@ std::vector<ImageResult> detect_all_timed(core::Detector& detector, const CocoDa
 }  // namespace
 
 std::vector<ImageResult> detect_all(const std::filesystem::path& weights,
-                                    const CocoDataset& dataset) {
-  const auto detector = load_detector(weights, {.score_threshold = kLowestScore});
+                                    const CocoDataset& dataset, ComputeDevice device) {
+  const auto detector =
+      load_detector(weights, {.score_threshold = kLowestScore, .device = device});
   double total_ms = 0.0;
   return detect_all_timed(*detector, dataset, total_ms);
 }
@@ -43,7 +44,8 @@ EvaluationReport evaluate(const std::filesystem::path& weights,
                           const EvaluateOptions& options) {
   const float threshold = options.score_threshold ? *options.score_threshold
                                                   : read_weights(weights).score_threshold;
-  const auto detector = load_detector(weights, {.score_threshold = kLowestScore});
+  const auto detector =
+      load_detector(weights, {.score_threshold = kLowestScore, .device = options.device});
   CocoDataset dataset = read_coco(coco_json);
   match_classes(dataset, detector->class_names(), options.rename);
 

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "perception/data/compute_device.h"
 #include "perception/data/dataset.h"
 #include "perception/evaluation/average_precision.h"
 
@@ -15,6 +16,7 @@ struct EvaluateOptions {
   std::optional<float> score_threshold;  ///< Of the operating point; default: the stored one.
   std::map<std::string, std::string>
       rename;  ///< Data set's class -> detector's; "" leaves it out.
+  ComputeDevice device = ComputeDevice::kCpu;
 };
 
 struct EvaluationReport {
@@ -34,7 +36,8 @@ struct EvaluationReport {
 /// Detections of every image of a data set, down to a score of 0.001, with the truth beside
 /// them.
 [[nodiscard]] std::vector<ImageResult> detect_all(const std::filesystem::path& weights,
-                                                  const CocoDataset& dataset);
+                                                  const CocoDataset& dataset,
+                                                  ComputeDevice device = ComputeDevice::kCpu);
 
 /// Renames and renumbers the classes of `dataset` so that they are `class_names`; boxes of
 /// classes renamed to "" are dropped.

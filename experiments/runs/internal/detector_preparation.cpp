@@ -90,8 +90,8 @@ void choose_thresholds(std::vector<ArmWeights>& arms, const specs::ExperimentSpe
     ArmWeights& arm = arms[k];
     arm.prepared.file = work / ("arm-" + arm.name + ".weights");
     arm.prepared.held_out = detection::prepare_arm_weights(
-        arm.weights, arm.sets, spec.detectors.finetune->precision_target, arm.prepared.file,
-        [&] { timer.working(); });
+        arm.weights, arm.sets, spec.detectors.finetune->precision_target,
+        trials::compute_device(spec), arm.prepared.file, [&] { timer.working(); });
   });
   for (const ArmWeights& arm : arms) print_precision(arm.name, *arm.prepared.held_out);
 }
