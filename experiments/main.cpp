@@ -19,6 +19,7 @@ void add_commands(CLI::App& app) {
   commands::detectors::add_label_command(app);
   commands::detectors::add_detector_command(app);
   commands::detectors::add_masks_command(app);
+  commands::detectors::add_evaluate_command(app);
   commands::add_gazebo_command(app);
   commands::add_bench_command(app);
   commands::add_budget_command(app);

@@ -12,6 +12,8 @@
 ///     grounded-sam  <n>.png  8 or 16 bit, value of the mask; <n>.json  [{"value", "label",
 ///                   "logit"}, ...] or {"mask": [...]}, where value 0 is the background
 ///     panoptic-recon  semantic_image/<n>.png, instance_image/<n>.png: 8 or 16 bit ids
+///
+/// COCO's panoptic format has a file of its own (coco_panoptic.h).
 
 #include <cstdint>
 #include <filesystem>
@@ -25,7 +27,7 @@
 
 namespace segsim::reconstruction {
 
-enum class MaskLayout : std::uint8_t { kSegsim, kGroundedSam, kPanopticRecon };
+enum class MaskLayout : std::uint8_t { kSegsim, kGroundedSam, kPanopticRecon, kCocoPanoptic };
 
 /// masks.yaml: what holds for all views.
 struct MaskSetInfo {

@@ -11,6 +11,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include "core/file_io.h"
 #include "core/frame_masks.h"
@@ -150,6 +151,21 @@ TEST_F(PerceptionCli, AnnotatedViewsAreATruthAndCrowdsAreCocos) {
     EXPECT_THAT(run.text, HasSubstr("1 of 1 views"));
     EXPECT_THAT(run.text, HasSubstr(pq));
   }
+  // The same with rules by name: the crowd of the last truth is a chair like others.
+  const std::string evaluate =
+      "evaluate --predictions " + at("found") + " --truth " + at("truth") + " --rules ";
+  const ProcessOutput coco = run_segsim(evaluate + "coco --json " + at("coco.json"));
+  expect_success(coco);
+  EXPECT_THAT(coco.text, HasSubstr("1 views, rules coco"));
+  const auto figures = nlohmann::json::parse(core::read_file(at("coco.json")));
+  EXPECT_NEAR(figures["pq"].get<double>(), 0.545, 0.001);
+  EXPECT_EQ(figures["views"], 1);
+  for (const char* rules : {"strict", "zju", "panoptic-lifting"}) {
+    expect_success(run_segsim(evaluate + rules));
+  }
+  expect_input_error(run_segsim(evaluate + "best"), "--rules");
+  expect_input_error(
+      run_segsim("evaluate --predictions " + at("none") + " --truth " + at("truth")), "none");
   reconstruction::write_masks(at("found"), "1", found, info.classes);
   fs::remove(at("found/0_sem.png"));
   expect_input_error(run_segsim(measure),

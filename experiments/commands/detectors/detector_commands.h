@@ -18,6 +18,7 @@ void add_detector_forward(CLI::App& detector);
 /// `segsim detector compare` and `segsim detector score`.
 void add_detector_compare(CLI::App& detector);
 void add_masks_command(CLI::App& app);
+void add_evaluate_command(CLI::App& app);
 /// `segsim masks detect` and `segsim masks make`, below `segsim masks`.
 void add_masks_detect(CLI::App& masks);
 void add_masks_make(CLI::App& masks);

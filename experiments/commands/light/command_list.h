@@ -40,6 +40,8 @@ inline constexpr CommandWord kCommands[] = {
      false},
     {"detector", "Train and evaluate the object detector", false},
     {"masks", "Masks of single views, as a 2-D segmenter makes them", false},
+    {"evaluate", "Compare label images of any program with the truth: PQ, SQ, RQ, mIoU",
+     false},
     {"gazebo", "Be a running Gazebo's camera; export a world for it", false},
     {"bench", "Measure the renderer on this machine", false},
     {"budget", "Latency budgets: check them, sweep a delay, record a trace", false},
