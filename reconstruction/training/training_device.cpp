@@ -38,6 +38,9 @@ bool trains_on_gpu(const GeometryDevice& device) {
     throw core::InputError::expected("--backend cuda", "a program and libtorch with CUDA",
                                      fault);
   }
+  if (fault.empty() && device.deterministic) {
+    at::globalContext().setDeterministicAlgorithms(true, /*warn_only=*/true);
+  }
   return fault.empty();
 }
 

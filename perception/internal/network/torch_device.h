@@ -11,8 +11,8 @@
 
 namespace segsim::perception {
 
-/// float32 means float32 from here on: libtorch would let CUDA's convolutions round their
-/// inputs to ten bits (TF32).
+/// On CUDA float32 means float32 from here on: libtorch would let convolutions round their
+/// inputs to ten bits (TF32). And equal inputs give equal bits: sums are taken in a fixed order.
 /// @throws core::InputError that starts with `place` for CUDA where there is none.
 [[nodiscard]] inline torch::Device torch_device(ComputeDevice device,
                                                 const std::string& place) {
@@ -22,6 +22,7 @@ namespace segsim::perception {
                                      "cuda, which this libtorch or machine does not have");
   }
   at::globalContext().setAllowTF32CuDNN(false);
+  at::globalContext().setDeterministicAlgorithms(true, /*warn_only=*/true);
   return torch::kCUDA;
 }
 
