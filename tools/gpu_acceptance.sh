@@ -4,12 +4,12 @@
 #   tools/gpu_acceptance.sh SEGSIM OUT [--data FOLDER] [--workers N]
 #
 # SEGSIM is the program, built with the preset `cuda` or unpacked from tools/relocatable.sh. With --data, the small
-# house and the break room of that folder are reconstructed, too. OUT gets a log of each step, records for results/,
-# and summary.txt; steps that are done are not repeated. Exit code 0: every bar is kept; 1: some is not, or there is
-# no GPU.
+# house and the break room of that folder are run, too, and the whole method if it has models/centernet.weights. OUT
+# gets a log of each step, records for results/, and summary.txt; steps that are done are not repeated. Exit code 0:
+# every bar is kept; 1: some is not, or there is no GPU.
 set -uo pipefail
 if [[ $# -lt 2 || ${1:-} == --help || ${1:-} == -h ]]; then
-  sed -n '2,9s/^# \{0,1\}//p' "$0"
+  sed -n '2,10s/^# \{0,1\}//p' "$0"
   exit $(($# < 2 ? 2 : 0))
 fi
 segsim=$(readlink -f "$1") out=$2 data="" workers=$(nproc)
@@ -37,13 +37,13 @@ note() {
 step() {
   local name=$1 expected=$2 begin found
   shift 2
-  [[ -e $name.done ]] && return 0
+  [[ -e $name.done ]] && { note kept "$(cat "$name.done"), earlier"; return 0; }
   begin=$(date +%s%N)
   "$@" >"$name.log" 2>&1
   found=$?
   if ((found == expected)); then
-    note kept "$name: exit code $found after $((($(date +%s%N) - begin) / 100000000))e-1 s"
-    touch "$name.done"
+    echo "$name: exit code $found after $((($(date +%s%N) - begin) / 1000000)) ms" >"$name.done"
+    note kept "$(cat "$name.done")"
   else
     note MISSED "$name: exit code $found, expected $expected: $(tail -n 1 "$name.log")"
     return 1
@@ -93,13 +93,18 @@ step finetune 0 "$segsim" detector finetune --from run_flat/arm-before.weights \
   --train labels/labels.json --steps 800 --device cuda --out after.weights
 
 # 5. Places of others.
+run_place() {
+  step "$1" 0 "$segsim" run "experiments/specs/$1.yaml" --backend cuda --workers "$workers" --data "$data" \
+    --work "run_$1"
+}
 if [[ -n $data ]]; then
-  step house 0 "$segsim" run experiments/specs/house.yaml --backend cuda --workers "$workers" --data "$data" \
-    --work run_house
+  [[ -e $data/models/centernet.weights ]] && run_place chain_house && run_place chain_breakroom
+  run_place house
   step house_trained 0 "$segsim" reconstruct run_house/captures/house --backend cuda --iterations 7000 \
     --label-iterations 3000 --out scene_house --record records/house_segsim_gpu.json
   step breakroom 0 "$segsim" reconstruct "$data/hololens_breakroom" --backend cuda --iterations 7000 \
-    --label-iterations 3000 --boxes "$data/hololens_breakroom/annotation/breakroom_boxes.json" --out scene_breakroom
+    --label-iterations 3000 --boxes "$data/hololens_breakroom/annotation/breakroom_boxes.json" \
+    --floor-height -1.53 --out scene_breakroom --record records/breakroom_segsim_gpu.json
 fi
 
 echo
