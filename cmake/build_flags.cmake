@@ -44,6 +44,10 @@ add_link_options(-Wl,--as-needed)
 # it has to: nothing names the symbols of libtorch_cuda.
 macro(segsim_find_torch)
   if(NOT TARGET torch)
+    if(CMAKE_CUDA_ARCHITECTURES MATCHES "^[0-9]+$" AND NOT DEFINED TORCH_CUDA_ARCH_LIST)
+      # It would add every architecture that it has ever had, of which this nvcc may lack some.
+      string(REGEX REPLACE "([0-9])$" ".\\1" TORCH_CUDA_ARCH_LIST ${CMAKE_CUDA_ARCHITECTURES})
+    endif()
     find_package(Torch REQUIRED)
   endif()
   if(NOT TARGET torch_cuda)

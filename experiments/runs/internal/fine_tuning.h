@@ -13,6 +13,7 @@
 #include "experiments/specs/tuning_set.h"
 #include "experiments/support/stage_times.h"
 #include "experiments/support/step_record.h"
+#include "perception/data/compute_device.h"
 
 namespace segsim::experiments::runs::internal {
 
