@@ -24,18 +24,19 @@ rm -rf "$target" && mkdir -p "$target/lib"
 cmake --install "$build" --component program --prefix "$target" >/dev/null
 
 torch_path=""
-if ldd "$target/bin/segsim-main" | grep -q libtorch_cuda; then
+if ldd "$build/experiments/segsim-main" | grep -q libtorch_cuda; then
   torch_path=':${SEGSIM_TORCH:-$(python3 -c "import importlib.util as u
 print(u.find_spec(\"torch\").submodule_search_locations[0])")}/lib:${LD_LIBRARY_PATH:-}'
   torch_path+=':/usr/local/cuda/lib64:/usr/local/nvidia/lib64'
 fi
+of_cuda='/torch/lib/|/cuda[^/]*/|/lib(cuda|cublas|cudnn|cufft|cufile|cupti|curand|cusolver|cusparse|nccl|nv)[A-Za-z_]*[.-]'
 
 # The launcher sets the environment, then becomes a program beside it: here a script that brings its own loader, so
 # that C library and mathematics are those that the program was built with.
 for name in segsim-main segsim-light; do
   mv "$target/bin/$name" "$target/lib/$name"
-  ldd "$target/lib/$name" | awk '/=> \//{print $3}' | while read -r library; do
-    [[ $torch_path && $library =~ /torch/lib/|/cuda[^/]*/|/libcuda\. ]] && continue
+  ldd "$build/experiments/$name" | awk '/=> \//{print $3}' | while read -r library; do
+    [[ $torch_path && $library =~ $of_cuda ]] && continue
     cp -Lf "$library" "$target/lib/$(basename "$library")"
   done
   cat >"$target/bin/$name" <<TXT
