@@ -14,13 +14,17 @@
 
 namespace segsim::experiments::trials {
 
-/// Called in this order: begin(), add() once per tick from the first image on, finish(). What
-/// it is handed is borrowed for the call, but for the scene, which lives until finish().
+/// Called in this order: begin(), observe() and add(), finish(); add() once per tick from the
+/// first image on. What it is handed is borrowed for the call, but for the scene, which lives until finish().
 class TrialViewer {
  public:
   virtual ~TrialViewer() = default;
   virtual void begin(const drawing::TrialScene& scene,
                      const std::vector<std::string>& detector_classes) = 0;
+  /// An image came to the detector, which found that in it: what the camera delivered, with
+  /// its errors, and no truth. Before the add() of the tick that uses it.
+  virtual void observe(const core::Observation& /*seen*/,
+                       std::span<const core::Detection> /*detections*/) {}
   /// @param frame  With RGB and labels. @param view  In Odom, see TickRecord::estimate.
   virtual void add(const sim::TickRecord& tick, const core::Frame& frame,
                    std::span<const core::Detection> detections,
