@@ -35,8 +35,8 @@ ros::sensor_msgs::Image depth_image() {
     depth_m[k] =
         2.0F + 1e-6F * static_cast<float>(k) + 1e-3F * static_cast<float>(random.index(9));
   }
-  image.data.resize(4 * depth_m.size());
-  std::memcpy(image.data.data(), depth_m.data(), image.data.size());
+  const auto* bytes = reinterpret_cast<const std::uint8_t*>(depth_m.data());
+  image.data.assign(bytes, bytes + 4 * depth_m.size());
   return image;
 }
 

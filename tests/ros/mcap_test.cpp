@@ -107,7 +107,7 @@ TEST_P(EveryCompression, WhatIsWrittenIsRead) {
 
 TEST_P(EveryCompression, WithoutItsEndAFileIsReadAsFarAsItGoes) {
   const tests::TemporaryFolder folder;
-  const std::string bytes = written(options(300), 12);
+  const std::string bytes = written(options(300), 6);
   const std::vector<Kept> all = read_all(save(folder, bytes));
   std::size_t most = 0;
   for (std::size_t size = 0; size < bytes.size(); ++size) {
@@ -133,7 +133,7 @@ TEST_P(EveryCompression, WithoutItsEndAFileIsReadAsFarAsItGoes) {
 
 TEST_P(EveryCompression, AFlippedBitIsFoundOrChangesNoMessage) {
   const tests::TemporaryFolder folder;
-  std::string bytes = written(options(300), 12);
+  std::string bytes = written(options(300), 6);
   const std::vector<Kept> all = read_all(save(folder, bytes));
   int found = 0;
   for (std::size_t at = 0; at < bytes.size(); ++at) {
