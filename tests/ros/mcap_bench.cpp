@@ -67,7 +67,7 @@ void BM_Write(benchmark::State& state) {
   if (std::filesystem::file_size(folder / "a.mcap") < 1000)
     state.SkipWithError("nothing written");
 }
-BENCHMARK(BM_Write)->DenseRange(0, 2)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK(BM_Write)->DenseRange(0, 2)->Unit(benchmark::kMillisecond);
 
 void BM_Read(benchmark::State& state) {
   const tests::TemporaryFolder folder("mcap_bench");
@@ -81,6 +81,6 @@ void BM_Read(benchmark::State& state) {
   state.SetLabel(to_string(compression_of(state)));
   if (read < bytes) state.SkipWithError("not all was read");
 }
-BENCHMARK(BM_Read)->DenseRange(0, 2)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK(BM_Read)->DenseRange(0, 2)->Unit(benchmark::kMillisecond);
 
 }  // namespace
