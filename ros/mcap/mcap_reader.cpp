@@ -34,6 +34,9 @@ using internal::Record;
 /// overlap, and messages are wanted in order of time.
 constexpr std::size_t kCacheBytes = std::size_t{128} << 20U;
 
+/// Of one chunk, decompressed: a thousand times what recorders make by default.
+constexpr std::uint64_t kMostChunkBytes = std::uint64_t{1} << 30U;
+
 std::string hexadecimal(std::uint32_t value) {
   static constexpr char kDigits[] = "0123456789abcdef";
   std::string text;
@@ -375,6 +378,11 @@ struct Reader::Impl {
     const std::string compression = content.text();
     const auto stored_size = content.get<std::uint64_t>();
     const std::string place = file.origin(0).place(chunk) + " (chunk)";
+    if (size > kMostChunkBytes) {
+      throw core::InputError::expected(
+          place, "at most " + std::to_string(kMostChunkBytes) + " bytes, decompressed",
+          std::to_string(size));
+    }
     Bytes records = internal::decompress(content.take(stored_size), compression, size, place);
     check_crc(records, crc, place);
     return records;

@@ -227,5 +227,14 @@ TEST(Mcap, WhatIsCompressedIsNoLongerThanItSays) {
               HasSubstr("expected 5 bytes compressed by zstd, found more"));
 }
 
+TEST(Mcap, AChunkCannotAskForMemory) {
+  const tests::TemporaryFolder folder;
+  std::string bytes = written({Compression::kLz4, 1000, "ros2"}, 30);
+  const std::size_t chunk = bytes.find(std::string("\x06", 1), 50);
+  bytes[chunk + 9 + 16 + 5] = '\x7f';
+  EXPECT_THAT(tests::input_error_of([&] { (void)read_all(save(folder, bytes)); }),
+              HasSubstr("expected at most 1073741824 bytes, decompressed, found 13963"));
+}
+
 }  // namespace
 }  // namespace segsim::ros::mcap
