@@ -131,7 +131,8 @@ LiveTrial live_trial(const TrialTask& task, const drawing::TrialScene& scene,
 /// Passes a detector's answers on and shows them to who watches.
 class ViewedDetector final : public core::Detector {
  public:
-  ViewedDetector(core::Detector& inner, TrialViewer* viewer) : inner_(inner), viewer_(viewer) {}
+  ViewedDetector(core::Detector& inner, TrialViewer* viewer)
+      : inner_(inner), viewer_(viewer) {}
   [[nodiscard]] const std::vector<std::string>& class_names() const override {
     return inner_.class_names();
   }
