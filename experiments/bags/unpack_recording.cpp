@@ -18,6 +18,7 @@
 #include "core/formatted.h"
 #include "core/input/bounds.h"
 #include "core/stages.h"
+#include "experiments/bags/bag_file.h"
 #include "experiments/bags/transform_tree.h"
 #include "ros/mcap/topic.h"
 #include "ros/messages/sensor_msgs.h"
@@ -181,7 +182,7 @@ void write_picture(const fs::path& file, const cv::Mat& pixels) {
 class Unpacking {
  public:
   Unpacking(const fs::path& bag, const fs::path& folder, const UnpackOptions& options)
-      : reader_(bag), bag_(bag.string()), folder_(folder), options_(options) {}
+      : bag_file_(bag), bag_(bag.string()), folder_(folder), options_(options) {}
 
   UnpackSummary run() {
     check_topics();
@@ -189,14 +190,14 @@ class Unpacking {
     read_transforms();
     write_images();
     write_lists();
-    summary_.truncation = reader_.truncation();
+    summary_.truncation = bag_file_.truncation();
     return summary_;
   }
 
  private:
   void check_topic(const std::string& topic, const std::string& type, bool or_compressed) {
     std::string others;
-    for (const ros::mcap::Channel* channel : reader_.channels()) {
+    for (const ros::mcap::Channel* channel : bag_file_.channels()) {
       const std::string& name = channel->schema.name;
       const bool fits =
           name.ends_with("/" + type) || (or_compressed && name.ends_with("/CompressedImage"));
@@ -214,7 +215,7 @@ class Unpacking {
 
   void read(const std::vector<std::string>& topics,
             const std::function<void(const StoredMessage&)>& receive) {
-    reader_.read(receive, topics);
+    bag_file_.read(receive, topics);
   }
 
   void read_camera() {
@@ -329,7 +330,7 @@ class Unpacking {
     write("intrinsics.txt", numbers + "\n");
   }
 
-  ros::mcap::Reader reader_;
+  BagFile bag_file_;
   std::string bag_;
   fs::path folder_;
   const UnpackOptions& options_;

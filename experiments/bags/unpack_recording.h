@@ -1,8 +1,8 @@
 #pragma once
 
 /// @file
-/// A robot's RGB-D recording (MCAP, ROS 2) as a folder that reconstructions are made of: the
-/// layout "tum" (reconstruction/datasets/tum.cpp).
+/// A robot's RGB-D recording of ROS 2 (experiments/bags/bag_file.h) as a folder that
+/// reconstructions are made of: the layout "tum" (reconstruction/datasets/tum.cpp).
 ///
 ///     colour      sensor_msgs/Image (rgb8, bgr8, rgba8, bgra8, mono8) or CompressedImage
 ///                 (JPEG, PNG)

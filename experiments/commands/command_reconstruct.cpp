@@ -32,7 +32,7 @@ namespace {
 namespace fs = std::filesystem;
 
 struct Flags {
-  bags::UnpackOptions unpack;  ///< Of a recording in MCAP.
+  bags::UnpackOptions unpack;  ///< Of a recording of ROS 2.
   fs::path sequence, boxes, out, config, start, export_pack, check_picture;
   fs::path stereo_work, record;
   RecordingFlags recording;
@@ -110,11 +110,12 @@ void write_placement_picture(const reconstruction::RgbdSequence& sequence,
   std::printf("%s: up, floor and cameras from the side\n", file.string().c_str());
 }
 
-/// A recording in MCAP becomes a folder of another layout first.
-void unpack_if_mcap(Flags& flags, const fs::path& folder) {
+/// A recording of ROS 2 becomes a folder of another layout first.
+void unpack_if_bag(Flags& flags, const fs::path& folder) {
   std::string& layout = flags.recording.layout;
-  const bool by_name = layout == "auto" && flags.sequence.extension() == ".mcap";
-  if (layout != "mcap" && !by_name) return;
+  const fs::path ending = flags.sequence.extension();
+  const bool by_name = layout == "auto" && (ending == ".mcap" || ending == ".db3");
+  if (layout != "mcap" && layout != "rosbag2" && !by_name) return;
   const bags::UnpackSummary summary =
       bags::unpack_recording(flags.sequence, folder, flags.unpack);
   std::printf("%s: %zu colour and %zu depth images, poses of %s in %s\n", folder.c_str(),
@@ -135,7 +136,7 @@ void unpack_if_mcap(Flags& flags, const fs::path& folder) {
 void check(Flags flags) {
   const std::string name = flags.sequence.stem().string();
   const core::TemporaryFolder unpacked("segsim_recording");
-  unpack_if_mcap(flags, unpacked.path() / name);
+  unpack_if_bag(flags, unpacked.path() / name);
   reconstruction::SequenceOptions options = flags.recording.options();
   options.on_bad_frame = reconstruction::OnBadFrame::kSkip;
   options = scenes::with_rig(flags.sequence, options, flags.recording.rig());
@@ -248,7 +249,7 @@ void reconstruct(Flags flags) {
   }
   const fs::path beside = flags.out.empty() ? flags.export_pack : flags.out;
   flags.reconstruct.source = "recording " + flags.sequence.filename().string();
-  unpack_if_mcap(flags, beside.string() + ".recording");
+  unpack_if_bag(flags, beside.string() + ".recording");
   reconstruction::SequenceOptions options = flags.recording.options();
   flags.reconstruct.collision.floor_is_known = flags.recording.floor_given;
   if (!flags.start.empty()) {
@@ -285,9 +286,11 @@ void reconstruct(Flags flags) {
               std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
 }
 
-/// What a recording in MCAP calls things.
-void add_mcap_options(CLI::App& command, bags::UnpackOptions& options) {
-  command.add_option("--color-topic", options.color_topic, "Colour images of an MCAP file")
+/// What a recording of ROS 2 calls things.
+void add_bag_options(CLI::App& command, bags::UnpackOptions& options) {
+  command
+      .add_option("--color-topic", options.color_topic,
+                  "Colour images of a recording of ROS 2")
       ->capture_default_str();
   command
       .add_option("--depth-topic", options.depth_topic, "Its depth images, of the same view")
@@ -403,13 +406,14 @@ void add_reconstruct_command(CLI::App& app) {
   CLI::App* command = add_listed(app, kCommands, "reconstruct");
   command
       ->add_option("sequence", flags->sequence,
-                   "Folder in one of the layouts of docs/datasets.md, or an MCAP file")
+                   "Folder in one of the layouts of docs/datasets.md, or a recording of ROS 2 "
+                   "(.mcap, .db3)")
       ->required();
   command->add_option("--out", flags->out, "Bundle folder");
   command->add_option("--boxes", flags->boxes,
                       "3-D boxes (JSON) that label a recording without masks");
   add_recording_options(*command, flags->recording);
-  add_mcap_options(*command, flags->unpack);
+  add_bag_options(*command, flags->unpack);
   command->add_option("--start", flags->start,
                       "Point cloud (PCD or PLY, in the coordinates of the recording's poses) "
                       "to start from instead of the frames' depth");

@@ -4,10 +4,12 @@
 #include <cstring>
 #include <fstream>
 #include <limits>
+#include <map>
 #include <numbers>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sqlite3.h>
 #include <opencv2/imgcodecs.hpp>
 
 #include "core/file_io.h"
@@ -168,6 +170,72 @@ TEST_F(UnpackRecording, FramesHaveTheirPicturesDepthAndInterpolatedPoses) {
       }
     }
   }
+}
+
+/// The messages of a file as rosbag2's SQLite files have them.
+void write_database(const fs::path& from, const fs::path& to) {
+  sqlite3* database = nullptr;
+  ASSERT_EQ(sqlite3_open(to.c_str(), &database), SQLITE_OK);
+  const char* const kTables =
+      "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL, "
+      "serialization_format TEXT NOT NULL, offered_qos_profiles TEXT NOT NULL);"
+      "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, "
+      "timestamp INTEGER NOT NULL, data BLOB NOT NULL);";
+  ASSERT_EQ(sqlite3_exec(database, kTables, nullptr, nullptr, nullptr), SQLITE_OK);
+  const auto insert = [&](const char* text, auto&& bind) {
+    sqlite3_stmt* statement = nullptr;
+    ASSERT_EQ(sqlite3_prepare_v2(database, text, -1, &statement, nullptr), SQLITE_OK);
+    bind(statement);
+    ASSERT_EQ(sqlite3_step(statement), SQLITE_DONE);
+    sqlite3_finalize(statement);
+  };
+  ros::mcap::Reader reader(from);
+  std::map<std::string, int> ids;
+  for (const ros::mcap::Channel* channel : reader.channels()) {
+    const int id = ids[channel->topic] = static_cast<int>(ids.size()) + 1;
+    insert("INSERT INTO topics VALUES(?, ?, ?, 'cdr', '')", [&](sqlite3_stmt* to_bind) {
+      sqlite3_bind_int(to_bind, 1, id);
+      sqlite3_bind_text(to_bind, 2, channel->topic.c_str(), -1, nullptr);
+      sqlite3_bind_text(to_bind, 3, channel->schema.name.c_str(), -1, nullptr);
+    });
+  }
+  reader.read([&](const ros::mcap::StoredMessage& message) {
+    insert("INSERT INTO messages VALUES(NULL, ?, ?, ?)", [&](sqlite3_stmt* to_bind) {
+      sqlite3_bind_int(to_bind, 1, ids.at(message.channel->topic));
+      sqlite3_bind_int64(to_bind, 2, static_cast<std::int64_t>(message.log_time_ns));
+      sqlite3_bind_blob(to_bind, 3, message.data.data(), static_cast<int>(message.data.size()),
+                        nullptr);
+    });
+  });
+  sqlite3_close(database);
+}
+
+TEST_F(UnpackRecording, SqliteFilesOfRosbag2AreRead) {
+  (void)unpack({});
+  const std::string poses = core::read_file(folder_ / "unpacked/groundtruth.txt");
+  write_database(folder_ / "a.mcap", folder_ / "a.db3");
+  (void)unpack_recording(folder_ / "a.db3", folder_ / "unpacked", {});
+  EXPECT_EQ(core::read_file(folder_ / "unpacked/groundtruth.txt"), poses);
+  EXPECT_EQ(open()->frame_count(), 5U);
+
+  fs::resize_file(folder_ / "a.db3", fs::file_size(folder_ / "a.db3") / 2);
+  EXPECT_THAT(tests::input_error_of([&] {
+                (void)unpack_recording(folder_ / "a.db3", folder_ / "unpacked", {});
+              }),
+              HasSubstr("a.db3: expected"));
+}
+
+TEST_F(UnpackRecording, FilesOfOneRecordingFollowOneAnother) {
+  Recording recording{.images = 4};
+  fs::create_directories(folder_ / "bag");
+  for (int part = 0; part < 11; part += 5) {
+    recording.write(folder_ / "bag" / ("bag_" + std::to_string(part) + ".mcap"));
+    recording.epoch_ns += 4 * kPeriod_ns;
+  }
+  // Each file tells the pose from its own start on; the last image of all is behind them.
+  const UnpackSummary summary = unpack_recording(folder_ / "bag", folder_ / "unpacked", {});
+  EXPECT_EQ(summary.color_images, 11U);
+  EXPECT_EQ(summary.without_pose, 1U);
 }
 
 TEST_F(UnpackRecording, WhatIsMissingIsNamed) {
