@@ -17,9 +17,10 @@ MAY_INCLUDE = {  # module: the folders of other modules that its files may inclu
     "perception": ("core",),
     "nav": ("core",),
     "sim": ("core",),
+    "ros": ("core",),
     "reconstruction": ("core", "renderer"),
     "worlds": ("core", "sim/ground"),
-    "experiments": ("core", "renderer", "reconstruction", "perception", "nav", "sim", "worlds"),
+    "experiments": ("core", "renderer", "reconstruction", "perception", "nav", "sim", "ros", "worlds"),
 }
 # Rooms of a module from the ground up: a room includes those before it, never one after it. "." is the module's own
 # folder. A folder `internal` belongs to the room above it, unless it is listed as a room itself.
@@ -33,9 +34,10 @@ ROOMS = {
                    "detector", "training", "models/text", "models", "models/internal/onnx"),
     "nav": ("grid", "mapping", "objects", "planning", "motion", "value", "behaviours", "frontier", "vlfm", "policies"),
     "sim": ("ground", "time", "sensors", "trial", "gazebo"),
+    "ros": (".", "messages", "mcap"),
     "worlds": ("mesh", "mesh/gazebo", "mesh/furniture", "procedural", "capture", "surface", "masks"),
     "experiments": ("support", "specs", "drawing", "episodes", "records", "results", "suites", "reproducibility", "training", "scenes",
-                    "detection", "benchmarks", "video", "trials", "runs", "films", "panoptic", "scripted_trials", "report",
+                    "detection", "benchmarks", "video", "trials", "runs", "films", "bags", "panoptic", "scripted_trials", "report",
                     "web", "dashboard", "scene_labels", "commands/light", "commands", "commands/detectors",
                     "commands/scene", "."),
 }
@@ -55,7 +57,8 @@ LIBRARY_HOME = {  # library: the only folders that may include it
     r"yaml-cpp/|openssl/": {"core"},
     r"nlohmann/": {"experiments", "perception", "reconstruction/datasets"},
     r"onnx/|google/protobuf|onnxruntime|oneapi/dnnl": {"perception"},
-    r"zlib": {"experiments"},
+    r"zlib": {"experiments", "ros"},
+    r"lz4|zstd": {"ros"},
     r"minizip/": {"worlds"},
     r"sqlite3|CLI/|spdlog/|httplib": {"experiments", "perception"},
 }

@@ -10,6 +10,8 @@
 #include <CLI/CLI.hpp>
 
 #include "core/error.h"
+#include "core/process/temporary_folder.h"
+#include "experiments/bags/unpack_recording.h"
 #include "experiments/commands/commands.h"
 #include "experiments/commands/light/flag_values.h"
 #include "experiments/commands/recording_flags.h"
@@ -30,6 +32,7 @@ namespace {
 namespace fs = std::filesystem;
 
 struct Flags {
+  bags::UnpackOptions unpack;  ///< Of a recording of ROS 2.
   fs::path sequence, boxes, out, config, start, export_pack, check_picture;
   fs::path stereo_work, record;
   RecordingFlags recording;
@@ -107,8 +110,33 @@ void write_placement_picture(const reconstruction::RgbdSequence& sequence,
   std::printf("%s: up, floor and cameras from the side\n", file.string().c_str());
 }
 
+/// A recording of ROS 2 becomes a folder of another layout first.
+void unpack_if_bag(Flags& flags, const fs::path& folder) {
+  std::string& layout = flags.recording.layout;
+  const fs::path ending = flags.sequence.extension();
+  const bool by_name = layout == "auto" && (ending == ".mcap" || ending == ".db3");
+  if (layout != "mcap" && layout != "rosbag2" && !by_name) return;
+  const bags::UnpackSummary summary =
+      bags::unpack_recording(flags.sequence, folder, flags.unpack);
+  std::printf("%s: %zu colour and %zu depth images, poses of %s in %s\n", folder.c_str(),
+              summary.color_images, summary.depth_images, summary.camera_frame.c_str(),
+              summary.fixed_frame.c_str());
+  if (summary.without_pose > 0) {
+    std::fprintf(stderr, "warning: %zu colour images have no pose and are left out\n",
+                 summary.without_pose);
+  }
+  if (!summary.truncation.empty()) {
+    std::fprintf(stderr, "warning: %s\n", summary.truncation.c_str());
+  }
+  flags.sequence = folder;
+  layout = "tum";
+}
+
 /// Broken frames are findings, not the end; a recording that cannot be read at all is.
-void check(const Flags& flags) {
+void check(Flags flags) {
+  const std::string name = flags.sequence.stem().string();
+  const core::TemporaryFolder unpacked("segsim_recording");
+  unpack_if_bag(flags, unpacked.path() / name);
   reconstruction::SequenceOptions options = flags.recording.options();
   options.on_bad_frame = reconstruction::OnBadFrame::kSkip;
   options = scenes::with_rig(flags.sequence, options, flags.recording.rig());
@@ -219,13 +247,15 @@ void reconstruct(Flags flags) {
     flags.training.set.frame_step = flags.reconstruct.lift.frame_step;
     flags.reconstruct.training = flags.training;
   }
+  const fs::path beside = flags.out.empty() ? flags.export_pack : flags.out;
+  flags.reconstruct.source = "recording " + flags.sequence.filename().string();
+  unpack_if_bag(flags, beside.string() + ".recording");
   reconstruction::SequenceOptions options = flags.recording.options();
   flags.reconstruct.collision.floor_is_known = flags.recording.floor_given;
   if (!flags.start.empty()) {
     flags.reconstruct.start = reconstruction::read_point_cloud(flags.start);
     options.floor_points_m = thinned(flags.reconstruct.start->position_m);
   }
-  const fs::path beside = flags.out.empty() ? flags.export_pack : flags.out;
   options = scenes::with_rig(flags.sequence, options, flags.recording.rig(),
                              beside.string() + ".color_depth.yaml");
   const Opened opened = open_with_depth(flags, options);
@@ -244,7 +274,6 @@ void reconstruct(Flags flags) {
   worlds::DepthFusionOptions& fusion = flags.reconstruct.surface.fusion;
   fusion.truncation_m = scenes::kTruncationVoxels * fusion.voxel_m;
   flags.reconstruct.name = flags.out.filename().string();
-  flags.reconstruct.source = "recording " + flags.sequence.filename().string();
   flags.reconstruct.credits = scenes::read_credits(flags.sequence);
   flags.reconstruct.robot = sim::RobotModel::by_name(flags.robot);
   const core::SceneBundle bundle =
@@ -255,6 +284,22 @@ void reconstruct(Flags flags) {
               bundle.manifest.navmesh.name.empty() ? ", for rendering and labels only" : "");
   save_record(flags, opened, bundle,
               std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
+}
+
+/// What a recording of ROS 2 calls things.
+void add_bag_options(CLI::App& command, bags::UnpackOptions& options) {
+  command
+      .add_option("--color-topic", options.color_topic,
+                  "Colour images of a recording of ROS 2")
+      ->capture_default_str();
+  command
+      .add_option("--depth-topic", options.depth_topic, "Its depth images, of the same view")
+      ->capture_default_str();
+  command.add_option("--info-topic", options.info_topic, "Calibration of its camera")
+      ->capture_default_str();
+  command.add_option("--fixed-frame", options.fixed_frame,
+                     "Frame of its transforms in which the scene stands still, z up (default: "
+                     "map, else odom, else the root)");
 }
 
 /// Depth of recordings that have none.
@@ -361,12 +406,14 @@ void add_reconstruct_command(CLI::App& app) {
   CLI::App* command = add_listed(app, kCommands, "reconstruct");
   command
       ->add_option("sequence", flags->sequence,
-                   "Folder in one of the layouts of docs/datasets.md")
+                   "Folder in one of the layouts of docs/datasets.md, or a recording of ROS 2 "
+                   "(.mcap, .db3)")
       ->required();
   command->add_option("--out", flags->out, "Bundle folder");
   command->add_option("--boxes", flags->boxes,
                       "3-D boxes (JSON) that label a recording without masks");
   add_recording_options(*command, flags->recording);
+  add_bag_options(*command, flags->unpack);
   command->add_option("--start", flags->start,
                       "Point cloud (PCD or PLY, in the coordinates of the recording's poses) "
                       "to start from instead of the frames' depth");

@@ -34,5 +34,6 @@ void add_doctor_command(CLI::App& app);
 void add_report_command(CLI::App& app);
 void add_serve_command(CLI::App& app);
 void add_video_command(CLI::App& app);
+void add_record_command(CLI::App& app);
 
 }  // namespace segsim::experiments::commands

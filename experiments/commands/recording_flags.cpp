@@ -123,7 +123,7 @@ void add_recording_options(CLI::App& command, RecordingFlags& flags) {
       .add_option(
           "--layout", flags.layout,
           "auto | hololens | 7scenes | scannet | scannetpp | replica | tum | nerfstudio | "
-          "colmap")
+          "colmap; `segsim reconstruct` also mcap and rosbag2 (docs/ros2.md)")
       ->capture_default_str();
   command
       .add_option("--on-bad-frame", flags.on_bad_frame,

@@ -136,6 +136,25 @@ nav::DetectorRoute route_of(const nav::PolicyChoice& policy, const specs::ArmSpe
                            vlfm != nullptr ? vlfm->rules : nav::VlfmRules());
 }
 
+/// Passes a detector's answers on and shows them to who watches.
+class ViewedDetector final : public core::Detector {
+ public:
+  ViewedDetector(core::Detector& inner, TrialViewer* viewer)
+      : inner_(inner), viewer_(viewer) {}
+  [[nodiscard]] const std::vector<std::string>& class_names() const override {
+    return inner_.class_names();
+  }
+  [[nodiscard]] std::vector<core::Detection> detect(const core::Observation& seen) override {
+    std::vector<core::Detection> found = inner_.detect(seen);
+    if (viewer_ != nullptr) viewer_->observe(seen, found);
+    return found;
+  }
+
+ private:
+  core::Detector& inner_;
+  TrialViewer* viewer_;  // May be null.
+};
+
 int index_of(const std::vector<std::string>& names, const std::string& name) {
   const auto found = std::find(names.begin(), names.end(), name);
   return found == names.end() ? -1 : static_cast<int>(found - names.begin());
@@ -328,6 +347,7 @@ void TrialRunner::run_checked(const TrialTask& task, records::TrialRow& row) {
   TimedPolicy timed_policy(*policy, live_);
   records::RecordingDetector recorded(timed, log);
   records::WitnessedDetector detector(recorded, slot.truth, witness);
+  ViewedDetector viewed(detector, task.viewer);
   const fs::path log_file = work_ / "replays" / (file_stem(task) + ".jsonl");
   std::optional<records::RecordingRenderer> kept_images;
   if (log.images) kept_images.emplace(eye, records::replay_images(log_file));
@@ -336,7 +356,7 @@ void TrialRunner::run_checked(const TrialTask& task, records::TrialRow& row) {
                                             .world = task.scene->world,
                                             .robot = task.scene->world.robot(),
                                             .renderer = kept_images ? *kept_images : eye,
-                                            .detector = detector,
+                                            .detector = viewed,
                                             .policy = timed_policy,
                                             .truth = &detector,
                                             .observer = observer});

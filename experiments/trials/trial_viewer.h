@@ -14,8 +14,9 @@
 
 namespace segsim::experiments::trials {
 
-/// Called in this order: begin(), add() once per tick from the first image on, finish(). What
-/// it is handed is borrowed for the call, but for the scene, which lives until finish().
+/// Called in this order: begin(), observe() and add(), finish(); add() once per tick from the
+/// first image on. What it is handed is borrowed for the call, but for the scene, which lives
+/// until finish().
 class TrialViewer {
  public:
   virtual ~TrialViewer() = default;
@@ -27,6 +28,10 @@ class TrialViewer {
                    const core::PolicyView& view) = 0;
   /// @param result  Judged by the success rule of the spec.
   virtual void finish(const sim::TrialResult& result) = 0;
+  /// An image came to the detector, which found that in it: what the camera delivered, with
+  /// its errors, and no truth. Before the add() of the tick that uses it.
+  virtual void observe(const core::Observation& /*seen*/,
+                       std::span<const core::Detection> /*detections*/) {}
 };
 
 }  // namespace segsim::experiments::trials
