@@ -16,6 +16,7 @@ from fastsegsim._native import build as _build
 
 __all__ = ["InputError", "Renderer", "Scene", "SceneClass", "SceneInstance", "look_at", "mast_camera", "pinhole",
            "results"]
+InputError.__module__ = "fastsegsim"  # Where users catch it.
 __version__ = _build.partition(" ")[0]
 
 

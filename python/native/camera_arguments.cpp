@@ -5,9 +5,9 @@
 #include <cstddef>
 #include <string>
 
+#include <nanobind/ndarray.h>
 #include <glm/gtc/quaternion.hpp>
 #include <glm/matrix.hpp>
-#include <nanobind/ndarray.h>
 
 #include "core/error.h"
 #include "python/native/owned_array.h"
@@ -27,7 +27,8 @@ Numbers numbers_of(nb::handle value) {
   Numbers numbers;
   if (nb::try_cast(value, numbers, false)) return numbers;
   const nb::object numpy = nb::module_::import_("numpy");
-  return nb::cast<Numbers>(numpy.attr("asarray")(value, "dtype"_a = "float64", "order"_a = "C"));
+  return nb::cast<Numbers>(
+      numpy.attr("asarray")(value, "dtype"_a = "float64", "order"_a = "C"));
 }
 
 std::string shape_text(const Numbers& numbers) {
@@ -91,10 +92,10 @@ core::CameraPose pose_of(const double* m, const std::string& place) {
     }
   }
   if (largest > kRotationTolerance) {
-    throw core::InputError::expected(
-        place, "a rotation in the first three rows and columns",
-        "columns whose products differ by " + std::to_string(largest) +
-            " from those of orthogonal unit vectors");
+    throw core::InputError::expected(place, "a rotation in the first three rows and columns",
+                                     "columns whose products differ by " +
+                                         std::to_string(largest) +
+                                         " from those of orthogonal unit vectors");
   }
   if (glm::determinant(R) < 0.0) {
     throw core::InputError::expected(place, "a rotation in the first three rows and columns",

@@ -1,8 +1,8 @@
 #pragma once
 
 /// @file
-/// Cameras as Python gives them: arrays of poses and camera matrices. What is wrong with one is
-/// said with the name of the argument and the number of the view.
+/// Cameras as Python gives them: arrays of poses and camera matrices. What is wrong with one
+/// is said with the name of the argument and the number of the view.
 
 #include <optional>
 #include <utility>
@@ -31,8 +31,10 @@ struct Views {
 /// @param T_world_camera  [4, 4] or [N, 4, 4], anything that NumPy makes an array of.
 /// @param K  [3, 3] or, with N poses, [N, 3, 3].
 /// @param size_px  Width and height.
-/// @throws core::InputError naming the argument: another shape, no rotation, a last row that is
-///     not (0, 0, 0, 1), skew, a focal length that is not positive, numbers that are not finite.
+/// @throws core::InputError naming the argument: another shape, no rotation, a last row that
+/// is
+///     not (0, 0, 0, 1), skew, a focal length that is not positive, numbers that are not
+///     finite.
 [[nodiscard]] Views views_of(nanobind::handle T_world_camera, nanobind::handle K,
                              std::pair<int, int> size_px);
 

@@ -69,7 +69,7 @@ std::vector<std::size_t> image_shape(const core::Image<Pixel>& /*kind*/, int wid
                                      int height_px) {
   std::vector<std::size_t> shape{static_cast<std::size_t>(height_px),
                                  static_cast<std::size_t>(width_px)};
-  if (kScalars<Pixel> > 1) shape.push_back(kScalars<Pixel>);
+  if (kScalars < Pixel >> 1) shape.push_back(kScalars<Pixel>);
   return shape;
 }
 
@@ -140,8 +140,7 @@ nb::dict FrameBatch::take() {
     visit_image(frame, channel.name, [&]<class Pixel>(core::Image<Pixel>& image) {
       auto shape = image_shape(image, width_px_, height_px_);
       shape.insert(shape.begin(), count_);
-      auto memory =
-          std::make_unique<std::unique_ptr<std::byte[]>>(std::move(channel.images));
+      auto memory = std::make_unique<std::unique_ptr<std::byte[]>>(std::move(channel.images));
       auto* data = reinterpret_cast<ScalarOf<Pixel>*>(memory->get());
       arrays[channel.name.c_str()] = array_over(data, std::move(memory), shape);
     });

@@ -24,8 +24,8 @@ using namespace nb::literals;
 
 void check_range(const char* name, int value, int least, int most) {
   if (value >= least && value <= most) return;
-  throw core::InputError::expected(
-      name, std::to_string(least) + " to " + std::to_string(most), std::to_string(value));
+  throw core::InputError::expected(name, std::to_string(least) + " to " + std::to_string(most),
+                                   std::to_string(value));
 }
 
 renderer::Backend backend_of(const std::string& name) {
@@ -60,8 +60,7 @@ void handle_signals() {
   if (PyErr_CheckSignals() != 0) throw nb::python_error();
 }
 
-nb::dict render_one(SceneRenderer& renderer, const Views& views,
-                    const ChannelChoice& choice) {
+nb::dict render_one(SceneRenderer& renderer, const Views& views, const ChannelChoice& choice) {
   core::Frame frame;
   {
     const nb::gil_scoped_release released;
@@ -151,9 +150,9 @@ SceneRenderer::SceneRenderer(const Scene& scene, const std::string& backend, int
   options.top_k = top_k;
   options.compat = compat_of(compat);
   const renderer::Backend wanted = backend_of(backend);
-  renderer_ = renderer::make_renderer(
-      wanted, scene.content.surfels, options, scene.content.labels,
-      [&](const std::string& reason) { fallback_reason_ = reason; });
+  renderer_ =
+      renderer::make_renderer(wanted, scene.content.surfels, options, scene.content.labels,
+                              [&](const std::string& reason) { fallback_reason_ = reason; });
   on_gpu_ = wanted != renderer::Backend::kCpu && fallback_reason_.empty();
 }
 
