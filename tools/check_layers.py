@@ -20,6 +20,7 @@ MAY_INCLUDE = {  # module: the folders of other modules that its files may inclu
     "reconstruction": ("core", "renderer"),
     "worlds": ("core", "sim/ground"),
     "experiments": ("core", "renderer", "reconstruction", "perception", "nav", "sim", "worlds"),
+    "python": ("core", "renderer"),
 }
 # Rooms of a module from the ground up: a room includes those before it, never one after it. "." is the module's own
 # folder. A folder `internal` belongs to the room above it, unless it is listed as a room itself.
@@ -57,6 +58,7 @@ LIBRARY_HOME = {  # library: the only folders that may include it
     r"onnx/|google/protobuf|onnxruntime|oneapi/dnnl": {"perception"},
     r"zlib": {"experiments"},
     r"minizip/": {"worlds"},
+    r"nanobind/": {"python"},
     r"sqlite3|CLI/|spdlog/|httplib": {"experiments", "perception"},
 }
 # Third-party types stay out of public headers, so that no includer pays for them.

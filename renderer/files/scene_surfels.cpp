@@ -35,9 +35,8 @@ SceneSurfels load_scene_surfels(const core::SceneBundle& bundle) {
                                      "labelled surfels, as some were labelled by hand",
                                      "no semantic_id property");
   }
-  return edited_surfels(
-      unedited,
-      read_label_edits(bundle.folder / parts.label_edits.name, unedited.surfels->size()));
+  return edited_surfels(unedited, read_label_edits(bundle.folder / parts.label_edits.name,
+                                                   unedited.surfels->size()));
 }
 
 SceneSurfels edited_surfels(const SceneSurfels& unedited, const LabelEdits& edits) {
