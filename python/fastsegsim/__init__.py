@@ -11,11 +11,12 @@ Frames, units and shapes stand with each function; docs/python.md tells the rest
 import importlib
 from typing import Any
 
-from fastsegsim._native import InputError, Renderer, Scene, SceneClass, SceneInstance, look_at, mast_camera, pinhole
+from fastsegsim._native import (InputError, Recording, Renderer, Scene, SceneClass, SceneInstance, look_at, mast_camera,
+                                pinhole)
 from fastsegsim._native import build as _build
 
-__all__ = ["InputError", "Renderer", "Scene", "SceneClass", "SceneInstance", "look_at", "mast_camera", "pinhole",
-           "results"]
+__all__ = ["InputError", "Recording", "Renderer", "Scene", "SceneClass", "SceneInstance", "look_at", "mast_camera",
+           "pinhole", "results"]
 InputError.__module__ = "fastsegsim"  # Where users catch it.
 __version__ = _build.partition(" ")[0]
 

@@ -127,6 +127,15 @@ void check_size(std::pair<int, int> size_px) {
   }
 }
 
+/// The matrix of a pose, row by row.
+void append_rows(const core::CameraPose& pose, std::vector<double>& rows) {
+  const glm::dmat3 R = glm::mat3_cast(pose.rotation());
+  for (int row = 0; row < 3; ++row) {
+    rows.insert(rows.end(), {R[0][row], R[1][row], R[2][row], pose.translation_m()[row]});
+  }
+  rows.insert(rows.end(), {0.0, 0.0, 0.0, 1.0});
+}
+
 }  // namespace
 
 Views views_of(nb::handle T_world_camera, nb::handle K, std::pair<int, int> size_px) {
@@ -153,13 +162,15 @@ Views views_of(nb::handle T_world_camera, nb::handle K, std::pair<int, int> size
 }
 
 nb::object pose_matrix(const core::CameraPose& T_world_camera) {
-  const glm::dmat3 R = glm::mat3_cast(T_world_camera.rotation());
-  const glm::dvec3& p = T_world_camera.translation_m();
-  return owned_array(std::vector<double>{R[0].x, R[1].x, R[2].x, p.x,  //
-                                         R[0].y, R[1].y, R[2].y, p.y,  //
-                                         R[0].z, R[1].z, R[2].z, p.z,  //
-                                         0.0, 0.0, 0.0, 1.0},
-                     {4, 4});
+  std::vector<double> rows;
+  append_rows(T_world_camera, rows);
+  return owned_array(std::move(rows), {4, 4});
+}
+
+nb::object pose_matrices(std::span<const core::CameraPose> T_world_camera) {
+  std::vector<double> rows;
+  for (const core::CameraPose& pose : T_world_camera) append_rows(pose, rows);
+  return owned_array(std::move(rows), {T_world_camera.size(), 4, 4});
 }
 
 nb::object camera_matrix(const core::CameraIntrinsics& intrinsics) {

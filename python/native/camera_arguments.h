@@ -4,7 +4,7 @@
 /// Cameras as Python gives them: arrays of poses and camera matrices. What is wrong with one
 /// is said with the name of the argument and the number of the view.
 
-#include <optional>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -40,6 +40,8 @@ struct Views {
 
 /// [4, 4], float64.
 [[nodiscard]] nanobind::object pose_matrix(const core::CameraPose& T_world_camera);
+/// [N, 4, 4], float64.
+[[nodiscard]] nanobind::object pose_matrices(std::span<const core::CameraPose> T_world_camera);
 /// [3, 3], float64.
 [[nodiscard]] nanobind::object camera_matrix(const core::CameraIntrinsics& intrinsics);
 

@@ -7,10 +7,12 @@
 
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/filesystem.h>
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
-#include "core/error.h"
+#include "core/bundle_parts.h"
+#include "python/native/camera_arguments.h"
 #include "renderer/files/ply_io.h"
 
 namespace segsim::python {
@@ -59,6 +61,8 @@ Scene load_scene(const std::filesystem::path& path) {
   for (const core::SceneInstance& instance : bundle.manifest.instances) {
     scene.instances.push_back({instance, of_instance[instance.id]});
   }
+  const core::BundleFile cameras = core::load_bundle_parts(path).cameras;
+  if (!cameras.name.empty()) scene.recording = core::read_camera_path(path / cameras.name);
   return scene;
 }
 
@@ -103,6 +107,32 @@ void bind_scene(nb::module_& module) {
                i.instance.name + "', surfels=" + std::to_string(i.surfels) + ")";
       });
 
+  nb::class_<core::CameraPath>(module, "Recording",
+                               "The cameras that a scene was made from, for render().")
+      .def_prop_ro(
+          "T_world_camera",
+          [](const core::CameraPath& path) { return pose_matrices(path.poses()); },
+          nb::sig("def T_world_camera(self) -> numpy.typing.NDArray[numpy.float64]"),
+          "Poses [N, 4, 4] in the scene's world frame, metres.")
+      .def_prop_ro(
+          "K", [](const core::CameraPath& path) { return camera_matrix(path.intrinsics); },
+          nb::sig("def K(self) -> numpy.typing.NDArray[numpy.float64]"),
+          "Camera matrix [3, 3] of all views, in pixels.")
+      .def_prop_ro(
+          "size",
+          [](const core::CameraPath& path) {
+            return nb::make_tuple(path.intrinsics.width_px, path.intrinsics.height_px);
+          },
+          nb::sig("def size(self) -> tuple[int, int]"), "(width, height) in pixels.")
+      .def_prop_ro(
+          "frames",
+          [](const core::CameraPath& path) {
+            nb::list names;
+            for (const core::CameraPath::View& view : path.views) names.append(view.frame);
+            return names;
+          },
+          nb::sig("def frames(self) -> list[str]"), "Names of the views in the recording.");
+
   nb::class_<Scene>(module, "Scene",
                     "Surfels with labels. World frame: metres, z up, floor at z = 0.")
       .def_static("load", &load_scene, "path"_a, nb::call_guard<nb::gil_scoped_release>(),
@@ -131,6 +161,8 @@ void bind_scene(nb::module_& module) {
       .def_ro("classes", &Scene::classes,
               "The classes of a bundle; empty for a bare file of surfels, which has no names.")
       .def_ro("instances", &Scene::instances, "The objects of a bundle; empty likewise.")
+      .def_ro("recording", &Scene::recording,
+              "The cameras that a bundle was made from; None if it does not know them.")
       .def_prop_ro("positions_m", &positions_of, nb::rv_policy::reference_internal,
                    "Centres of the surfels in the world frame, metres: float32 [surfels, 3], "
                    "a view of the scene's own memory that cannot be written to.")

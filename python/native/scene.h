@@ -5,11 +5,13 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include <nanobind/nanobind.h>
 
+#include "core/camera_path.h"
 #include "core/scene_bundle.h"
 #include "renderer/files/scene_surfels.h"
 
@@ -31,13 +33,14 @@ struct Scene {
   renderer::SceneSurfels content;
   std::vector<CountedClass> classes;  ///< Empty for a bare file of surfels.
   std::vector<CountedInstance> instances;
+  std::optional<core::CameraPath> recording;  ///< The cameras that it was made from.
 };
 
 /// @param path  Folder of a bundle, or surfels in the 2DGS layout (.ply).
 /// @throws core::InputError for something else, or a damaged file.
 [[nodiscard]] Scene load_scene(const std::filesystem::path& path);
 
-/// Scene, SceneClass and SceneInstance.
+/// Scene, SceneClass, SceneInstance and Recording.
 void bind_scene(nanobind::module_& module);
 
 }  // namespace segsim::python

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import fastsegsim
+from exr_file import read_exr
 from surfel_files import write_room
 
 
@@ -22,6 +23,23 @@ def test_a_bundle_has_classes_and_instances(bundle):
     couch = scene.instances[0]
     assert (couch.id, couch.class_id, couch.name) == (103, 3, "couch_1")
     assert (couch.box_min_m, couch.box_max_m) == ((2.0, 0.0, 0.0), (3.0, 6.0, 2.8))
+
+
+def test_a_bundle_knows_the_cameras_of_its_recording(bundle, segsim, tmp_path):
+    scene = fastsegsim.Scene.load(bundle)
+    recording = scene.recording
+    assert (recording.size, recording.frames) == ((64, 48), ["first", "second"])
+    np.testing.assert_array_equal(recording.K, [[50, 0, 32], [0, 51, 24], [0, 0, 1]])
+    assert recording.T_world_camera.shape == (2, 4, 4)
+    depth = fastsegsim.Renderer(scene, backend="cpu").render(recording.T_world_camera, recording.K, recording.size,
+                                                             "depth")["depth"]
+    for view in range(2):
+        segsim("render", bundle, "--view", view, "--single-part", "--out", tmp_path / "view.exr")
+        np.testing.assert_allclose(depth[view], read_exr(tmp_path / "view.exr")["Z"], rtol=1e-5)
+
+
+def test_a_file_of_surfels_knows_no_recording(room):
+    assert room.recording is None
 
 
 def test_surfels_are_counted_by_their_ids(bundle):
