@@ -42,10 +42,10 @@ def write_room(file: pathlib.Path, surfels: int = 4000, seed: int = 1, labelled:
     metre = np.floor(positions[:, 0]).astype(np.int64)
     rotations = random.normal(size=(surfels, 4))
     rotations /= np.linalg.norm(rotations, axis=1, keepdims=True)
-    return write_surfels(file, positions, rotations, np.exp(random.normal(-2.2, 0.5, (surfels, 2))),
+    return write_surfels(file, positions, rotations, np.exp(random.normal(-2.9, 0.5, (surfels, 2))),
                          random.uniform(0.3, 0.99, surfels), random.uniform(0, 1, (surfels, 3)),
                          metre + 1 if labelled else None, metre + 101 if labelled else None)
 
 
-def write_one_disc(file: pathlib.Path, position_m, rotation, scale_m=0.3, colour=(1.0, 0.0, 0.0)) -> pathlib.Path:
+def write_one_disc(file: pathlib.Path, position_m, rotation, scale_m=0.15, colour=(1.0, 0.0, 0.0)) -> pathlib.Path:
     return write_surfels(file, [position_m], [rotation], [(scale_m, scale_m)], [0.95], [colour], [3], [7])
