@@ -314,3 +314,16 @@ except KeyboardInterrupt:
         process.send_signal(signal.SIGINT)
         printed, _ = process.communicate(timeout=60)
     assert printed == "interrupted (48, 64, 3)\n"
+
+
+def test_calling_costs_little(tmp_path):
+    scene = fastsegsim.Scene.load(write_one_disc(tmp_path / "disc.ply", (3.0, 0.0, 1.0), FACES_X))
+    renderer = fastsegsim.Renderer(scene, backend="cpu", threads=1)
+    pose, size = fastsegsim.mast_camera((0, 0, 0), 1.0), (32, 24)
+    camera = fastsegsim.pinhole(size, 1.2)
+    beyond_ms = []
+    for _ in range(500):
+        began = time.perf_counter()
+        renderer.render(pose, camera, size, list(LAYOUT))
+        beyond_ms.append(1e3 * (time.perf_counter() - began) - renderer.stats["render_ms"])
+    assert np.median(beyond_ms) < 0.1

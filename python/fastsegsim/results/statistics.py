@@ -5,6 +5,7 @@ Symbols: k successes of n trials. Paired outcomes of two arms on the same episod
 """
 
 import math
+from collections.abc import Callable
 from statistics import NormalDist
 from typing import NamedTuple
 
@@ -57,7 +58,7 @@ def _quantile(confidence: float) -> float:
 def _counts(values: ArrayLike, name: str) -> Numbers:
     counts = np.asarray(values, np.float64)
     if not np.all((counts >= 0) & (counts == np.floor(counts))):
-        raise InputError(f"{name}: expected whole numbers of at least 0, found {values}")
+        raise InputError(f"{name}: expected whole numbers of at least 0, found {values!r}")
     return counts
 
 
@@ -97,7 +98,7 @@ def _mid_p(only_after: int, only_before: int) -> float:
     return _exact_p(only_after, only_before) - 0.5 * as_uneven
 
 
-def _of_each_pair(test, only_after: ArrayLike, only_before: ArrayLike) -> Numbers:
+def _of_each_pair(test: Callable[[int, int], float], only_after: ArrayLike, only_before: ArrayLike) -> Numbers:
     b, c = np.broadcast_arrays(_counts(only_after, "only_after"), _counts(only_before, "only_before"))
     p = np.array([test(int(x), int(y)) for x, y in zip(b.ravel(), c.ravel())], np.float64)
     return p.reshape(b.shape)[()]
