@@ -21,6 +21,7 @@ MAY_INCLUDE = {  # module: the folders of other modules that its files may inclu
     "reconstruction": ("core", "renderer"),
     "worlds": ("core", "sim/ground"),
     "experiments": ("core", "renderer", "reconstruction", "perception", "nav", "sim", "ros", "worlds"),
+    "python": ("core", "renderer"),
 }
 # Rooms of a module from the ground up: a room includes those before it, never one after it. "." is the module's own
 # folder. A folder `internal` belongs to the room above it, unless it is listed as a room itself.
@@ -60,6 +61,7 @@ LIBRARY_HOME = {  # library: the only folders that may include it
     r"zlib": {"experiments", "ros"},
     r"lz4|zstd": {"ros"},
     r"minizip/": {"worlds"},
+    r"nanobind/": {"python"},
     r"sqlite3|CLI/|spdlog/|httplib": {"experiments", "perception"},
 }
 # Third-party types stay out of public headers, so that no includer pays for them.

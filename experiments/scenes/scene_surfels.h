@@ -1,33 +1,22 @@
 #pragma once
 
 /// @file
-/// A bundle's surfels and how they are labelled, for everything that draws a bundle.
+/// A bundle's surfels with their labels: read in renderer/files/scene_surfels.h, written here.
 
 #include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
 
-#include "core/scene_bundle.h"
-#include "renderer/files/label_edits.h"
+#include "renderer/files/scene_surfels.h"
 #include "renderer/scene/panoptic_field.h"
-#include "renderer/scene/surfels.h"
 
 namespace segsim::experiments::scenes {
 
-struct SceneSurfels {
-  std::shared_ptr<const renderer::SurfelCloud> surfels;
-  /// For make_renderer(): label distributions; nullptr: the surfels' own ids.
-  std::shared_ptr<const renderer::PanopticField> labels;
-};
-
-/// With the labels that were set by hand, if there are (docs/scene_label.md).
-/// @throws core::InputError for a damaged file.
-[[nodiscard]] SceneSurfels load_scene_surfels(const core::SceneBundle& bundle);
-
-/// As they were made, without those labels.
-/// @throws core::InputError for a damaged file.
-[[nodiscard]] SceneSurfels load_unedited_surfels(const core::SceneBundle& bundle);
+using renderer::edited_surfels;
+using renderer::load_scene_surfels;
+using renderer::load_unedited_surfels;
+using renderer::SceneSurfels;
 
 /// Writes what labels the surfels of a bundle beside their own ids: the trained model, if
 /// there is one, and the label distributions, if there are.
@@ -35,9 +24,5 @@ struct SceneSurfels {
 [[nodiscard]] std::string write_label_files(
     const std::filesystem::path& folder, const std::optional<renderer::PanopticModel>& model,
     const std::shared_ptr<const renderer::PanopticField>& field);
-
-/// The scene with other labels; what `edits` does not touch is shared or copied as it is.
-[[nodiscard]] SceneSurfels edited_surfels(const SceneSurfels& unedited,
-                                          const renderer::LabelEdits& edits);
 
 }  // namespace segsim::experiments::scenes

@@ -339,6 +339,19 @@ TEST(Statistics, ClusterBootstrapSeesTheScenesNotTheEpisodes) {
   EXPECT_EQ(results::cluster_bootstrap_mean({}).mean, 0.0);
 }
 
+TEST(Statistics, DrawsAreThoseOfThePythonPackage) {
+  // tests/python/test_statistics.py expects the same numbers of its own implementation.
+  const std::vector<results::ClusterSum> scenes{{7.0, 20},  {12.0, 25}, {3.5, 30},
+                                                {18.0, 20}, {9.0, 15},  {1.0, 10}};
+  const results::MeanInterval found = results::cluster_bootstrap_mean(scenes);
+  EXPECT_NEAR(found.mean, 0.42083333333333334, 1e-12);
+  EXPECT_NEAR(found.interval.low, 0.2103448275862069, 1e-12);
+  EXPECT_NEAR(found.interval.high, 0.66666666666666663, 1e-12);
+  const results::MeanInterval other = results::cluster_bootstrap_mean(scenes, 999, 7);
+  EXPECT_NEAR(other.interval.low, 0.21739130434782608, 1e-12);
+  EXPECT_NEAR(other.interval.high, 0.68181818181818177, 1e-12);
+}
+
 TEST(Statistics, ReadingsOfThePapersTable) {
   // Rates of the paper with the number of episodes that it does not give; nobody got worse.
   struct Reading {

@@ -1,0 +1,56 @@
+#pragma once
+
+/// @file
+/// Images of a frame by name, as NumPy arrays.
+
+#include <cstddef>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <nanobind/nanobind.h>
+
+#include "core/render.h"
+
+namespace segsim::python {
+
+/// The images that a call wants, by name, in its order.
+class ChannelChoice {
+ public:
+  /// @throws core::InputError for a name that is no channel's.
+  explicit ChannelChoice(std::vector<std::string> names);
+
+  [[nodiscard]] const std::vector<std::string>& names() const { return names_; }
+  [[nodiscard]] core::Channels drawn() const { return drawn_; }
+
+ private:
+  std::vector<std::string> names_;
+  core::Channels drawn_ = core::Channels::kNone;
+};
+
+/// The images of one frame, which gives up their memory: name -> [H, W] or [H, W, C].
+[[nodiscard]] nanobind::dict take_images(core::Frame&& frame, const ChannelChoice& choice);
+
+/// Images of several frames of one size, one behind the other: name -> [N, H, W(, C)].
+class FrameBatch {
+ public:
+  /// Allocates. An InputError, if that is not possible, is not thrown: std::bad_alloc is.
+  FrameBatch(const ChannelChoice& choice, std::size_t count, int width_px, int height_px);
+
+  /// Copies the images of frame `index`; needs no Python.
+  void put(std::size_t index, core::Frame& frame);
+  [[nodiscard]] nanobind::dict take();
+
+ private:
+  struct Channel {
+    std::string name;
+    std::unique_ptr<std::byte[]> images;
+    std::size_t bytes_per_image;
+  };
+
+  std::vector<Channel> channels_;
+  std::size_t count_;
+  int width_px_, height_px_;
+};
+
+}  // namespace segsim::python

@@ -1,0 +1,48 @@
+#pragma once
+
+/// @file
+/// What Python calls a renderer: one of ours that any thread may call.
+
+#include <memory>
+#include <mutex>
+#include <string>
+
+#include <nanobind/nanobind.h>
+
+#include "core/camera.h"
+#include "core/render.h"
+#include "python/native/scene.h"
+
+namespace segsim::python {
+
+class SceneRenderer {
+ public:
+  /// @throws core::InputError for an option that is none or out of range, or a GPU that was
+  ///     asked for and cannot do it.
+  SceneRenderer(const Scene& scene, const std::string& backend, int threads, int top_k,
+                const std::string& compat);
+
+  /// Draws one view; calls of several threads wait for one another. Needs no Python.
+  void draw(const core::CameraPose& T_world_camera, const core::CameraIntrinsics& intrinsics,
+            core::Channels channels, core::Frame& frame);
+
+  [[nodiscard]] bool has_features() const { return has_features_; }
+  [[nodiscard]] const char* backend() const { return on_gpu_ ? "cuda" : "cpu"; }
+  /// Why `auto` took the CPU; empty if it did not.
+  [[nodiscard]] const std::string& fallback_reason() const { return fallback_reason_; }
+  /// Of the image that was drawn last.
+  [[nodiscard]] core::RenderStats stats() const;
+
+ private:
+  bool has_features_;
+  bool on_gpu_;
+  std::string fallback_reason_;
+  mutable std::mutex mutex_;  // Guards what follows.
+  std::unique_ptr<core::Renderer> renderer_;
+  core::RenderStats stats_;
+};
+
+/// Renderer.
+void bind_renderer(nanobind::module_& module);
+
+}  // namespace segsim::python

@@ -1,0 +1,84 @@
+"""Scenes and programs that several tests use."""
+
+import hashlib
+import os
+import pathlib
+import shutil
+import subprocess
+
+import pytest
+
+import fastsegsim
+from surfel_files import write_room
+
+SCENE_YAML = """schema: segsim.scene
+version: 3
+name: room
+world: {{up: z, unit: m, gravity_mps2: [0, 0, -9.80665]}}
+levelling: {{R_world_source_wxyz: [1, 0, 0, 0], p_world_source_m: [0, 0, 0]}}
+mesh_source: ""
+cameras: {{name: cameras.txt, sha256: {cameras}}}
+rendering_only: {{reason: it has no floor, robot: jackal, robots_that_fit: []}}
+geodetic_origin: {{latitude_deg: 49.9, longitude_deg: 8.9, height_m: 0, yaw_rad: 0}}
+robot: {{radius_m: 0.33, height_m: 1.25, camera_height_m: 1}}
+provenance: {{created_by: test, source: random discs, source_sha256: ""}}
+statistics: {{}}
+files:
+  surfels: {{name: surfels.ply, sha256: {surfels}}}
+classes:
+  - {{id: 1, name: floor, thing: false}}
+  - {{id: 3, name: couch, thing: true}}
+instances:
+  - {{id: 103, class: 3, name: couch_1, box_min_m: [2, 0, 0], box_max_m: [3, 6, 2.8]}}
+"""
+
+CAMERAS = """segsim cameras 1
+intrinsics 64 48 50 51 32 24
+1 3 1.2 0.5 -0.5 0.5 -0.5 first
+2 2 1.4 0.5 -0.5 0.5 -0.5 second
+"""
+
+
+def program_of(variable: str) -> pathlib.Path:
+    """A program that the environment names; a test that needs it is skipped where no name is given."""
+    name = os.environ.get(variable)
+    if not name:
+        pytest.skip(f"{variable} does not name a program")
+    assert pathlib.Path(name).is_file(), f"{variable}: expected a program, found none at {name}"
+    return pathlib.Path(name)
+
+
+@pytest.fixture(scope="session")
+def segsim():
+    """Runs `segsim` with arguments, and returns what it prints."""
+    program = program_of("SEGSIM_PROGRAM")
+
+    def run(*arguments) -> str:
+        ran = subprocess.run([program, *map(str, arguments)], capture_output=True, text=True, check=False)
+        assert ran.returncode == 0, ran.stderr
+        return ran.stdout
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def room_file(tmp_path_factory) -> pathlib.Path:
+    return write_room(tmp_path_factory.mktemp("room") / "room.ply")
+
+
+@pytest.fixture(scope="session")
+def room(room_file) -> fastsegsim.Scene:
+    return fastsegsim.Scene.load(room_file)
+
+
+@pytest.fixture
+def bundle(tmp_path, room_file) -> pathlib.Path:
+    """A bundle for rendering only."""
+    folder = tmp_path / "bundle"
+    folder.mkdir()
+    shutil.copy(room_file, folder / "surfels.ply")
+    sha256 = hashlib.sha256((folder / "surfels.ply").read_bytes()).hexdigest()
+    (folder / "cameras.txt").write_text(CAMERAS)
+    cameras = hashlib.sha256(CAMERAS.encode()).hexdigest()
+    (folder / "scene.yaml").write_text(SCENE_YAML.format(surfels=sha256, cameras=cameras))
+    return folder

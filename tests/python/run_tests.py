@@ -1,0 +1,41 @@
+#!/usr/bin/env python3
+"""Builds the Python package and runs its tests on it.
+
+  run_tests.py ROOT WORK [SEGSIM SMALL_RESULTS]
+
+ROOT is the repository, WORK a folder for the build and the package. SEGSIM and SMALL_RESULTS are the programs that the
+package's images and figures are compared with; without them those tests are skipped. Nothing is downloaded: where a
+module is missing that building or testing needs, the exit code is 77, and the reason is printed.
+"""
+import importlib.util
+import os
+import pathlib
+import subprocess
+import sys
+
+SKIPPED = 77
+NEEDED = ("pip", "nanobind", "scikit_build_core", "numpy", "pytest")
+
+
+def main(root, work, segsim="", small_results=""):
+    missing = [module for module in NEEDED if importlib.util.find_spec(module) is None]
+    if sys.version_info < (3, 11):
+        missing.append("3.11 of Python itself")
+    if missing:
+        print(f"python/package: skipped, {sys.executable} has no {', '.join(missing)}")
+        return SKIPPED
+    package = pathlib.Path(work).resolve() / "package"
+    subprocess.run([sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-index",
+                    "--no-build-isolation", "--no-deps", "--upgrade", "--target", str(package),
+                    f"--config-settings=build-dir={pathlib.Path(work).resolve() / 'build'}", root], check=True)
+    programs = {"SEGSIM_PROGRAM": segsim, "SEGSIM_SMALL_RESULTS": small_results}
+    environment = {**os.environ, "PYTHONPATH": str(package), **{name: path for name, path in programs.items() if path}}
+    tests = pathlib.Path(__file__).resolve().parent
+    return subprocess.run([sys.executable, "-m", "pytest", "-q", "-ra", "-p", "no:cacheprovider", str(tests)],
+                          env=environment, check=False).returncode
+
+
+if __name__ == "__main__":
+    if len(sys.argv) not in (3, 5):
+        sys.exit(__doc__)
+    sys.exit(main(*sys.argv[1:]))
