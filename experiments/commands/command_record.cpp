@@ -8,7 +8,7 @@
 #include "core/error.h"
 #include "experiments/bags/record_trial.h"
 #include "experiments/commands/commands.h"
-#include "experiments/films/run_video.h"
+#include "experiments/records/replay_log.h"
 #include "experiments/results/stored_run.h"
 
 namespace segsim::experiments::commands {
@@ -29,7 +29,7 @@ fs::path log_of(const RecordFlags& flags) {
   const results::StoredRun stored = results::load_run(flags.trial, flags.run_id);
   for (const records::TrialRow& row : stored.trials) {
     if (row.trial_id != flags.number) continue;
-    const fs::path log = films::replay_log_of(stored, row);
+    const fs::path log = records::replay_log_of(stored.folder, row);
     if (!log.empty() && fs::exists(log)) return log;
     throw core::InputError::expected("trial " + std::to_string(flags.number),
                                      "a log to play again (replays: {of: all} in the spec)",

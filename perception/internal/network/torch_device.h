@@ -11,8 +11,8 @@
 
 namespace segsim::perception {
 
-/// On CUDA float32 means float32 from here on: libtorch would let convolutions round their
-/// inputs to ten bits (TF32). And equal inputs give equal bits: sums are taken in a fixed order.
+/// On CUDA float32 means float32 from here on (libtorch would let convolutions round their
+/// inputs to ten bits, TF32), and equal inputs give equal bits: sums have a fixed order.
 /// @throws core::InputError that starts with `place` for CUDA where there is none.
 [[nodiscard]] inline torch::Device torch_device(ComputeDevice device,
                                                 const std::string& place) {

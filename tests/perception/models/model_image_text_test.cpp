@@ -19,7 +19,7 @@ using core::Rgb8;
 
 TEST(ClipModel, CosineOfPictureAndText) {
   const tests::TemporaryFolder folder;
-  const auto scorer = load_image_text_scorer(write_clip(folder, "clip"));
+  const auto scorer = load_image_text_scorer(write_clip(folder / "", "clip"));
   const auto scores = scorer->scores(Image<Rgb8>(40, 30, {255, 0, 0}), {"chair", "table"});
   ASSERT_EQ(scores.size(), 2U);
   // (1 - m) / s for red, -m / s for the others.
@@ -32,7 +32,7 @@ TEST(ClipModel, CosineOfPictureAndText) {
 
 TEST(ClipModel, SiglipHasItsOwnColoursAndScale) {
   const tests::TemporaryFolder folder;
-  const auto scorer = load_image_text_scorer(write_clip(folder, "siglip"));
+  const auto scorer = load_image_text_scorer(write_clip(folder / "", "siglip"));
   const auto scores = scorer->scores(Image<Rgb8>(8, 8, {255, 0, 0}), {"chair"});
   const double cosine = (1 - 0.1 - 0.1) / std::sqrt(3.0) / std::sqrt(1.02);
   EXPECT_NEAR(scores.at(0), 1 / (1 + std::exp(-(2 * cosine - 1))), 1e-5);
