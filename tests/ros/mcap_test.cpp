@@ -240,7 +240,22 @@ TEST(Mcap, AChunkCannotAskForMemory) {
   const std::size_t chunk = bytes.find(std::string("\x06", 1), 50);
   bytes[chunk + 9 + 16 + 5] = '\x7f';
   EXPECT_THAT(tests::input_error_of([&] { (void)read_all(save(folder, bytes)); }),
-              HasSubstr("expected at most 1073741824 bytes, decompressed, found 13963"));
+              HasSubstr("expected at most 268435456 bytes, decompressed, found 13963"));
+}
+
+/// Each message lies in a chunk of 16 MB that compresses to next to nothing.
+TEST(Mcap, ASmallFileCannotTakeLong) {
+  const tests::TemporaryFolder folder;
+  std::ostringstream out;
+  Writer writer(out, {Compression::kZstd, 1U << 24U, "ros2"});
+  TopicWriter<std_msgs::String> text(writer, "/text");
+  const std_msgs::String blank{std::string(1U << 24U, ' ')};
+  for (std::uint64_t k = 0; k < 45; ++k) text.write(k, blank);
+  writer.close();
+  const fs::path file = save(folder, out.str());
+  ASSERT_LT(fs::file_size(file), 200'000U);
+  EXPECT_THAT(tests::input_error_of([&] { (void)read_all(file); }),
+              HasSubstr("bytes, decompressed"));
 }
 
 }  // namespace
