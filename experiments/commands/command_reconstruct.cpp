@@ -134,9 +134,10 @@ void unpack_if_bag(Flags& flags, const fs::path& folder) {
 
 /// Broken frames are findings, not the end; a recording that cannot be read at all is.
 void check(Flags flags) {
-  const std::string name = flags.sequence.stem().string();
+  const bool ends_with_slash = !flags.sequence.has_filename();
+  const fs::path given = ends_with_slash ? flags.sequence.parent_path() : flags.sequence;
   const core::TemporaryFolder unpacked("segsim_recording");
-  unpack_if_bag(flags, unpacked.path() / name);
+  unpack_if_bag(flags, unpacked.path() / given.stem());
   reconstruction::SequenceOptions options = flags.recording.options();
   options.on_bad_frame = reconstruction::OnBadFrame::kSkip;
   options = scenes::with_rig(flags.sequence, options, flags.recording.rig());

@@ -34,8 +34,13 @@ using internal::Record;
 /// overlap, and messages are wanted in order of time.
 constexpr std::size_t kCacheBytes = std::size_t{128} << 20U;
 
-/// Of one chunk, decompressed: a thousand times what recorders make by default.
-constexpr std::uint64_t kMostChunkBytes = std::uint64_t{1} << 30U;
+/// Of one chunk, decompressed: hundreds of times what recorders make by default.
+constexpr std::uint64_t kMostChunkBytes = std::uint64_t{256} << 20U;
+/// Of all chunks that are decompressed on the way through a file, from the start or in order
+/// of time: more than any recording compresses to, so that a small file cannot take long.
+constexpr std::uint64_t kFreeBytes = std::uint64_t{512} << 20U, kMostTimesFileSize = 200;
+/// Messages, likewise: one takes 31 bytes before it is compressed.
+constexpr std::uint64_t kFreeMessages = 1'000'000;
 
 std::string hexadecimal(std::uint32_t value) {
   static constexpr char kDigits[] = "0123456789abcdef";
@@ -122,7 +127,11 @@ struct ChannelRecord {
 struct Reader::Impl {
   explicit Impl(const fs::path& path) : file(path) {
     read_start();
-    if (!read_summary()) scan();
+    begin_pass();
+    if (!read_summary()) {
+      begin_pass();
+      scan();
+    }
     for (auto& [id, record] : channels) {
       if (record.schema == 0) continue;  // None.
       const auto schema = schemas.find(record.schema);
@@ -138,6 +147,17 @@ struct Reader::Impl {
       return std::tie(a.log_time_ns, a.chunk, a.offset) <
              std::tie(b.log_time_ns, b.chunk, b.offset);
     });
+  }
+
+  /// Before all chunks, or some, are gone through.
+  void begin_pass() { budget_bytes = kFreeBytes + kMostTimesFileSize * file.size(); }
+
+  void add_entry(const Entry& entry) {
+    if (entries.size() >= kFreeMessages + file.size() / 2) {
+      throw core::InputError::expected(file.name(), "no more messages than its bytes can hold",
+                                       "more than " + std::to_string(entries.size()));
+    }
+    entries.push_back(entry);
   }
 
   void check_channel(std::uint16_t id) const {
@@ -302,6 +322,9 @@ struct Reader::Impl {
                    std::to_string(chunk) + " + " + std::to_string(length) + " + " +
                        std::to_string(index_length));
     }
+    if (!indexed_chunks.insert(chunk).second) {
+      content.fail("each chunk once", "that at byte " + std::to_string(chunk) + " twice");
+    }
     if (index_length == 0) {
       index_records(chunk, load_chunk(chunk));
       return;
@@ -316,7 +339,7 @@ struct Reader::Impl {
       const auto channel = record.content.get<std::uint16_t>();
       for (ByteReader list = record.content.list(); list.left() > 0;) {
         const auto time_ns = list.get<std::uint64_t>();
-        entries.push_back({time_ns, chunk, list.get<std::uint64_t>(), channel});
+        add_entry({time_ns, chunk, list.get<std::uint64_t>(), channel});
       }
     }
   }
@@ -335,7 +358,7 @@ struct Reader::Impl {
           break;
         case Opcode::kMessage: {
           const MessageHead head = read_head(record.content);
-          entries.push_back({head.log_time_ns, chunk, record.offset, head.channel});
+          add_entry({head.log_time_ns, chunk, record.offset, head.channel});
           break;
         }
         default:
@@ -378,11 +401,13 @@ struct Reader::Impl {
     const std::string compression = content.text();
     const auto stored_size = content.get<std::uint64_t>();
     const std::string place = file.origin(0).place(chunk) + " (chunk)";
-    if (size > kMostChunkBytes) {
+    const std::uint64_t most = std::min(kMostChunkBytes, budget_bytes);
+    if (size > most) {
       throw core::InputError::expected(
-          place, "at most " + std::to_string(kMostChunkBytes) + " bytes, decompressed",
+          place, "at most " + std::to_string(most) + " bytes, decompressed",
           std::to_string(size));
     }
+    budget_bytes -= size;
     Bytes records = internal::decompress(content.take(stored_size), compression, size, place);
     check_crc(records, crc, place);
     return records;
@@ -417,7 +442,7 @@ struct Reader::Impl {
       const Bytes bytes = file.read(begin, std::min<std::uint64_t>(length, kMessageHeadBytes));
       ByteReader content(bytes, file.origin(begin));
       const MessageHead head_of = read_head(content);
-      entries.push_back({head_of.log_time_ns, 0, at, head_of.channel});
+      add_entry({head_of.log_time_ns, 0, at, head_of.channel});
       return;
     }
     if (opcode != Opcode::kSchema && opcode != Opcode::kChannel &&
@@ -433,11 +458,10 @@ struct Reader::Impl {
 
   /// A file without its closing magic was cut short; in one that has it, records must end.
   void end_of_scan(std::uint64_t at, const std::string& expected) {
+    const std::string place = file.origin(0).place(at);
     const std::string found = "the end of the file at byte " + std::to_string(file.size());
-    const core::InputError error =
-        core::InputError::expected(file.origin(0).place(at), expected, found);
-    if (whole) throw error;
-    truncation = error.what();
+    if (whole) throw core::InputError::expected(place, expected, found);
+    truncation = core::InputError::expected(place, expected, found).what();
   }
 
   void give(const Entry& entry, const std::function<void(const StoredMessage&)>& receive) {
@@ -481,6 +505,8 @@ struct Reader::Impl {
   std::map<std::uint16_t, ChannelRecord> channels;
   std::vector<Metadata> metadata;
   std::vector<Entry> entries;
+  std::set<std::uint64_t> indexed_chunks;
+  std::uint64_t budget_bytes = 0;                    ///< That may still be decompressed.
   std::list<std::pair<std::uint64_t, Bytes>> cache;  ///< The one used last comes first.
   std::size_t cached_bytes = 0;
 };
@@ -510,6 +536,7 @@ void Reader::read(const std::function<void(const StoredMessage&)>& receive,
         std::find(topics.begin(), topics.end(), record.channel.topic) != topics.end();
     if (topics.empty() || named) wanted.insert(id);
   }
+  impl_->begin_pass();
   for (const Entry& entry : impl_->entries) {
     if (wanted.contains(entry.channel)) impl_->give(entry, receive);
   }
