@@ -3,9 +3,10 @@
 
   run_tests.py ROOT WORK [SEGSIM SMALL_RESULTS]
 
-ROOT is the repository, WORK a folder for the package; pip compiles in ROOT/build, as it does for users. SEGSIM and SMALL_RESULTS are the programs that the
-package's images and figures are compared with; without them those tests are skipped. Nothing is downloaded: where a
-module is missing that building or testing needs, the exit code is 77, and the reason is printed.
+ROOT is the repository, WORK a folder for the package; pip compiles in ROOT/build, as it does for users. SEGSIM and
+SMALL_RESULTS are the programs that the package's images and figures are compared with; without them those tests are
+skipped. Nothing is downloaded: where a module is missing that building or testing needs, the exit code is 77, and the
+reason is printed.
 """
 import importlib.util
 import os
