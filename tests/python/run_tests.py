@@ -3,9 +3,10 @@
 
   run_tests.py ROOT WORK [SEGSIM SMALL_RESULTS]
 
-ROOT is the repository, WORK a folder for the build and the package. SEGSIM and SMALL_RESULTS are the programs that the
-package's images and figures are compared with; without them those tests are skipped. Nothing is downloaded: where a
-module is missing that building or testing needs, the exit code is 77, and the reason is printed.
+ROOT is the repository, WORK a folder for the package; pip compiles in ROOT/build, as it does for users. SEGSIM and
+SMALL_RESULTS are the programs that the package's images and figures are compared with; without them those tests are
+skipped. Nothing is downloaded: where a module is missing that building or testing needs, the exit code is 77, and the
+reason is printed.
 """
 import importlib.util
 import os
@@ -26,8 +27,7 @@ def main(root, work, segsim="", small_results=""):
         return SKIPPED
     package = pathlib.Path(work).resolve() / "package"
     subprocess.run([sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-index",
-                    "--no-build-isolation", "--no-deps", "--upgrade", "--target", str(package),
-                    f"--config-settings=build-dir={pathlib.Path(work).resolve() / 'build'}", root], check=True)
+                    "--no-build-isolation", "--no-deps", "--upgrade", "--target", str(package), root], check=True)
     programs = {"SEGSIM_PROGRAM": segsim, "SEGSIM_SMALL_RESULTS": small_results}
     environment = {**os.environ, "PYTHONPATH": str(package), **{name: path for name, path in programs.items() if path}}
     tests = pathlib.Path(__file__).resolve().parent

@@ -10,8 +10,8 @@ FACES_X = (np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0)
 FACES_Y = (np.sqrt(0.5), -np.sqrt(0.5), 0.0, 0.0)
 
 
-def write_surfels(file: pathlib.Path, positions_m, rotations, scales_m, opacities, colours, semantic=None, instance=None,
-                  features=None) -> pathlib.Path:
+def write_surfels(file: pathlib.Path, positions_m, rotations, scales_m, opacities, colours, semantic=None,
+                  instance=None, features=None) -> pathlib.Path:
     """colours in [0, 1]; semantic and instance ids, or none; features [surfels, 48], or none."""
     n = len(positions_m)
     opacity = np.asarray(opacities, np.float64)
@@ -36,7 +36,7 @@ def write_surfels(file: pathlib.Path, positions_m, rotations, scales_m, opacitie
 
 
 def write_room(file: pathlib.Path, surfels: int = 4000, seed: int = 1, labelled: bool = True) -> pathlib.Path:
-    """Discs of random place, tilt, size, opacity and colour in a room of 8 x 6 x 2.8 m; label k in its k-th metre of x."""
+    """Discs of random place, tilt, size, opacity and colour in a room of 8 x 6 x 2.8 m; labels by metres of x."""
     random = np.random.default_rng(seed)
     positions = random.uniform((0, 0, 0), (8, 6, 2.8), (surfels, 3))
     metre = np.floor(positions[:, 0]).astype(np.int64)

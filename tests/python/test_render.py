@@ -72,8 +72,7 @@ def test_a_disc_is_where_the_documented_camera_sees_it(tmp_path):
     pose[:3, :3] = np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]])
     pose[:3, 3] = [0.0, 0.5, 1.0]
     camera = np.array([[150.0, 0, 70], [0, 140, 50], [0, 0, 1]])
-    images = fastsegsim.Renderer(scene).render(pose, camera, (160, 120), ("alpha", "depth", "rgb", "semantic", "instance",
-                                                                          "normal"))
+    images = fastsegsim.Renderer(scene).render(pose, camera, (160, 120), list(LAYOUT))
     p_camera = np.linalg.inv(pose) @ [*disc, 1.0]
     x, y, _ = camera @ (p_camera[:3] / p_camera[2])
     alpha = images["alpha"].astype(np.float64)
@@ -196,7 +195,8 @@ def changed(matrix, place, value):
     (r"K: expected shape \[3, 3\] or \[N, 3, 3\], found \[4, 4\]", POSE, POSE, SIZE, "rgb"),
     (r"K: expected one matrix, as there is one pose, found \[2, 3, 3\]", POSE, [K, K], SIZE, "rgb"),
     (r"K: expected one matrix, or 3 as there are poses, found \[2, 3, 3\]", [POSE] * 3, [K, K], SIZE, "rgb"),
-    (r"T_world_camera\[1\]: expected a rotation .* found columns", [POSE, 2 * POSE - np.diag([0, 0, 0, 1])], K, SIZE, "rgb"),
+    (r"T_world_camera\[1\]: expected a rotation .* found columns", [POSE, 2 * POSE - np.diag([0, 0, 0, 1])], K, SIZE,
+     "rgb"),
     (r"T_world_camera: expected a rotation .* found a reflection", POSE @ np.diag([1, 1, -1, 1]), K, SIZE, "rgb"),
     (r"T_world_camera: expected \(0, 0, 0, 1\)", changed(POSE, (3, 0), 1), K, SIZE, "rgb"),
     (r"T_world_camera: expected finite numbers, found nan", changed(POSE, (0, 3), np.nan), K, SIZE, "rgb"),

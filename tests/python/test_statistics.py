@@ -95,7 +95,8 @@ def test_swapping_the_arms_mirrors_the_difference():
 
 def test_random_numbers_are_those_of_the_program():
     # core::RandomStream(7, "cluster_bootstrap").index(1000), ten times.
-    assert random_indices(7, "cluster_bootstrap", 10, 1000).tolist() == [497, 309, 180, 211, 324, 405, 793, 573, 284, 961]
+    drawn = random_indices(7, "cluster_bootstrap", 10, 1000).tolist()
+    assert drawn == [497, 309, 180, 211, 324, 405, 793, 573, 284, 961]
 
 
 def test_cluster_bootstrap_draws_as_the_program_does():

@@ -115,7 +115,8 @@ def _read_run(connection: sqlite3.Connection, file: pathlib.Path, run_id: int) -
         raise InputError(f"run_id: expected 1 to {rows[-1]['run_id']}, found {run_id}")
     row = chosen[0]
     of_run = (row["run_id"],)
-    row["provenance"] = dict(connection.execute("SELECT name, value FROM provenance WHERE run_id = ?", of_run).fetchall())
+    provenance = connection.execute("SELECT name, value FROM provenance WHERE run_id = ?", of_run)
+    row["provenance"] = {name: value for name, value in provenance}
     scenes = _rows(connection, "SELECT * FROM scene WHERE run_id = ? ORDER BY position", of_run)
     arms = _rows(connection, "SELECT * FROM arm WHERE run_id = ? ORDER BY position", of_run)
     return Run(file.parent, row, scenes, arms, _trials(connection, of_run, scenes, arms))
@@ -131,8 +132,8 @@ def _trials(connection: sqlite3.Connection, of_run: tuple[Any, ...], scenes: lis
              for row in connection.execute(f"PRAGMA table_info({table})")}
     del types["run_id"]
     names = list(types)
-    rows = connection.execute(
-        f"SELECT {', '.join(names)} FROM trial LEFT JOIN attribution USING (trial_id) WHERE run_id = ?", of_run).fetchall()
+    sql = f"SELECT {', '.join(names)} FROM trial LEFT JOIN attribution USING (trial_id) WHERE run_id = ?"
+    rows = connection.execute(sql, of_run).fetchall()
     scene_positions = {scene["name"]: k for k, scene in enumerate(scenes)}
     arm_positions = {arm["name"]: k for k, arm in enumerate(arms)}
     rows.sort(key=lambda t: (scene_positions.get(t["scene"], -1), t["episode"].encode(), t["repetition"],
