@@ -74,7 +74,7 @@ std::optional<RigidPose> TransformTree::at(const Link& link, std::int64_t time_n
       static_cast<double>(time_ns - before->first) / static_cast<double>(gap_ns);
   const RigidPose& a = before->second;
   const RigidPose& b = after->second;
-  return RigidPose{glm::slerp(a.R, b.R, share), a.p_m + share * (b.p_m - a.p_m)};
+  return RigidPose{glm::slerp(a.rotation, b.rotation, share), a.p_m + share * (b.p_m - a.p_m)};
 }
 
 std::optional<RigidPose> TransformTree::find(const std::string& ancestor,

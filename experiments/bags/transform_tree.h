@@ -21,10 +21,10 @@ namespace segsim::experiments::bags {
 
 /// Of one frame in another.
 struct RigidPose {
-  glm::dquat R{1.0, 0.0, 0.0, 0.0};
+  glm::dquat rotation{1.0, 0.0, 0.0, 0.0};
   glm::dvec3 p_m{0.0};
   [[nodiscard]] RigidPose operator*(const RigidPose& inner) const {
-    return {R * inner.R, R * inner.p_m + p_m};
+    return {rotation * inner.rotation, rotation * inner.p_m + p_m};
   }
 };
 

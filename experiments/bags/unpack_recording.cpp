@@ -6,7 +6,7 @@
 #include <functional>
 #include <limits>
 #include <optional>
-#include <sstream>
+#include <utility>
 #include <vector>
 
 #include <opencv2/core.hpp>
@@ -181,8 +181,8 @@ void write_picture(const fs::path& file, const cv::Mat& pixels) {
 
 class Unpacking {
  public:
-  Unpacking(const fs::path& bag, const fs::path& folder, const UnpackOptions& options)
-      : bag_file_(bag), bag_(bag.string()), folder_(folder), options_(options) {}
+  Unpacking(const fs::path& bag, fs::path folder, const UnpackOptions& options)
+      : bag_file_(bag), bag_(bag.string()), folder_(std::move(folder)), options_(options) {}
 
   UnpackSummary run() {
     check_topics();
@@ -311,7 +311,7 @@ class Unpacking {
     write_picture(folder_ / "rgb" / (name + ".png"), picture.pixels);
     colors_ += name + " rgb/" + name + ".png\n";
     const glm::dvec3& p_m = T_fixed_camera->p_m;
-    const glm::dquat& R = T_fixed_camera->R;
+    const glm::dquat& R = T_fixed_camera->rotation;
     poses_ += core::print("%s %.9f %.9f %.9f %.12f %.12f %.12f %.12f\n", name.c_str(), p_m.x,
                           p_m.y, p_m.z, R.x, R.y, R.z, R.w);
     ++summary_.color_images;
