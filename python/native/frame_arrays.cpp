@@ -8,6 +8,7 @@
 
 #include <glm/vec3.hpp>
 
+#include "core/check.h"
 #include "core/error.h"
 #include "python/native/owned_array.h"
 
@@ -102,6 +103,7 @@ nb::dict take_images(core::Frame&& frame, const ChannelChoice& choice) {
   for (const std::string& name : choice.names()) {
     if (images.contains(name.c_str())) continue;
     visit_image(frame, name, [&]<class Pixel>(core::Image<Pixel>& image) {
+      SEGSIM_CHECK(image.width_px() == width_px && image.height_px() == height_px, name);
       const auto shape = image_shape(image, width_px, height_px);
       images[name.c_str()] =
           owned_array<ScalarOf<Pixel>, Pixel>(std::move(image.pixels()), shape);
@@ -127,6 +129,8 @@ FrameBatch::FrameBatch(const ChannelChoice& choice, std::size_t count, int width
 void FrameBatch::put(std::size_t index, core::Frame& frame) {
   for (const Channel& channel : channels_) {
     visit_image(frame, channel.name, [&](const auto& image) {
+      SEGSIM_CHECK(image.width_px() == width_px_ && image.height_px() == height_px_,
+                   channel.name);
       std::memcpy(channel.images.get() + index * channel.bytes_per_image, image.data(),
                   channel.bytes_per_image);
     });

@@ -34,7 +34,7 @@ class ChannelChoice {
 /// Images of several frames of one size, one behind the other: name -> [N, H, W(, C)].
 class FrameBatch {
  public:
-  /// Allocates. An InputError, if that is not possible, is not thrown: std::bad_alloc is.
+  /// @throws std::bad_alloc, in Python MemoryError.
   FrameBatch(const ChannelChoice& choice, std::size_t count, int width_px, int height_px);
 
   /// Copies the images of frame `index`; needs no Python.

@@ -312,7 +312,10 @@ except KeyboardInterrupt:
         time.sleep(0.5)
         assert process.poll() is None, "the batch was drawn before Ctrl-C"
         process.send_signal(signal.SIGINT)
-        printed, _ = process.communicate(timeout=60)
+        try:
+            printed, _ = process.communicate(timeout=60)
+        finally:
+            process.kill()
     assert printed == "interrupted (48, 64, 3)\n"
 
 
