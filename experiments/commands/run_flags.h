@@ -8,7 +8,7 @@
 
 #include "experiments/runs/run.h"
 
-namespace CLI {
+namespace CLI {  // NOLINT(readability-identifier-naming): theirs
 class App;
 }
 

@@ -1,6 +1,7 @@
 #include "experiments/runs/budget_measure.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "core/error.h"
 #include "core/file_io.h"
@@ -12,8 +13,8 @@ namespace {
 
 /// @param values  Sorted, not empty. @param share  [0, 1]: of the values that are smaller.
 core::TimeNs quantile(const std::vector<core::TimeNs>& values, double share) {
-  return values[static_cast<std::size_t>(share * static_cast<double>(values.size() - 1) +
-                                         0.5)];
+  return values[static_cast<std::size_t>(
+      std::lround(share * static_cast<double>(values.size() - 1)))];
 }
 
 }  // namespace

@@ -15,6 +15,7 @@
 #include "experiments/records/trial_witness.h"
 #include "experiments/scripted_trials/internal/script_metrics.h"
 #include "experiments/trials/frame_recorder.h"
+#include "experiments/trials/policy_models.h"
 #include "experiments/trials/sensor_files.h"
 #include "experiments/trials/trial_options.h"
 #include "experiments/video/trial_video.h"
@@ -215,18 +216,21 @@ DriverContext driver_context(const BoundScript& bound, const core::Detector& det
     return [way = std::make_shared<sim::OracleWay>(bound.world, goals_m)](
                const glm::dvec2& from_m) { return way->from(from_m); };
   };
-  context.searcher = [&bound, &detector, &goals](const ScriptStep& step) {
-    nav::PolicyContext policy;
-    policy.class_names = detector.class_names();
-    policy.robot = bound.world.robot();
-    policy.camera_height_m = bound.camera_height_m;
-    if (step.policy.name() == "oracle-path") {
-      policy.oracle = [way = std::make_shared<sim::OracleWay>(
-                           bound.world, goals.at(step.category).view_points_m)](
-                          const glm::dvec2& from_m) { return way->from(from_m); };
-    }
-    return step.policy.make(policy);
-  };
+  context.searcher =
+      [&bound, &detector, &goals,
+       models = std::make_shared<trials::LoadedPolicyModels>()](const ScriptStep& step) {
+        nav::PolicyContext policy;
+        policy.class_names = detector.class_names();
+        policy.robot = static_cast<const core::RobotBase&>(bound.world.robot());
+        policy.models = models->loaders();
+        policy.camera_height_m = bound.camera_height_m;
+        if (step.policy.name() == "oracle-path") {
+          policy.oracle = [way = std::make_shared<sim::OracleWay>(
+                               bound.world, goals.at(step.category).view_points_m)](
+                              const glm::dvec2& from_m) { return way->from(from_m); };
+        }
+        return step.policy.make(policy);
+      };
   context.class_index = [&detector](const std::string& category) {
     const std::vector<std::string>& names = detector.class_names();
     const auto found = std::find(names.begin(), names.end(), category);

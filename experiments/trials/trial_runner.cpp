@@ -262,7 +262,7 @@ std::unique_ptr<core::Policy> TrialRunner::policy_for(const TrialTask& task,
   const nav::PolicyChoice& policy = policy_of(spec_, *task.arm);
   nav::PolicyContext context;
   context.class_names = slot.detector->class_names();
-  context.robot = task.scene->world.robot();
+  context.robot = static_cast<const core::RobotBase&>(task.scene->world.robot());
   context.camera_height_m = task.scene->spec->camera_height_m;
   context.models = models_.loaders();
   if (policy.name() == "oracle-path") {
