@@ -207,7 +207,7 @@ void measure(MeasureFlags& flags) {
   const records::Store store(run.results / "results.sqlite");
   runs::StageDurations durations;
   for (const records::TrialRow& trial : store.trials(report.run_id)) {
-    const fs::path log = records::replay_log_of(run.folders.work, trial);
+    const fs::path log = records::replay_log_of(run.results, trial);
     runs::add_durations(records::read_replay_log(log).trace, durations);
   }
   flags.about.origin =

@@ -27,7 +27,7 @@ specs::ExperimentSpec measured_spec(const specs::ExperimentSpec& spec,
   }
   specs::ExperimentSpec measured = spec;
   measured.arms = {*found};
-  measured.arms.front().name += ".measured";  // Its logs lie beside those of the run.
+  measured.arms.front().name += ".measured";  // Its rows are none of the run.
   measured.arms.front().clock = {};
   measured.clock = {};
   measured.clock.mode = sim::ClockMode::kMeasured;

@@ -101,8 +101,8 @@ COMMANDS = [
     ("suite show {copy}", "suite.yaml", ""),
     ("robots {copy}", "robot.yaml", ""),
     ("table {copy}", "results.sqlite", ""),
-    ("export {copy} --format jsonl", "results.sqlite", ""),
-    ("compare {copy} before after", "results.sqlite", ""),
+    ("export {copy} --output e.jsonl", "results.sqlite", ""),
+    ("compare {copy} --before before --after after", "results.sqlite", ""),
     ("report {copy} -o r", "results.sqlite", ""),
     ("explain {copy}", "results.sqlite", ""),
 ]

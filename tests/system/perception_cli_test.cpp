@@ -19,12 +19,15 @@
 #include "segsim_process.h"
 #include "tests/experiments/tiny_scene.h"
 #include "tests/experiments/tiny_spec.h"
+#include "tests/perception/clip_model.h"
+#include "tests/perception/depth_model.h"
 #include "tests/perception/tiny_models.h"
 
 namespace segsim {
 namespace {
 
 namespace fs = std::filesystem;
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 using tests::expect_input_error;
 using tests::ProcessOutput;
@@ -218,6 +221,52 @@ TEST_F(PerceptionCli, ARunDrivesWithAModelOfOthersWhereNothingIsTuned) {
   expect_input_error(run_segsim("run " + at("tuning.yaml") + " --data " +
                                 folder_.path().string() + " --work " + at("tuned")),
                      "yolo.onnx");
+}
+
+/// Every network of VLFM in one run: the first detector does not know the goal.
+TEST_F(PerceptionCli, APolicyAsksModelsOfOthersAndItsTimesAreABudget) {
+  experiments::TinyScene().write(folder_.path() / "tiny");
+  fs::create_directories(at("closed"));
+  (void)perception::write_yolo(at("closed"), "{0: 'bed', 1: 'chair'}");
+  (void)perception::write_yolo(folder_.path(), "{0: 'couch', 1: 'chair'}");
+  (void)perception::write_clip(folder_.path(), "clip");
+  perception::write_sam_encoder(folder_.path());
+  perception::write_sam_decoder(folder_.path());
+  (void)perception::write_depth_model(folder_.path());
+  const std::string arm = "  - {name: two, detector: before";
+  experiments::TinySpec spec{.arms = arm + ", open_detector: \"" + at("yolo.onnx") + "\"}\n",
+                             .time_limit_s = 2.0,
+                             .more = "detectors: {before: \"" + at("closed/yolo.onnx") +
+                                     "\"}\npolicy: {type: vlfm, scorer: {model: \"" +
+                                     at("clip.yaml") + "\"}, segmenter: \"" + at("sam.yaml") +
+                                     "\", inferred_depth: \"" + at("depth.yaml") + "\"}\n"};
+  std::ofstream(at("spec.yaml")) << spec.text();
+  const std::string options = " --data " + folder_.path().string() + " --work ";
+  const ProcessOutput driven = run_segsim("run " + at("spec.yaml") + options + at("work"));
+  expect_success(driven);
+  EXPECT_THAT(driven.text, HasSubstr("two"));
+  expect_success(run_segsim("export " + at("work") + " --output " + at("rows.jsonl")));
+  const std::string rows = core::read_file(at("rows.jsonl"));  // The run, then its trial.
+  EXPECT_THAT(rows, AllOf(HasSubstr("model/clip.yaml"), HasSubstr("model/depth.onnx"),
+                          HasSubstr("model/yolo.onnx")));
+  const auto trial = nlohmann::json::parse(rows.substr(rows.find('\n') + 1));
+  EXPECT_EQ(trial["outcome"], "timeout") << trial.dump();
+
+  const std::string measure = "budget measure " + at("spec.yaml") + options + at("measured") +
+                              " --trials 1 --id here -o " + at("here.yaml");
+  expect_success(run_segsim(measure));
+  const std::string budget = core::read_file(at("here.yaml"));
+  EXPECT_THAT(budget, AllOf(HasSubstr("id: here"), HasSubstr("detect: {on: cpu"),
+                            HasSubstr("policy: {on: cpu")));
+  expect_input_error(run_segsim(measure + " --arm three"), "three");
+
+  // Without the second detector nobody knows the goal; a model that is damaged is told first.
+  spec.arms = arm + "}\n";
+  std::ofstream(at("one.yaml")) << spec.text();
+  expect_input_error(run_segsim("run " + at("one.yaml") + options + at("one")), "couch");
+  std::ofstream(at("clip.yaml")) << "schema: segsim.model/1\ntask: sam\n";
+  expect_input_error(run_segsim("run " + at("spec.yaml") + options + at("damaged")),
+                     "clip.yaml");
 }
 
 TEST_F(PerceptionCli, BoxesBecomeMasksAndTheSceneIsMeasured) {
