@@ -113,7 +113,8 @@ COMMANDS = [
 FLAGGED = [
     "scene inspect {seeds}/bundle", "episodes generate {seeds}/bundle -o e.jsonl",
     "capture --flat 3 --out c --frames 2",
-    "render {seeds}/bundle --out v.exr", "label {seeds}/bundle --out l --views 2", "bench render --surfels 2000",
+    "render {seeds}/bundle --out v.exr", "label {seeds}/bundle --out l --views 2",
+    "bench render --surfels 2000 --views 1 --repeat 1 --size 64x48",
     "reconstruct {seeds}/rec --out b --init-only", "masks simulate {seeds}/rec --out m",
     "budget check {seeds}/budget.yaml",
     "scene coverage {seeds}/bundle", "plan", "robots", "doctor", "trial check {seeds}/trial.yaml",
