@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/error.h"
+#include "perception/models/internal/bilinear.h"
 #include "perception/models/internal/preprocess.h"
 #include "perception/models/model_description.h"
 
@@ -15,22 +16,6 @@ namespace {
 using core::InputError;
 
 constexpr int kUsualHeightPx = 384, kUsualWidthPx = 512;  ///< ZoeDepth's.
-
-/// Bilinear between the middles of pixels; the border goes on outside.
-float sample(const float* values, int width, int height, double x, double y) {
-  const double cx = std::clamp(x, 0.0, width - 1.0), cy = std::clamp(y, 0.0, height - 1.0);
-  const int x0 = std::min(static_cast<int>(cx), std::max(0, width - 2));
-  const int y0 = std::min(static_cast<int>(cy), std::max(0, height - 2));
-  const int x1 = std::min(x0 + 1, width - 1), y1 = std::min(y0 + 1, height - 1);
-  const double fx = cx - x0, fy = cy - y0;
-  const auto at = [&](int column, int row) {
-    return static_cast<double>(
-        values[static_cast<std::size_t>(row) * static_cast<std::size_t>(width) +
-               static_cast<std::size_t>(column)]);
-  };
-  return static_cast<float>((1 - fy) * ((1 - fx) * at(x0, y0) + fx * at(x1, y0)) +
-                            fy * ((1 - fx) * at(x0, y1) + fx * at(x1, y1)));
-}
 
 class MetricDepth final : public DepthEstimator {
  public:
@@ -52,13 +37,13 @@ class MetricDepth final : public DepthEstimator {
     const HostTensor& answer = checked(outputs);
     const auto rows = static_cast<int>(answer.shape[answer.shape.size() - 2]);
     const auto columns = static_cast<int>(answer.shape.back());
+    const FloatGrid grid{answer.floats().data(), columns, rows};
     depth_m.resize(image.width_px(), image.height_px());
     const double step_x = static_cast<double>(columns) / image.width_px();
     const double step_y = static_cast<double>(rows) / image.height_px();
     for (int y = 0; y < image.height_px(); ++y) {
       for (int x = 0; x < image.width_px(); ++x) {
-        depth_m(x, y) = sample(answer.floats().data(), columns, rows, (x + 0.5) * step_x - 0.5,
-                               (y + 0.5) * step_y - 0.5);
+        depth_m(x, y) = bilinear(grid, (x + 0.5) * step_x - 0.5, (y + 0.5) * step_y - 0.5);
       }
     }
   }

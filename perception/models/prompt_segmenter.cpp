@@ -5,6 +5,7 @@
 
 #include "core/check.h"
 #include "core/error.h"
+#include "perception/models/internal/bilinear.h"
 #include "perception/models/internal/preprocess.h"
 #include "perception/models/model_description.h"
 
@@ -16,27 +17,6 @@ using core::InputError;
 constexpr int kSidePx = 1024;
 constexpr float kTopLeft = 2.0F, kBottomRight = 3.0F;  // Labels of a box's corners.
 constexpr std::int64_t kNoPoint = -10;  // Hugging Face's label of a point to ignore.
-
-/// Logits of one mask on a grid that covers `covered` of the encoder's square.
-struct MaskGrid {
-  const float* logits;
-  int width, height;
-};
-
-float sample(const MaskGrid& grid, double x, double y) {
-  const auto split = [](double at, int n, int& low, int& high) {
-    at = std::clamp(at, 0.0, static_cast<double>(n - 1));
-    low = static_cast<int>(at);
-    high = std::min(low + 1, n - 1);
-    return static_cast<float>(at - low);
-  };
-  int x0 = 0, x1 = 0, y0 = 0, y1 = 0;
-  const float fx = split(x, grid.width, x0, x1), fy = split(y, grid.height, y0, y1);
-  const auto at = [&](int px, int py) { return grid.logits[py * grid.width + px]; };
-  const float above = at(x0, y0) * (1 - fx) + at(x1, y0) * fx;
-  const float below = at(x0, y1) * (1 - fx) + at(x1, y1) * fx;
-  return above * (1 - fy) + below * fy;
-}
 
 class Sam final : public PromptSegmenter {
  public:
@@ -168,8 +148,8 @@ class Sam final : public PromptSegmenter {
     }
     const auto best =
         static_cast<std::size_t>(std::max_element(iou.begin(), iou.end()) - iou.begin());
-    const MaskGrid grid{masks->floats().data() + best * pixels, static_cast<int>(columns),
-                        static_cast<int>(rows)};
+    const FloatGrid grid{masks->floats().data() + best * pixels, static_cast<int>(columns),
+                         static_cast<int>(rows)};
     const bool ready =
         full != nullptr && columns == image.width_px() && rows == image.height_px();
     // Low masks cover the whole square, of which the image fills width x height.
@@ -182,7 +162,7 @@ class Sam final : public PromptSegmenter {
     result.inside = core::Image<std::uint8_t>(image.width_px(), image.height_px());
     for (int y = 0; y < image.height_px(); ++y) {
       for (int x = 0; x < image.width_px(); ++x) {
-        const float logit = sample(grid, (x + 0.5) * step_x - 0.5, (y + 0.5) * step_y - 0.5);
+        const float logit = bilinear(grid, (x + 0.5) * step_x - 0.5, (y + 0.5) * step_y - 0.5);
         result.inside(x, y) = logit > 0.0F ? 1 : 0;
       }
     }
