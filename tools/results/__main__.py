@@ -22,7 +22,7 @@ from figures import figures_without_record
 from record import BadRecord, lacking, read_record, read_index, write_atomically, write_record
 from run_record import joined, keep_words, run_record
 
-HEADLINE = re.compile(r"(<!-- records: ([a-z ]+) -->\n).*?(<!-- end of records -->)", re.DOTALL)
+HEADLINE = re.compile(r"(<!-- records: ([a-z0-9_ ]+) -->\n).*?(<!-- end of records -->)", re.DOTALL)
 BLOCK = re.compile(r"(<!-- record: ([a-z0-9_]+)/([a-z0-9_]+) -->\n).*?(<!-- end of record -->)", re.DOTALL)
 RUNS = "object_search"  # The subject of the first page's records.
 

@@ -37,17 +37,21 @@ def table_lines(records):
                    f"{whole(row['oracle']['value'])} % | {strict} |")
 
 
-def digests_in_words(digests):
+def digests_file(experiment, on_gpu):
+    return f"experiments/specs/digests/{experiment}{'.cuda' * on_gpu}.json"
+
+
+def digests_in_words(digests, on_gpu):
     """Of the last stages: what departs earlier departs there, too. Trials are left out where they wait for a new run."""
     weights = sorted((s["subject"].removeprefix("arm-"), s["sha256"][:12]) for s in digests["stages"]
                      if s["stage"] == "weights" and s["subject"] != "arm-before")
     trials = [s["sha256"][:12] for s in digests["stages"] if s["stage"] == "trials"]
     ends = f"; trials {trials[0]}" if trials else ""
     name = digests["experiment"]
-    return (f"`{name}.yaml` as shipped ends in these digests: weights of "
+    return (f"`{name}.yaml` as shipped ends {'on a GPU ' * on_gpu}in these digests: weights of "
             f"{', '.join(f'`{arm}` {digest}' for arm, digest in weights)}{ends} "
             f"(found on: {', '.join(digests['confirmed_on'])}). Those of all {len(digests['stages'])} stages are in "
-            f"`experiments/specs/digests/{name}.json`.")
+            f"`{digests_file(name, on_gpu)}`.")
 
 
 def shipped_in_words(record, digests):
@@ -81,14 +85,16 @@ def in_words(record, digests):
            f"{whole(trainings[0]['AP50 before']['value'])} to {whole(ap50[0])} ... {whole(ap50[-1])} (median "
            f"{whole(statistics.median(ap50))}). {shipped_in_words(record, digests)}{near} training views lie near a start of an episode. Success: "
            f"{facts['Success rule']}; the strict rule is {facts['Strict rule']} (STOP within 0.1 m of a view point).")
-    yield (f"`{record['command']}`, commit {record['commit']}, {record['machine']['processor']}, {facts['Kernels']} kernels, "
-           f"{record['date']}. {digests_in_words(digests)}")
+    processor = record["machine"]["gpu"] or record["machine"]["processor"]
+    yield (f"`{record['command']}`, commit {record['commit']}, {processor}, {facts['Kernels']} kernels, "
+           f"{record['date']}. {digests_in_words(digests, record['machine']['gpu'] is not None)}")
 
 
 def headline_text(root, records):
     lines = list(table_lines(records))
     for record in records:
-        digests = read_json(os.path.join(root, "experiments/specs/digests", record["facts"]["Experiment"] + ".json"))
+        on_gpu = record["machine"]["gpu"] is not None
+        digests = read_json(os.path.join(root, digests_file(record["facts"]["Experiment"], on_gpu)))
         for paragraph in in_words(record, digests):
             lines += ["", wrapped(paragraph)]
     return "\n".join(lines)
