@@ -45,6 +45,9 @@ struct TrialRow {
   }
 };
 
+/// How it ended, for the rules of other profiles.
+[[nodiscard]] sim::TrialEnd trial_end(const TrialRow& trial);
+
 template <AnyConst<Attribution> Why, class F>
 void visit_columns(Why& why, F&& f) {
   using enum Part;

@@ -297,18 +297,18 @@ Attribution attribute(const AttributionContext& context, const sim::TrialResult&
   return why;
 }
 
-sim::TrialEnd trial_end(const Attribution& why, std::optional<double> distance_to_goal_m,
-                        int contacts, double sim_s, double path_m, double shortest_path_m) {
+sim::TrialEnd trial_end(const Attribution& why, const sim::TrialResult& result) {
   sim::TrialEnd end;
   end.stopped = why.stopped;
-  end.view_point_m = distance_to_goal_m.value_or(kInfinity);
+  end.declared = result.stop_reason == core::StopReason::kGoalReached;
+  end.view_point_m = result.distance_to_goal_m;
   end.object_m = why.object_m.value_or(kInfinity);
   end.planar_m = why.planar_m.value_or(kInfinity);
   end.visible_px = why.final_visible_px;
-  end.contacts = contacts;
-  end.time_s = sim_s;
-  end.path_m = path_m;
-  end.shortest_path_m = shortest_path_m;
+  end.contacts = result.contacts;
+  end.time_s = result.sim_s;
+  end.path_m = result.path_m;
+  end.shortest_path_m = result.shortest_path_m;
   end.shortest_object_m = why.shortest_object_m.value_or(kInfinity);
   return end;
 }

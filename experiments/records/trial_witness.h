@@ -156,9 +156,7 @@ struct AttributionContext {
                                     const TrialWitness& witness,
                                     std::vector<double>* distance_m = nullptr);
 
-/// The end of a stored trial as the rules of other profiles want it.
-[[nodiscard]] sim::TrialEnd trial_end(const Attribution& why,
-                                      std::optional<double> distance_to_goal_m, int contacts,
-                                      double sim_s, double path_m, double shortest_path_m);
+/// The end of a trial as the rules of other profiles want it.
+[[nodiscard]] sim::TrialEnd trial_end(const Attribution& why, const sim::TrialResult& result);
 
 }  // namespace segsim::experiments::records

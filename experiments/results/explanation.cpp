@@ -179,9 +179,7 @@ std::string perception_words(const records::TrialRow& trial) {
 }
 
 std::string profile_words(const records::TrialRow& trial) {
-  const sim::TrialEnd end =
-      records::trial_end(trial.why, trial.distance_to_goal_m, trial.contacts, trial.sim_s,
-                         trial.path_m, trial.shortest_path_m);
+  const sim::TrialEnd end = records::trial_end(trial);
   std::string text;
   for (const sim::SuccessProfile& profile : sim::success_profiles()) {
     text += (text.empty() ? "" : ", ") + profile.name +

@@ -22,10 +22,8 @@ std::string points_text(const std::optional<MeanInterval>& difference) {
 }
 
 std::string strict_text(const ArmSummary& arm) {
-  for (const ProfileRate& rate : arm.insights.profiles) {
-    if (rate.profile == kStrictestRule) return share_text(rate.successes, arm.insights.trials);
-  }
-  return "-";
+  const ProfileRate* rate = arm.insights.by_rule(kStrictestRule);
+  return rate == nullptr ? "-" : share_text(rate->successes, arm.insights.trials);
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include "core/formatted.h"
 #include "experiments/results/leakage.h"
 #include "experiments/results/table_grids.h"
+#include "experiments/results/training_grids.h"
 #include "experiments/support/text_grid.h"
 
 namespace segsim::experiments::results {
@@ -76,6 +77,38 @@ Grid grid_of(const std::vector<Row>& rows) {
            internal::compared_leakage_word(table, scene.name)});
     }
     grid.rows.push_back(std::move(cells));
+  }
+  return grid;
+}
+
+std::string strict_text(const ArmSummary* arm) {
+  const ProfileRate* rate =
+      arm == nullptr ? nullptr : arm->insights.by_rule(internal::kStrictestRule);
+  if (rate == nullptr) return "-";
+  const int trials = arm->insights.trials;
+  return print("%d/%d", rate->successes, trials) +
+         print("  %.0f %%", 100.0 * rate->successes / trials);
+}
+
+/// The run's own rule of success beside the strictest named one, and the arms that bound it.
+Grid rules_grid(const std::vector<Row>& rows) {
+  Grid grid{"The same trials by two rules of success",
+            {"Scene here", "Rule", "Before", "After", "Oracle", "Random policy"},
+            {}};
+  for (const Row& row : rows) {
+    if (row.scene == nullptr) continue;
+    const ResultTable& table = *row.entry->result;
+    const auto add = [&](const std::string& rule, auto&& text_of) {
+      std::vector<std::string> cells{row.scene->title, rule};
+      for (const std::string& arm :
+           {table.before, table.after, table.oracle, std::string("random")}) {
+        cells.push_back(text_of(row.scene->find(arm)));
+      }
+      grid.rows.push_back(std::move(cells));
+    };
+    add(internal::profile_name(table), internal::rate_text);
+    if (internal::profile_name(table) == internal::kStrictestRule) continue;
+    add(internal::kStrictestRule, strict_text);
   }
   return grid;
 }
@@ -175,10 +208,12 @@ std::span<const PaperNavigationRow> paper_table3() {
 std::string format_navigation_table(std::span<const NavigationEntry> entries,
                                     support::TableFormat format) {
   if (format == support::TableFormat::kJson) return json_text(entries);
-  const Grid grid = grid_of(rows_of(entries));
+  const std::vector<Row> rows = rows_of(entries);
+  const Grid grid = grid_of(rows);
   if (format == support::TableFormat::kCsv)
     return support::internal::csv_of({grid.header, grid.rows});
-  return support::internal::document_text({"", {grid}, notes_of(entries)}, format);
+  return support::internal::document_text({"", {grid, rules_grid(rows)}, notes_of(entries)},
+                                          format);
 }
 
 }  // namespace segsim::experiments::results

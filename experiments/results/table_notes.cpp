@@ -207,6 +207,28 @@ void note_comparison(ResultTable& table) {
   }
 }
 
+/// A robot that gives up may stand where another rule would call it a success.
+void note_any_stop(ResultTable& table) {
+  for (const GroupSummary& scene : table.scenes) {
+    std::string arms;
+    for (const ArmSummary& arm : scene.arms) {
+      const TrialInsights& seen = arm.insights;
+      if (seen.profiles.empty()) continue;
+      if (seen.any_stop_successes == seen.profiles.front().successes) continue;
+      arms += (arms.empty() ? "" : ", ") + arm.arm + " " +
+              std::to_string(seen.any_stop_successes) + "/" + std::to_string(seen.trials) +
+              " instead of " + std::to_string(seen.profiles.front().successes);
+    }
+    if (arms.empty()) continue;
+    table.notes.push_back(
+        scene.title + ": some trials gave up in sight of the goal. " +
+        sim::success_profiles().front().name +
+        " counts a STOP only of a policy that says that it found the goal, the rules of "
+        "others any STOP; if it did the same, " +
+        arms + " would succeed.");
+  }
+}
+
 void note_oracle(ResultTable& table) {
   if (table.oracle.empty()) {
     table.notes.emplace_back(
@@ -271,6 +293,7 @@ void add_notes(ResultTable& table, const std::vector<records::TrialRow>& trials)
   note_excluded(table, trials);
   note_validation(table);
   note_comparison(table);
+  note_any_stop(table);
   note_oracle(table);
   note_provenance(table);
 }

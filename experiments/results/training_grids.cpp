@@ -21,11 +21,10 @@ Proportion rate_by_rule(const ResultTable& table, const std::string& arm,
   for (const GroupSummary& scene : table.scenes) {
     const ArmSummary* summary = scene.find(arm);
     if (summary == nullptr) continue;
-    for (const ProfileRate& profile : summary->insights.profiles) {
-      if (profile.profile != rule) continue;
-      rate.successes += profile.successes;
-      rate.trials += summary->insights.trials;
-    }
+    const ProfileRate* of_scene = summary->insights.by_rule(rule);
+    if (of_scene == nullptr) continue;
+    rate.successes += of_scene->successes;
+    rate.trials += summary->insights.trials;
   }
   return rate;
 }

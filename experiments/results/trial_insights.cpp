@@ -15,6 +15,13 @@ std::optional<double> median(std::vector<int> values) {
 
 }  // namespace
 
+const ProfileRate* TrialInsights::by_rule(std::string_view profile) const {
+  for (const ProfileRate& rate : profiles) {
+    if (rate.profile == profile) return &rate;
+  }
+  return nullptr;
+}
+
 TrialInsights gain_insights(std::span<const records::TrialRow* const> trials) {
   TrialInsights insights;
   std::map<std::string, int> causes;
@@ -24,6 +31,8 @@ TrialInsights gain_insights(std::span<const records::TrialRow* const> trials) {
   for (const sim::SuccessProfile& profile : sim::success_profiles()) {
     insights.profiles.push_back({profile.name, 0, 0.0});
   }
+  sim::SuccessProfile any_stop;
+  any_stop.any_stop = true;
   for (const records::TrialRow* trial : trials) {
     const records::Attribution& why = trial->why;
     if (!trial->counts() || !why.known()) continue;
@@ -44,9 +53,8 @@ TrialInsights gain_insights(std::span<const records::TrialRow* const> trials) {
     if (trial->first_visible_tick >= 0 && why.first_true_tick >= 0) {
       delays.push_back(why.first_true_tick - trial->first_visible_tick);
     }
-    const sim::TrialEnd end =
-        records::trial_end(why, trial->distance_to_goal_m, trial->contacts, trial->sim_s,
-                           trial->path_m, trial->shortest_path_m);
+    const sim::TrialEnd end = records::trial_end(*trial);
+    insights.any_stop_successes += sim::succeeded(any_stop, end) ? 1 : 0;
     std::size_t k = 0;
     for (const sim::SuccessProfile& profile : sim::success_profiles()) {
       insights.profiles[k].successes += sim::succeeded(profile, end) ? 1 : 0;

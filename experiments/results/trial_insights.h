@@ -7,6 +7,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -34,9 +35,13 @@ struct TrialInsights {
   double false_clouds = 0.0;          ///< Per trial, at its end.
   /// The same; none if a trial is older than the difference to false ones.
   std::optional<double> misplaced_clouds;
-  double collision_ticks = 0.0;       ///< Per trial.
+  double collision_ticks = 0.0;  ///< Per trial.
+  /// By segsim-object, were a STOP for any reason good enough for it as for other rules.
+  int any_stop_successes = 0;
   std::vector<ProfileRate> profiles;  ///< Of success_profiles(); empty without trials.
 
+  /// Null without trials.
+  [[nodiscard]] const ProfileRate* by_rule(std::string_view profile) const;
   /// Of the images that show the goal; none if there is no such image.
   [[nodiscard]] std::optional<double> recall() const {
     if (visible_frames == 0) return std::nullopt;

@@ -183,6 +183,7 @@ class Watcher {
     result.shortest_path_m = to_goal.at(begin.p_m, sim::DistanceField::kBaseSnap_m);
     sim::TrialEnd end;
     end.stopped = step.stop.has_value();
+    end.declared = step.stop == core::StopReason::kGoalReached;
     end.view_point_m = result.view_point_m;
     end.visible_px = result.visible_px;
     end.path_m = result.path_m;

@@ -42,9 +42,7 @@ Json strict_success(const records::TrialRow& trial) {
   const sim::SuccessProfile* rule =
       sim::find_success_profile(results::internal::kStrictestRule);
   if (rule == nullptr || !trial.counts() || !trial.why.known()) return nullptr;
-  return sim::succeeded(*rule,
-                        records::trial_end(trial.why, trial.distance_to_goal_m, trial.contacts,
-                                           trial.sim_s, trial.path_m, trial.shortest_path_m));
+  return sim::succeeded(*rule, records::trial_end(trial));
 }
 
 void for_each_row(const results::StoredRun& stored,

@@ -379,11 +379,7 @@ records::Attribution TrialRunner::judge_trial(const TrialTask& task,
                                             goal_index,         spec_.time_limit_s};
   records::Attribution why = records::attribute(context, result, witness, &distance_m);
   if (rule.rule == sim::SuccessRule::kViewPoint) return why;
-  const std::optional<double> end_m = std::isfinite(result.distance_to_goal_m)
-                                          ? std::optional(result.distance_to_goal_m)
-                                          : std::nullopt;
-  const sim::TrialEnd end = records::trial_end(why, end_m, result.contacts, result.sim_s,
-                                               result.path_m, result.shortest_path_m);
+  const sim::TrialEnd end = records::trial_end(why, result);
   result.success = sim::succeeded(rule, end);
   result.spl = sim::profile_spl(rule, end);
   if (result.success) {

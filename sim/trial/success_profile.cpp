@@ -24,12 +24,12 @@ std::string print(double value) {
 const std::vector<SuccessProfile>& success_profiles() {
   using enum SuccessRule;
   static const std::vector<SuccessProfile> profiles{
-      {"segsim-object", kViewPoint, 1.0, true, 40, kInfinity},
-      {"habitat-hm3d", kViewPoint, 0.1, false, 40, kInfinity},
-      {"apexnav", kViewPoint, 0.2, false, 40, kInfinity},
-      {"semexp-gibson", kObjectArea, 0.0, false, 40, kInfinity},
-      {"allenact-robothor", kInView, 0.0, true, 40, kInfinity},
-      {"barn", kGoalPosition, 1.0, false, 40, 100.0},
+      {"segsim-object", kViewPoint, 1.0, true, 40, kInfinity, false},
+      {"habitat-hm3d", kViewPoint, 0.1, false, 40, kInfinity, true},
+      {"apexnav", kViewPoint, 0.2, false, 40, kInfinity, true},
+      {"semexp-gibson", kObjectArea, 0.0, false, 40, kInfinity, true},
+      {"allenact-robothor", kInView, 0.0, true, 40, kInfinity, true},
+      {"barn", kGoalPosition, 1.0, false, 40, 100.0, true},
   };
   return profiles;
 }
@@ -61,14 +61,15 @@ std::string in_words(const SuccessProfile& profile) {
 
 bool succeeded(const SuccessProfile& profile, const TrialEnd& end) {
   const bool in_view = end.visible_px >= profile.visible_px;
+  const bool stopped = profile.any_stop ? end.stopped : end.declared;
   switch (profile.rule) {
     case SuccessRule::kViewPoint:
-      return end.stopped && end.view_point_m < profile.distance_m &&
+      return stopped && end.view_point_m < profile.distance_m &&
              (in_view || !profile.require_visible);
     case SuccessRule::kObjectArea:
-      return end.stopped && end.object_m == 0.0;
+      return stopped && end.object_m == 0.0;
     case SuccessRule::kInView:
-      return end.stopped && in_view;
+      return stopped && in_view;
     case SuccessRule::kGoalPosition:
       return end.planar_m <= profile.distance_m && end.contacts == 0 &&
              end.time_s < profile.time_limit_s;

@@ -5,9 +5,9 @@
 /// different rules do not compare. A profile is a rule with a name that stands beside every
 /// rate.
 ///
-///     segsim-object      STOP, d < 1 m, a goal object in view         (ours)
-///     habitat-hm3d       STOP, d < 0.1 m       habitat-lab 0fb6f43, objectnav.yaml, nav.py
-///     apexnav            STOP, d < 0.2 m       ApexNav, habitat_eval configuration
+///     segsim-object      STOP because the goal was found, d < 1 m, a goal object in view
+///     (ours) habitat-hm3d       STOP, d < 0.1 m       habitat-lab 0fb6f43, objectnav.yaml,
+///     nav.py apexnav            STOP, d < 0.2 m       ApexNav, habitat_eval configuration
 ///     semexp-gibson      STOP within 1 m (along the floor) of the object
 ///                                              SemExp 5d76902, envs/habitat/objectgoal_env.py
 ///     allenact-robothor  STOP with an object of the class in view
@@ -15,7 +15,9 @@
 ///     barn               within 1 m of the goal, no contact, 100 s
 ///                                              the-barn-challenge bf5a226, run.py
 ///
-/// d: geodesic distance to the nearest view point. "Below" is strict everywhere but in barn.
+/// The rules of others count a STOP for any reason, also of a policy that gives up: that is
+/// what their programs see. d: geodesic distance to the nearest view point. "Below" is strict
+/// everywhere but in barn.
 
 #include <cstdint>
 #include <limits>
@@ -26,7 +28,8 @@ namespace segsim::sim {
 
 /// What a trial ended with: all that a rule may ask for.
 struct TrialEnd {
-  bool stopped = false;  ///< The policy called STOP, for whatever reason.
+  bool stopped = false;   ///< The policy called STOP, for whatever reason.
+  bool declared = false;  ///< And the reason was that it had reached its goal.
   double view_point_m = std::numeric_limits<double>::infinity();  ///< d.
   /// Geodesic to the nearest place within 1 m (in plan) of a goal object; 0 there.
   double object_m = std::numeric_limits<double>::infinity();
@@ -49,6 +52,7 @@ struct SuccessProfile {
   bool require_visible = true;  ///< kViewPoint: besides the distance.
   int visible_px = 40;          ///< From so many pixels of one goal object on it is in view.
   double time_limit_s = std::numeric_limits<double>::infinity();  ///< kGoalPosition.
+  bool any_stop = false;  ///< Whether a policy that gives up can succeed by where it stands.
 
   bool operator==(const SuccessProfile&) const = default;
 };

@@ -38,8 +38,8 @@ results::NavigationEntry entry_of(const char* paper_scene, const char* title,
 void print_table3(const Flags& flags) {
   const support::TableFormat format = results::table_format_from(flags.format);
   std::vector<results::NavigationEntry> entries{
-      entry_of("Laboratory Room", "Break room", flags.room, "breakroom"),
-      entry_of("House", "House", flags.house, "house")};
+      entry_of("Laboratory Room", "Break room", flags.room, "chain_breakroom"),
+      entry_of("House", "House", flags.house, "chain_house")};
   for (const fs::path& work : flags.others) {
     entries.push_back({"", work.string(), results::summarise(results::load_run(work)), {}});
   }
@@ -92,10 +92,11 @@ CLI::App& add_run_table(CLI::App& app) {
 void add_navigation_table(CLI::App& table) {
   auto flags = std::make_shared<Flags>();
   CLI::App* command = add_listed(table, kTableCommands, "3");
-  command->add_option("--room", flags->room,
-                      "Work folder for the paper's Laboratory Room (default: out/breakroom)");
+  command->add_option(
+      "--room", flags->room,
+      "Work folder for the paper's Laboratory Room (default: out/chain_breakroom)");
   command->add_option("--house", flags->house,
-                      "Work folder for the paper's House (default: out/house)");
+                      "Work folder for the paper's House (default: out/chain_house)");
   command
       ->add_option("--other", flags->others, "Work folders of further runs, one row a scene")
       ->allow_extra_args(false);

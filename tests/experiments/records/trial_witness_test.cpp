@@ -373,6 +373,7 @@ TEST(TrialInsights, OneTrialUnderEveryRule) {
   row.success = true;
   row.why.cause = "did_not_fail";
   row.why.stopped = true;
+  row.stop_reason = "goal_reached";
   row.why.final_visible_px = 500;
   row.why.object_m = 0.0;
   row.why.shortest_object_m = 3.0;
@@ -394,6 +395,16 @@ TEST(TrialInsights, OneTrialUnderEveryRule) {
   EXPECT_EQ(rates["allenact-robothor"], std::make_pair(1, 0.5));
   // OT = 4 / 2 = 2 s, t = 10 s within [4, 16]: 0.2.
   EXPECT_EQ(rates["barn"], std::make_pair(1, 0.2));
+
+  row.success = false;
+  row.outcome = "gave_up";
+  row.stop_reason =
+      "no_frontier_left";  // In the same place: for the rules of others the same.
+  const results::TrialInsights given_up = results::gain_insights(rows);
+  EXPECT_EQ(given_up.profiles[0].successes, 0);
+  EXPECT_EQ(given_up.any_stop_successes, 1);
+  EXPECT_EQ(given_up.profiles[4].profile, "allenact-robothor");
+  EXPECT_EQ(given_up.profiles[4].successes, 1);
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/check.h"
+#include "experiments/results/training_grids.h"
 
 namespace segsim::experiments {
 namespace {
@@ -55,6 +56,20 @@ TEST(NavigationTable, StandsBesideThePapersRowsAndTheirMissingNumber) {
   EXPECT_THAT(text, HasSubstr("| House | 25 % | 50 % | not given | House | not run | - |"));
   EXPECT_THAT(text, HasSubstr("Not run: House: make it with segsim run"));
   EXPECT_THAT(text, HasSubstr("room: LEAKAGE scene"));
+}
+
+TEST(NavigationTable, TheStrictestRuleStandsBesideTheRunsOwn) {
+  std::vector<results::NavigationEntry> runs = entries();
+  for (results::ArmSummary& arm : runs[0].result->scenes[0].arms) {
+    arm.insights.trials = 10;
+    arm.insights.profiles = {{results::internal::kStrictestRule, arm.arm == "before" ? 1 : 4}};
+  }
+  const std::string text =
+      results::format_navigation_table(runs, support::TableFormat::kMarkdown);
+  EXPECT_THAT(text, HasSubstr("| Break room | segsim-object | 1/10  10 % [2, 40] | 9/10"));
+  EXPECT_THAT(
+      text,
+      HasSubstr("| Break room | habitat-hm3d | 1/10  10 % | 4/10  40 % | 4/10  40 % | - |"));
 }
 
 TEST(NavigationTable, WhatIsNotKnownIsUnknown) {

@@ -76,6 +76,7 @@ inline std::vector<records::TrialRow> ten_attributed_episodes() {
       t.why.first_true_tick = 23;
       t.why.detected_frames = 6;
       t.why.stopped = true;
+      t.stop_reason = "goal_reached";
       t.why.final_visible_px = 100;
       t.why.object_m = t.why.planar_m = 0.0;
       t.why.shortest_object_m = 1.0;

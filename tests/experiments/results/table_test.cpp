@@ -11,6 +11,7 @@
 namespace segsim::experiments {
 namespace {
 
+using testing::AllOf;
 using testing::Contains;
 using testing::HasSubstr;
 using testing::Not;
@@ -123,6 +124,24 @@ TEST(Table, EpisodeSetsThatAreHardForTheOracleAreFlagged) {
   scenes[0].oracle_successes = 19;
   EXPECT_THAT(results::summarise(a_run(30), scenes, kArms, ten_episodes()).notes,
               Contains(HasSubstr("Flat: the oracle-path arm solved 19/20 of the")));
+}
+
+TEST(Table, WhoGaveUpInSightOfTheGoalIsTold) {
+  std::vector<records::TrialRow> trials = ten_attributed_episodes();
+  const auto notes = [&] {
+    return results::summarise(a_run(30), kScenes, kArms, trials).notes;
+  };
+  EXPECT_THAT(notes(), Not(Contains(HasSubstr("gave up in sight"))));
+  const auto given_up = std::find_if(trials.begin(), trials.end(), [](const auto& t) {
+    return t.arm == "before" && t.success;
+  });
+  ASSERT_NE(given_up, trials.end());
+  given_up->success = false;
+  given_up->outcome = "gave_up";
+  given_up->stop_reason = "no_frontier_left";
+  given_up->why.cause = "false_negative";
+  EXPECT_THAT(notes(), Contains(AllOf(HasSubstr("Flat: some trials gave up in sight"),
+                                      HasSubstr("before 4/10 instead of 3 would succeed"))));
 }
 
 TEST(Table, FewDiscordantPairsAndAWeakOracleAreTold) {

@@ -19,7 +19,7 @@ const SuccessProfile& profile(const std::string& name) {
 /// A stop beside the goal that every profile accepts.
 TrialEnd good_end() {
   TrialEnd end;
-  end.stopped = true;
+  end.stopped = end.declared = true;
   end.view_point_m = 0.05;
   end.object_m = 0.0;
   end.planar_m = 0.05;
@@ -57,9 +57,17 @@ TEST(SuccessProfile, TheDistanceIsStrict) {
   EXPECT_FALSE(succeeded(profile("segsim-object"), end));
 }
 
+TEST(SuccessProfile, OnlyOursAsksForTheReasonOfAStop) {
+  TrialEnd end = good_end();
+  end.declared = false;
+  for (const SuccessProfile& p : success_profiles()) {
+    EXPECT_EQ(succeeded(p, end), p.name != "segsim-object") << p.name;
+  }
+}
+
 TEST(SuccessProfile, WithoutStopOnlyBarnSucceeds) {
   TrialEnd end = good_end();
-  end.stopped = false;
+  end.stopped = end.declared = false;
   for (const SuccessProfile& p : success_profiles()) {
     EXPECT_EQ(succeeded(p, end), p.name == "barn") << p.name;
   }
@@ -78,7 +86,7 @@ TEST(SuccessProfile, WhoAsksForAView) {
 
 TEST(SuccessProfile, OffTheFloorNothingByDistanceSucceeds) {
   TrialEnd end;
-  end.stopped = true;
+  end.stopped = end.declared = true;
   end.visible_px = 1000;
   for (const SuccessProfile& p : success_profiles()) {
     EXPECT_EQ(succeeded(p, end), p.name == "allenact-robothor") << p.name;
