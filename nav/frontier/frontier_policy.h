@@ -65,7 +65,7 @@ struct FrontierPolicyOptions {
 [[nodiscard]] FrontierPolicyOptions frontier_for(const core::RobotBase& robot,
                                                  FrontierPolicyOptions wanted = {});
 
-/// Stop reasons: "goal_reached", "no_frontier_left", "stuck", "map_exhausted".
+/// Stop reasons: kGoalReached, kNoFrontierLeft, kStuck, kMapExhausted.
 /// @throws ContractViolation for options out of range.
 [[nodiscard]] std::unique_ptr<core::Policy> make_frontier_policy(
     const FrontierPolicyOptions& options = {});

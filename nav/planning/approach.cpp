@@ -49,6 +49,7 @@ class CandidatesByCost {
   struct Priced {
     double cost_m;
     std::size_t index;
+    // NOLINTNEXTLINE(modernize-use-nullptr): it means the 0 of <=>.
     auto operator<=>(const Priced&) const = default;
   };
 

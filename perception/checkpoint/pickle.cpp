@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <ranges>
 #include <unordered_map>
 
 #include "core/check.h"
@@ -108,7 +109,7 @@ class PickleMachine {
   }
   void push_tuple_of(int count) {
     std::vector<ValueId> items(static_cast<std::size_t>(count));
-    for (auto item = items.rbegin(); item != items.rend(); ++item) *item = pop();
+    for (ValueId& item : std::views::reverse(items)) item = pop();
     push_tuple(std::move(items));
   }
 

@@ -160,7 +160,7 @@ const std::vector<std::string>& train_models() {
     for (const auto scale : yolov13::kAllScales) {
       names.push_back(kYolo + std::string(1, yolov13::table_of(scale).letter));
     }
-    names.push_back(kCenterNet);
+    names.emplace_back(kCenterNet);
     return names;
   }();
   return models;

@@ -101,10 +101,12 @@ std::unique_ptr<RgbdSequence> open_replica(const fs::path& folder,
         options, [&] { return replica_classes(folder); }, parts.warnings);
     parts.has_masks = parts.label_map.has_value();
   }
-  for (const auto& [number, rgb] : colors) {
+  for (const auto& color : colors) {
+    const std::int64_t number =
+        color.first;  // Clang before 16 captures no structured binding.
     FrameFiles frame;
-    frame.name = rgb.stem().string();
-    frame.rgb = rgb;
+    frame.name = color.second.stem().string();
+    frame.rgb = color.second;
     const auto index = static_cast<std::size_t>(number);
     if (accept_frame(options.on_bad_frame, frame.name, parts.warnings, [&] {
           if (index >= poses.size()) {

@@ -56,10 +56,12 @@ void read_frames(const fs::path& folder, const SequenceOptions& options,
   const auto colors = numbered_files(folder / "color", "", {".jpg", ".png"});
   const auto depths = numbered_files(folder / "depth", "", {".png"});
   std::size_t lost = 0;
-  for (const auto& [number, rgb] : colors) {
+  for (const auto& color : colors) {
+    const std::int64_t number =
+        color.first;  // Clang before 16 captures no structured binding.
     FrameFiles frame;
     frame.name = std::to_string(number);
-    frame.rgb = rgb;
+    frame.rgb = color.second;
     bool tracked = true;
     const bool accepted = accept_frame(options.on_bad_frame, frame.name, parts.warnings, [&] {
       frame.depth_png = file_of(depths, number, folder / "depth" / (frame.name + ".png"));

@@ -22,6 +22,7 @@ namespace segsim::reconstruction {
 /// Class and instance of a pixel. Class 0 is void, instance 0 is none.
 struct Label {
   std::uint16_t class_id = 0, instance_id = 0;
+  // NOLINTNEXTLINE(modernize-use-nullptr): it means the 0 of <=>.
   auto operator<=>(const Label&) const = default;
 };
 

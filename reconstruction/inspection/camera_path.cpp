@@ -12,7 +12,6 @@
 namespace segsim::reconstruction {
 namespace {
 
-using core::print;
 using internal::degrees;
 using internal::turn_rad;
 using internal::way_m;

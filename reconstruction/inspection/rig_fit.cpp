@@ -249,11 +249,11 @@ Parameters Fitter::search() const {
 }
 
 double Fitter::displacement_px(const Parameters& a, const Parameters& b) const {
-  const Transforms Ta = transforms(a), Tb = transforms(b);
+  const Transforms of_a = transforms(a), of_b = transforms(b);
   std::vector<double> moved_px;
   for (std::size_t v = 0; v < views_.size(); ++v) {
     for (const ContourPoint& point : views_[v]->points) {
-      moved_px.push_back(glm::distance(project(Ta[v], point), project(Tb[v], point)));
+      moved_px.push_back(glm::distance(project(of_a[v], point), project(of_b[v], point)));
     }
   }
   return internal::median(std::move(moved_px));

@@ -12,7 +12,6 @@
 namespace segsim::reconstruction {
 namespace {
 
-using core::print;
 using internal::degrees;
 
 constexpr double kSector_rad = 2.0 * std::numbers::pi / ViewDirections::kSectors;

@@ -50,8 +50,9 @@ void QuerySeeder::add_frame(std::int64_t frame, const core::FrameMasks& masks,
     choose(candidates, static_cast<std::size_t>(config_.seeds_per_mask), random);
     for (const std::size_t i : candidates) {
       const auto width = static_cast<std::size_t>(depth_m.width_px());
+      const std::size_t row = i / width;
       const glm::dvec2 px(static_cast<double>(i % width) + 0.5,
-                          static_cast<double>(i / width) + 0.5);
+                          static_cast<double>(row) + 0.5);
       const glm::dvec3 p_camera_m =
           camera.back_project(px, static_cast<double>(depth_m.data()[i]));
       points_.push_back(
@@ -71,6 +72,7 @@ std::vector<glm::vec3> QuerySeeder::seeds_m() const {
     sum.count += 1.0;
   }
   std::vector<glm::vec3> seeds;
+  seeds.reserve(voxels.size());
   for (const auto& [key, sum] : voxels) seeds.emplace_back(sum.position_m / sum.count);
   const auto most = static_cast<std::size_t>(config_.max_queries);
   core::RandomStream random(seed_, "query_subset");

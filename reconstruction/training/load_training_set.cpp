@@ -130,9 +130,9 @@ TrainingSet load_training_set(
     const std::function<void(std::int64_t done, std::int64_t total)>& progress) {
   SEGSIM_CHECK(options.frame_step >= 1 && options.shrink >= 1,
                std::to_string(options.frame_step) + ", " + std::to_string(options.shrink));
-  const auto [training, held_out] =
+  const FrameSplit split =
       split_frames(recording.frame_count(), options.frame_step, options.held_out_every);
-  if (training.empty()) {
+  if (split.used.empty()) {
     throw core::InputError::expected(
         recording.name(), "frames to train on",
         std::to_string(recording.frame_count()) + " frames, all held out");
@@ -148,20 +148,20 @@ TrainingSet load_training_set(
   if (options.labels)
     set.classes = masks != nullptr ? masks->info().classes : recording.classes();
   set.has_true_labels = options.labels && recording.has_masks();
-  const std::size_t total = training.size() + held_out.size();
+  const std::size_t total = split.used.size() + split.held_out.size();
   const auto report = [&](std::size_t done) {
     if (progress) progress(static_cast<std::int64_t>(done), static_cast<std::int64_t>(total));
   };
   load_all(
-      training, set.training,
+      split.used, set.training,
       [&](std::size_t i) { return load_view(recording, masks, i, options, options.labels); },
       report);
   load_all(
-      held_out, set.held_out,
+      split.held_out, set.held_out,
       [&](std::size_t i) {
         return load_view(recording, nullptr, i, options, set.has_true_labels);
       },
-      [&](std::size_t done) { report(training.size() + done); });
+      [&](std::size_t done) { report(split.used.size() + done); });
   Duplicates duplicates(set.warnings);
   duplicates.remove(set.held_out);
   duplicates.remove(set.training);

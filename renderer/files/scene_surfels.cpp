@@ -28,7 +28,7 @@ SceneSurfels load_unedited_surfels(const core::SceneBundle& bundle) {
 
 SceneSurfels load_scene_surfels(const core::SceneBundle& bundle) {
   const core::BundleParts parts = core::load_bundle_parts(bundle.folder);
-  const SceneSurfels unedited = load_unedited(bundle, parts);
+  SceneSurfels unedited = load_unedited(bundle, parts);
   if (parts.label_edits.name.empty()) return unedited;
   if (!unedited.surfels->has_labels()) {
     throw core::InputError::expected(bundle.surfels_file().string(),

@@ -61,7 +61,7 @@ __attribute__((format(printf, 1, 2))) std::string text(const char* format, ...) 
 std::string plugin(GazeboFlavour flavour, const char* file, const char* name,
                    const std::string& content = {}) {
   const bool older = flavour == GazeboFlavour::kIgnition;
-  return text("<plugin filename=\"%s-%s-system\" name=\"%s::systems::%s\">",
+  return text(R"(<plugin filename="%s-%s-system" name="%s::systems::%s">)",
               older ? "ignition-gazebo" : "gz-sim", file,
               older ? "ignition::gazebo" : "gz::sim", name) +
          content + "</plugin>\n";
@@ -96,9 +96,9 @@ std::string camera_sensors(const GazeboWorldOptions& options) {
       "<pose>0 0 %.9g 0 %.17g 0</pose><update_rate>%.9g</update_rate>"
       "<always_on>true</always_on>",
       options.camera_height_m - kBaseHeight_m, options.camera_pitch_down_rad, options.rate_hz);
-  return "<sensor name=\"front\" type=\"rgbd_camera\">" + mounting +
+  return R"(<sensor name="front" type="rgbd_camera">)" + mounting +
          "<topic>camera</topic><camera>" + optics + "</camera></sensor>\n" +
-         "<sensor name=\"front_labels\" type=\"segmentation\">" + mounting +
+         R"(<sensor name="front_labels" type="segmentation">)" + mounting +
          "<topic>panoptic</topic><camera><segmentation_type>panoptic</segmentation_type>" +
          optics + "</camera></sensor>\n";
 }
@@ -106,7 +106,7 @@ std::string camera_sensors(const GazeboWorldOptions& options) {
 std::string other_sensors() {
   const std::string laser_pose =
       text("<pose>0.12 0 %.4g 0 0 0</pose>", kChassisHeight_m + 0.03);
-  return "<sensor name=\"laser\" type=\"gpu_lidar\">" + laser_pose +
+  return R"(<sensor name="laser" type="gpu_lidar">)" + laser_pose +
          text(
              "<topic>scan</topic><update_rate>%g</update_rate><lidar><scan><horizontal>"
              "<samples>%d</samples><resolution>1</resolution><min_angle>%.17g</min_angle>"
@@ -115,14 +115,12 @@ std::string other_sensors() {
              "<mean>0</mean><stddev>%g</stddev></noise></lidar></sensor>\n",
              kLaserRate_hz, kLaserBeams, -kLaserHalfAngle_rad, kLaserHalfAngle_rad,
              kLaserNear_m, kLaserFar_m, kLaserNoise_m) +
-         text(
-             "<sensor name=\"imu\" type=\"imu\"><topic>imu</topic><always_on>true</always_on>"
-             "<update_rate>%g</update_rate></sensor>\n",
-             kImuRate_hz) +
-         text(
-             "<sensor name=\"gps\" type=\"navsat\"><topic>gps</topic><always_on>true"
-             "</always_on><update_rate>%g</update_rate></sensor>\n",
-             kGpsRate_hz);
+         text(R"(<sensor name="imu" type="imu"><topic>imu</topic><always_on>true</always_on>)"
+              "<update_rate>%g</update_rate></sensor>\n",
+              kImuRate_hz) +
+         text(R"(<sensor name="gps" type="navsat"><topic>gps</topic><always_on>true)"
+              "</always_on><update_rate>%g</update_rate></sensor>\n",
+              kGpsRate_hz);
 }
 
 std::string base_link(const GazeboWorldOptions& options) {

@@ -79,7 +79,8 @@ class Schedule {
     std::size_t stage = 0;
     std::uint64_t index = 0;
     core::TimeNs release_ns = 0;
-    auto operator<=>(const Job&) const = default;  // Who goes first.
+    // Who goes first. NOLINTNEXTLINE(modernize-use-nullptr): it means the 0 of <=>.
+    auto operator<=>(const Job&) const = default;
   };
   struct Event {
     core::TimeNs time_ns = 0;

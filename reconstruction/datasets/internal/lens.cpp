@@ -102,7 +102,7 @@ core::Image<core::Rgb8> Undistortion::color(const core::Image<core::Rgb8>& image
     const auto blend = [&](std::uint8_t core::Rgb8::*channel) {
       const float above = (1.0F - fx) * image(x0, y0).*channel + fx * image(x1, y0).*channel;
       const float below = (1.0F - fx) * image(x0, y1).*channel + fx * image(x1, y1).*channel;
-      return static_cast<std::uint8_t>((1.0F - fy) * above + fy * below + 0.5F);
+      return static_cast<std::uint8_t>(std::floor((1.0F - fy) * above + fy * below + 0.5F));
     };
     straight.pixels()[i] = {blend(&core::Rgb8::r), blend(&core::Rgb8::g),
                             blend(&core::Rgb8::b)};

@@ -110,6 +110,7 @@ std::vector<SegmentOverlap> cross(std::span<const Overlap> overlaps, Segmentatio
     }
   }
   std::vector<SegmentOverlap> result;
+  result.reserve(common.size());
   for (const auto& [pair, pixels] : common)
     result.push_back({pair.first, pair.second, pixels});
   return result;

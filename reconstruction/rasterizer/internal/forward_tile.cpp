@@ -202,13 +202,17 @@ namespace segsim::reconstruction::internal {
 namespace training {
 namespace {
 HWY_EXPORT(forward);
+
+void forward_of_processor(const TileView<float>& tile, TileRecord<float>& record,
+                          std::uint16_t* cells, float* max_weight) {
+  HWY_DYNAMIC_DISPATCH(forward)(tile, record, cells, max_weight);
+}
 }  // namespace
 }  // namespace training
 
 void forward_tile(const TileView<float>& tile, TileRecord<float>& record, std::uint16_t* cells,
                   float* max_weight) {
-  using namespace training;
-  HWY_DYNAMIC_DISPATCH(forward)(tile, record, cells, max_weight);
+  training::forward_of_processor(tile, record, cells, max_weight);
 }
 
 void forward_tile(const TileView<double>& tile, TileRecord<double>& record,

@@ -67,14 +67,17 @@ void find_entries(const TileView<Real>& tile, const std::uint16_t* cells, int ce
   out.weights.resize(out.entries.size());
 }
 
+void weigh_on_processor(const TileView<float>& tile, const TileRecord<float>& record, int cell,
+                        CellWeights<float>& out) {
+  HWY_DYNAMIC_DISPATCH(weigh)(tile, record, cell, out);
+}
 }  // namespace
 }  // namespace training
 
 void weigh_cell(const TileView<float>& tile, const TileRecord<float>& record,
                 const std::uint16_t* cells, int cell, CellWeights<float>& out) {
-  using namespace training;
-  find_entries(tile, cells, cell, out);
-  HWY_DYNAMIC_DISPATCH(weigh)(tile, record, cell, out);
+  training::find_entries(tile, cells, cell, out);
+  training::weigh_on_processor(tile, record, cell, out);
 }
 
 void weigh_cell(const TileView<double>& tile, const TileRecord<double>& record,

@@ -91,14 +91,14 @@ SEGSIM_STEREO_INLINE void warp(const core::Image<float>& source, const ViewWarp&
                                float inverse_m, Landing& landing, core::Image<float>& warped,
                                core::Image<float>& seen) {
   const int width = source.width_px(), height = source.height_px();
-  const glm::vec3 at_origin = map.A * glm::vec3(0.5F, 0.5F, 1.0F) + inverse_m * map.b;
-  const glm::vec3 by_x = map.A[0];
+  const glm::vec3 at_origin = map.a * glm::vec3(0.5F, 0.5F, 1.0F) + inverse_m * map.b;
+  const glm::vec3 by_x = map.a[0];
   const float largest_x = static_cast<float>(width) - 1.001F;
   const float largest_y = static_cast<float>(height) - 1.001F;
   int* pixel = landing.pixel.data();
   float *right = landing.right.data(), *down = landing.down.data();
   for (int y = 0; y < warped.height_px(); ++y) {
-    const glm::vec3 start = at_origin + static_cast<float>(y) * map.A[1];
+    const glm::vec3 start = at_origin + static_cast<float>(y) * map.a[1];
     float *out = warped.row(y), *valid = seen.row(y);
     for (int x = 0; x < width; ++x) {
       const auto along = static_cast<float>(x);
@@ -248,7 +248,7 @@ SweepPlanes sweep_planes(const DepthRange& range, std::span<const ViewWarp> warp
   float sum_px = 0.0F;
   for (const ViewWarp& map : warps) {
     const glm::vec3 middle =
-        map.A * glm::vec3(0.5F * static_cast<float>(camera.width_px),
+        map.a * glm::vec3(0.5F * static_cast<float>(camera.width_px),
                           0.5F * static_cast<float>(camera.height_px), 1.0F);
     // Disparity by inverse depth, where the middle of the image lands far away.
     const float gain = glm::length(glm::vec2(map.b) - glm::vec2(middle) / middle.z * map.b.z) /

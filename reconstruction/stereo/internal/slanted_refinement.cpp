@@ -106,10 +106,10 @@ class Trials {
  private:
   static float source_cost(const Window& window, int x, int y, const LocalPlane& plane,
                            const core::Image<std::uint16_t>& source, const ViewWarp& map) {
-    const glm::vec3 by_x = map.A[0] + plane.gradient.x * map.b;
-    const glm::vec3 by_y = map.A[1] + plane.gradient.y * map.b;
+    const glm::vec3 by_x = map.a[0] + plane.gradient.x * map.b;
+    const glm::vec3 by_y = map.a[1] + plane.gradient.y * map.b;
     const glm::vec3 middle =
-        map.A * glm::vec3(static_cast<float>(x) + 0.5F, static_cast<float>(y) + 0.5F, 1.0F) +
+        map.a * glm::vec3(static_cast<float>(x) + 0.5F, static_cast<float>(y) + 0.5F, 1.0F) +
         plane.inverse_m * map.b;
     const auto right = static_cast<float>(source.width_px() - 1);
     const auto bottom = static_cast<float>(source.height_px() - 1);

@@ -93,7 +93,7 @@ core::Image<float> agreed_depth(std::size_t reference, std::span<const std::uint
       int agree = 0, through = 0;
       float sum = inverse_m;
       for (std::size_t k = 0; k < others.size(); ++k) {
-        const glm::vec3 h = warps[k].A * px + inverse_m * warps[k].b;
+        const glm::vec3 h = warps[k].a * px + inverse_m * warps[k].b;
         if (!(h.z > 1e-6F)) continue;
         const MatchedView& other = views[others[k]];
         const float expected = inverse_m / h.z;

@@ -33,10 +33,10 @@ struct WorkingView {
                                                 int factor);
 
 /// From pixels of one view to those of another: a point that the first sees at pixel (x, y)
-/// with inverse depth w has the homogeneous position A (x, y, 1) + w b in the second, whose
+/// with inverse depth w has the homogeneous position a (x, y, 1) + w b in the second, whose
 /// third component is (depth there) / (depth here).
 struct ViewWarp {
-  glm::mat3 A;
+  glm::mat3 a;
   glm::vec3 b;  ///< [px m]; its third component [m].
 };
 

@@ -104,7 +104,7 @@ TEST(WorkingView, WarpIsProjection) {
   const double depth_m = 1.7;
   const core::Point<core::frame::Camera> p{kCamera.back_project(px, depth_m)};
   const glm::dvec3 there = (to.inverse() * (from * p)).xyz_m;
-  const glm::vec3 h = map.A * glm::vec3(px, 1.0) + static_cast<float>(1.0 / depth_m) * map.b;
+  const glm::vec3 h = map.a * glm::vec3(px, 1.0) + static_cast<float>(1.0 / depth_m) * map.b;
   EXPECT_NEAR(h.x / h.z, kCamera.project(there).x, 1e-3);
   EXPECT_NEAR(h.y / h.z, kCamera.project(there).y, 1e-3);
   EXPECT_NEAR(h.z, there.z / depth_m, 1e-5);

@@ -82,7 +82,7 @@ void ResourceFinder::add_with_models(const fs::path& folder) {
 std::optional<fs::path> ResourceFinder::below_folders(const fs::path& path) const {
   if (path.empty()) return std::nullopt;
   for (const fs::path& folder : folders_) {
-    if (const auto found = if_exists(folder / path)) return found;
+    if (auto found = if_exists(folder / path)) return found;
   }
   return std::nullopt;
 }
@@ -92,7 +92,7 @@ std::optional<fs::path> ResourceFinder::find_on_fuel(const std::string& uri) con
   const std::size_t at = uri.find(kModels);
   if (at == std::string::npos) return std::nullopt;
   const fs::path name = uri.substr(at + kModels.size());
-  if (const auto found = below_folders(name)) return found;
+  if (auto found = below_folders(name)) return found;
   // https://<server>/1.0/<owner>/models/<name> is downloaded to
   // <server>/<owner>/models/<name>, in lower case, with one folder for each version.
   const char* home = std::getenv("HOME");
@@ -126,12 +126,12 @@ std::optional<fs::path> ResourceFinder::find(const std::string& uri,
   const fs::path path = scheme.empty() ? uri : uri.substr(scheme_end + 3);
   if (path.is_absolute()) return if_exists(path);
   if (scheme.empty() && !from_folder.empty()) {
-    if (const auto found = if_exists(from_folder / path)) return found;
+    if (auto found = if_exists(from_folder / path)) return found;
   }
-  if (const auto found = below_folders(path)) return found;
+  if (auto found = below_folders(path)) return found;
   const fs::path rest = scheme == "file" ? path : without_first(path);
   if (const fs::path model = model_folder(from_folder); !model.empty() && !rest.empty()) {
-    if (const auto found = if_exists(model / rest)) return found;
+    if (auto found = if_exists(model / rest)) return found;
   }
   if (scheme == "model" || scheme == "package") return below_folders(rest);
   return std::nullopt;
