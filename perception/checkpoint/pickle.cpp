@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <bit>
-#include <ranges>
 #include <unordered_map>
 
 #include "core/check.h"
@@ -109,7 +108,7 @@ class PickleMachine {
   }
   void push_tuple_of(int count) {
     std::vector<ValueId> items(static_cast<std::size_t>(count));
-    for (ValueId& item : std::views::reverse(items)) item = pop();
+    std::generate(items.rbegin(), items.rend(), [this] { return pop(); });
     push_tuple(std::move(items));
   }
 
