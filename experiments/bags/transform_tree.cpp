@@ -83,7 +83,8 @@ std::optional<RigidPose> TransformTree::find(const std::string& ancestor,
   RigidPose T_here_frame;
   for (std::string here = frame; here != ancestor;) {
     const auto link = links_.find(here);
-    SEGSIM_CHECK(link != links_.end(), ancestor + " is no ancestor of " + frame);
+    SEGSIM_CHECK(link != links_.end(),
+                 std::string(ancestor).append(" is no ancestor of ").append(frame));
     const std::optional<RigidPose> T_parent_here = at(link->second, time_ns);
     if (!T_parent_here) return std::nullopt;
     T_here_frame = *T_parent_here * T_here_frame;

@@ -96,10 +96,10 @@ std::vector<std::string> notes_of(const BenchProvenance& provenance,
           std::to_string(threads) + (threads == 1 ? " thread of " : " threads of ") +
           provenance.cpu + ", SIMD " + provenance.simd + ", segsim " + provenance.version +
           ", " + provenance.date + ".",
-      "Paper: ScanNet scenes on a GPU that is not named, at 1296x968 (inferred: 6.1 M / 1230 "
-      "= "
-      "4959 tiles of 16x16). Times of a GPU and of a CPU do not compare; ratios between rows "
-      "do.",
+      std::string(
+          "Paper: ScanNet scenes on a GPU that is not named, at 1296x968 (inferred: ") +
+          "6.1 M / 1230 = 4959 tiles of 16x16). Times of a GPU and of a CPU do not compare; " +
+          "ratios between rows do.",
       "RN-Total: (tile, surfel) pairs in the tile lists, mean per frame; RN/Tile: the same "
       "per "
       "tile. Touched: pairs that were read before their tile was finished. Fetches: label "

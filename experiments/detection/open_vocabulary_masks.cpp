@@ -116,6 +116,7 @@ DetectMasksReport detect_masks(const reconstruction::RgbdSequence& recording,
     observation.rgb = &frame.rgb;
     const std::vector<core::Detection> found = detector->detect(observation);
     std::vector<core::BoxPx> boxes;
+    boxes.reserve(found.size());
     for (const core::Detection& detection : found) boxes.push_back(detection.box);
     const core::FrameMasks masks =
         compose_masks(frame.rgb.width_px(), frame.rgb.height_px(), found,

@@ -49,7 +49,7 @@ perception::ImagedScene generated(const char* generator, std::uint64_t seed, int
 /// Collects labelled views of one scene after another.
 class SceneViews {
  public:
-  SceneViews(std::string title, int count, const core::CameraIntrinsics& camera,
+  SceneViews(const std::string& title, int count, const core::CameraIntrinsics& camera,
              fs::path folder, const perception::ImagedScene& places)
       : camera_(camera), folder_(std::move(folder)), progress_(title, count) {
     dataset_.class_names = worlds::goal_class_names();
@@ -90,7 +90,7 @@ class SceneViews {
 }  // namespace
 
 fs::path render_source_dataset(const SourceDatasetOptions& options, const fs::path& folder) {
-  const fs::path json = folder / "labels.json";
+  fs::path json = folder / "labels.json";
   const support::StepRecord record(folder / "labels.step", describe(options));
   if (fs::exists(json) && record.is_current()) return json;
 
@@ -107,7 +107,7 @@ fs::path render_source_dataset(const SourceDatasetOptions& options, const fs::pa
 }
 
 fs::path render_unseen_homes(const UnseenHomesOptions& options, const fs::path& folder) {
-  const fs::path json = folder / "labels.json";
+  fs::path json = folder / "labels.json";
   const support::StepRecord record(folder / "labels.step", describe(options));
   if (fs::exists(json) && record.is_current()) return json;
 

@@ -178,29 +178,29 @@ std::vector<std::string> notes_of(const PanopticTable& table) {
                     std::to_string(table.planned) + " pairs of scene and method finished.");
   }
   if (table.quick) {
-    notes.push_back(
+    notes.emplace_back(
         "QUICK: tiny pictures and seconds of training. It shows that everything runs; "
         "its figures mean nothing.");
   }
   for (const MissingScene& scene : table.missing) {
     notes.push_back("Not run: " + scene.title + " (" + scene.why + ").");
   }
-  notes.push_back(
+  notes.emplace_back(
       "Paper: Fast-SegSim, arXiv 2604.10951, table \"Panoptic Segmentation quality using "
       "different methods\": means of 4 ScanNet and 3 ScanNet++ scenes, Grounded-SAM masks. "
       "Other scenes, classes and masks: its rows say what a method reaches there, not what it "
       "should reach here.");
-  notes.push_back(
+  notes.emplace_back(
       "The paper names no rules, views or threshold. PQ = SQ with RQ = 100 fits the published "
       "scripts of its group (zju) and hardly IoU > 0.5; figures of different rules must not "
       "be "
       "compared (docs/metrics.md).");
-  notes.push_back(
+  notes.emplace_back(
       "Methods learn labels on the same frozen surfels from the same masks; every n-th view "
       "is "
       "held out of lifting, training and masks. mIoU and mAcc: averaged per frame under zju "
       "and coco, else pooled.");
-  notes.push_back(
+  notes.emplace_back(
       "Depth: \"sensor's own\" is the L1 between a held-out depth image and those of the "
       "training frames before and after it, brought there by their poses; \"where the sensor "
       "repeats\" is the reconstruction's on the same pixels.");

@@ -29,10 +29,10 @@ namespace {
 /// What the weights of an arm were made from, as far as this run knows.
 std::string training_scenes(const specs::ExperimentSpec& spec, const specs::ArmSpec& arm) {
   const specs::DetectorSpec& detectors = spec.detectors;
-  const std::string before = detectors.pretrain ? std::to_string(detectors.pretrain->rooms) +
-                                                      " procedural rooms, seed " +
-                                                      std::to_string(detectors.pretrain->seed)
-                                                : std::string("those of the given weights");
+  std::string before = detectors.pretrain ? std::to_string(detectors.pretrain->rooms) +
+                                                " procedural rooms, seed " +
+                                                std::to_string(detectors.pretrain->seed)
+                                          : std::string("those of the given weights");
   switch (arm.detector) {
     case specs::ArmDetector::kOracle:
       return "none (oracle)";

@@ -45,7 +45,8 @@ struct TrialReplay::Impl {
       support::StageTimes times;
       Inputs inputs = prepare_inputs(spec, folders.work, 1, times);
       for (trials::LoadedScene& scene : inputs.scenes) {
-        scenes[scene.spec->name] = std::make_unique<trials::LoadedScene>(std::move(scene));
+        const std::string name = scene.spec->name;
+        scenes[name] = std::make_unique<trials::LoadedScene>(std::move(scene));
       }
       detectors = std::move(inputs.detectors);
     }
@@ -76,7 +77,7 @@ struct TrialReplay::Impl {
 
   /// The log that the replay wrote; it is taken away for the next one.
   [[nodiscard]] fs::path only_log() const {
-    const fs::path kept = scratch.path() / "log.jsonl";
+    fs::path kept = scratch.path() / "log.jsonl";
     for (const auto& entry : fs::recursive_directory_iterator(scratch.path() / "replays")) {
       if (entry.path().extension() == ".jsonl") fs::rename(entry.path(), kept);
     }

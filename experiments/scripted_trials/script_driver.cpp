@@ -85,7 +85,7 @@ class ScriptDriver::Drive final : public Motion {
     // Without detections it never takes anything for its goal.
     core::Decision decision = policy_->decide(seen, {});
     if (decision.stop) return ended(StepEnd::kNoWay, decision.stop);
-    return {std::move(decision)};
+    return {decision};
   }
   [[nodiscard]] core::PolicyView view() const override { return policy_->view(); }
 
@@ -228,7 +228,7 @@ class ScriptDriver::Search final : public Motion {
     if (stopped_ns_) return come_to_rest(seen);
     if (steps_left_-- == 0) return ended(StepEnd::kTimedOut);
     core::Decision decision = policy_->decide(seen, detections);
-    if (!decision.stop) return {std::move(decision)};
+    if (!decision.stop) return {decision};
     stop_ = decision.stop;
     stopped_ns_ = seen.capture_time_ns;
     last_ = pose_of(seen);
@@ -303,7 +303,7 @@ core::Decision ScriptDriver::decide(const core::Observation& seen,
       record.step = static_cast<int>(records_.size());
       record.begin_ns = seen.capture_time_ns;
       record.begin = pose_of(seen);
-      records_.push_back(std::move(record));
+      records_.push_back(record);
     }
     StepOutcome& record = records_.back();
     const ScriptStep& step = steps_[static_cast<std::size_t>(record.step)];
@@ -312,7 +312,7 @@ core::Decision ScriptDriver::decide(const core::Observation& seen,
     if (!answer.end && step.timeout_s > 0.0 && lasted_s >= step.timeout_s) {
       answer.end = StepEnd::kTimedOut;
     }
-    if (!answer.end) return std::move(answer.decision);
+    if (!answer.end) return answer.decision;
     record.end = answer.end;
     record.end_ns = seen.capture_time_ns;
     record.finish = pose_of(seen);

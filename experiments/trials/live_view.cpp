@@ -76,7 +76,7 @@ Json json_points(std::span<const glm::dvec2> points_m) {
 
 }  // namespace
 
-LiveView::LiveView(fs::path results)
+LiveView::LiveView(const fs::path& results)
     : marker_(results / kLiveFolder / kLiveMarker),
       file_(results / kLiveFolder / (worker_name() + kLiveEnding)) {}
 

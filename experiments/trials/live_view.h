@@ -52,7 +52,7 @@ struct LiveTrial {
 class LiveView {
  public:
   /// @param results  Folder of the results; "live" in it is made when somebody watches.
-  explicit LiveView(std::filesystem::path results);
+  explicit LiveView(const std::filesystem::path& results);
   /// Removes the file.
   ~LiveView();
   LiveView(const LiveView&) = delete;

@@ -117,23 +117,23 @@ LoadedScene load_scene(const specs::ExperimentSpec& spec, const specs::SceneSpec
                        const fs::path& bundle_folder, const fs::path& work) {
   core::SceneBundle bundle = core::load_bundle(bundle_folder);
   sim::World world = sim::World::load(bundle, spec.robot);
-  auto [surfels, labels] = scenes::load_scene_surfels(bundle);
-  if (!surfels->has_labels()) {
+  renderer::SceneSurfels own = scenes::load_scene_surfels(bundle);
+  if (!own.surfels->has_labels()) {
     throw core::InputError::expected(bundle.surfels_file().string(), "labelled surfels",
                                      "none");
   }
 
   SceneEpisodes episodes = episodes_of(spec, scene, bundle, world, work, [&] {
-    return renderer::make_cpu_renderer(surfels, {}, labels);
+    return renderer::make_cpu_renderer(own.surfels, {}, own.labels);
   });
-  drawing::FloorPlan plan = drawing::make_floor_plan(*surfels);
+  drawing::FloorPlan plan = drawing::make_floor_plan(*own.surfels);
   std::shared_ptr<const sim::SensorSettings> sensors;
   if (spec.sensors) sensors = specs::bind_sensors(*spec.sensors, bundle, world);
   return {&scene,
           std::move(bundle),
           std::move(world),
-          std::move(surfels),
-          std::move(labels),
+          std::move(own.surfels),
+          std::move(own.labels),
           std::move(plan),
           std::move(episodes.set),
           core::sha256_of_file(episodes.file),

@@ -128,7 +128,10 @@ cv::Mat reading_card(const std::string& before, const std::string& after) {
   double y = draw_wrapped(card, "How to read the screens", 190.0 * kOver, kTitle,
                           drawing::ink::kText, true);
   for (const std::string& line :
-       {"Left the detector \"" + before + "\", right \"" + after +
+       {std::string("Left the detector \"")
+                .append(before)
+                .append("\", right \"")
+                .append(after) +
             "\": the same episode, the same start, the same simulated time.",
         std::string(
             "Camera: rendered from the reconstruction. Thick boxes: what the detector takes "

@@ -71,15 +71,14 @@ std::vector<Training> trainings_of(const specs::ExperimentSpec& spec) {
   return trainings;
 }
 
-FineTuning::FineTuning(const specs::ExperimentSpec& spec, const fs::path& before,
-                       std::vector<std::string> new_classes, const fs::path& views,
-                       const fs::path& validation, const Training& training,
-                       const fs::path& work)
+FineTuning::FineTuning(const specs::ExperimentSpec& spec, fs::path before,
+                       std::vector<std::string> new_classes, fs::path views,
+                       fs::path validation, const Training& training, const fs::path& work)
     : finetune_(*spec.detectors.finetune),
       device_(trials::compute_device(spec)),
-      before_(before),
-      views_(views),
-      validation_(validation),
+      before_(std::move(before)),
+      views_(std::move(views)),
+      validation_(std::move(validation)),
       new_classes_(std::move(new_classes)),
       seed_(training.seed),
       output_(with_suffix(spec.detectors.after, training.suffix)),

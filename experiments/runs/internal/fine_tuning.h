@@ -39,9 +39,9 @@ class FineTuning {
  public:
   /// @param views, validation  Data sets.
   /// @param new_classes  Those that `before` does not know: each gets a head of its own.
-  FineTuning(const specs::ExperimentSpec& spec, const std::filesystem::path& before,
-             std::vector<std::string> new_classes, const std::filesystem::path& views,
-             const std::filesystem::path& validation, const Training& training,
+  FineTuning(const specs::ExperimentSpec& spec, std::filesystem::path before,
+             std::vector<std::string> new_classes, std::filesystem::path views,
+             std::filesystem::path validation, const Training& training,
              const std::filesystem::path& work);
 
   [[nodiscard]] const std::filesystem::path& output() const { return output_; }

@@ -80,7 +80,7 @@ fs::path SceneViews::together(const Training& training,
     }
     detection::append_dataset(set, views);
   }
-  const fs::path json = own / (purpose + ".json");
+  fs::path json = own / (purpose + ".json");
   perception::write_coco(json, set);
   return json;
 }
