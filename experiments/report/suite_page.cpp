@@ -83,7 +83,7 @@ fs::path write_suite_page(const results::StoredRun& stored, const fs::path& outp
   suites::write_manifest(output / "manifest.json", manifest);
   write_text(output / "report.css", internal::kReportCss);
   write_text(output / "report.js", internal::kReportJs);
-  const fs::path page = output / "index.html";
+  fs::path page = output / "index.html";
   write_text(page,
              internal::html_page(stored.run.title, body_html(stored, manifest), "", false));
   return page;

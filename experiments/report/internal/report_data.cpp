@@ -29,7 +29,7 @@ std::string figure(const ReportModel& model, const Json& plot, support::internal
                      "\"><figcaption>" + html_escaped(title) + "</figcaption>\n";
   if (model.with_plots) {
     html += "<div class=\"canvas" + std::string(small ? " small" : "") +
-            "\"><canvas role=\"img\" aria-label=\"" + html_escaped(title) +
+            R"("><canvas role="img" aria-label=")" + html_escaped(title) +
             "\"></canvas></div>\n<script type=\"application/json\">" +
             script_json(plot.dump(-1, ' ', false, Json::error_handler_t::replace)) +
             "</script>\n";
@@ -96,7 +96,8 @@ std::string histogram(const ReportModel& model, const std::string& title,
   for (int k = 0; k < bins.count; ++k) {
     plot["labels"].push_back(core::print("%.3g", bins.low + (k + 0.5) * bins.width));
   }
-  for (auto [arm, values] : by_arm) {
+  for (const auto& [arm, unsorted] : by_arm) {
+    auto values = unsorted;
     if (values.empty()) continue;
     std::vector<int> counts(static_cast<std::size_t>(bins.count));
     for (const double value : values) ++counts[static_cast<std::size_t>(bins.of(value))];
@@ -182,7 +183,7 @@ std::string delay_figure(const ReportModel& model, const results::StoredRun& sto
     const runs::SweepResult result = runs::summarise_sweep(options, arm, stored.trials);
     Json line{{"name", arm}, {"points", Json::array()}};
     support::internal::Grid grid{
-        "Success rate against added delay: " + arm + where,
+        std::string("Success rate against added delay: ").append(arm).append(where),
         {"Added [ms]", "Successes", "SR", "Wilson 95 %", "Against the first [points]"},
         {}};
     for (const runs::SweepPoint& point : result.points) {

@@ -78,29 +78,29 @@ std::string facts(const TrialView& view) {
 std::string column(const ReportModel& model, const TrialView& view) {
   const records::TrialRow& row = *view.row;
   std::string html =
-      "<section class=\"card\" id=\"" + view.anchor +
-      "\"><h2><span class=\"swatch\" style=\"background:" + arm_color(model, row.arm) +
+      R"(<section class="card" id=")" + view.anchor +
+      R"("><h2><span class="swatch" style="background:)" + arm_color(model, row.arm) +
       "\"></span>" + html_escaped(row.arm) +
       (row.repetition > 0 ? " (repetition " + std::to_string(row.repetition) + ")" : "") +
       "</h2>\n<p class=\"answer " + (row.success ? "success" : "failure") + "\">" +
       html_escaped(fate_of(row)) + "</p>\n";
   if (!view.picture.empty()) {
-    html += "<a href=\"../" + view.picture + "\"><img loading=\"lazy\" src=\"../" +
+    html += R"(<a href="../)" + view.picture + R"("><img loading="lazy" src="../)" +
             view.picture + "\" alt=\"Path from above\"></a>\n";
   }
   if (!view.video.empty()) {
-    html += "<video controls preload=\"none\" src=\"../" + view.video + "\"></video>\n";
+    html += R"(<video controls preload="none" src="../)" + view.video + "\"></video>\n";
   }
   return html + facts(view) + "</section>\n";
 }
 
 std::string story(const ReportModel& model, const TrialView& view) {
   if (view.strip.empty() && view.story.empty()) return {};
-  std::string html =
-      "<div class=\"box strip\"><h3><span class=\"swatch\" style=\"background:" +
-      arm_color(model, view.row->arm) + "\"></span>" + html_escaped(view.row->arm) + "</h3>\n";
+  std::string html = R"(<div class="box strip"><h3><span class="swatch" style="background:)" +
+                     arm_color(model, view.row->arm) + "\"></span>" +
+                     html_escaped(view.row->arm) + "</h3>\n";
   if (!view.strip.empty()) {
-    html += "<img loading=\"lazy\" src=\"../" + view.strip +
+    html += R"(<img loading="lazy" src="../)" + view.strip +
             "\" alt=\"Camera, panoptic image and map at the key moments\">\n";
   }
   if (!view.story.empty()) {
@@ -124,7 +124,7 @@ std::string trials_body(const ReportModel& model) {
         std::pair{"fate", "Cause"}, std::pair{"change", "Change"}}) {
     if (std::string(key) == "training" && model.table.trainings.size() < 2) continue;
     html += std::string("<label>") + title + "<select name=\"" + key +
-            "\"><option value=\"\">all</option></select></label>";
+            R"("><option value="">all</option></select></label>)";
   }
   html +=
       "<button type=\"button\" id=\"all\">Show all</button> <strong "

@@ -309,7 +309,7 @@ std::string path_element(const TrialView& view) {
   return "<a href=\"" + view.page + "#" + view.anchor + "\" data-arm=\"" +
          html_escaped(view.row->arm) + "\" data-cause=\"" + html_escaped(fate) + "\"><title>" +
          html_escaped(view.row->episode + ", " + view.row->arm + ": " + fate) +
-         "</title><polyline class=\"path\" stroke=\"" + color + "\" points=\"" + line +
+         R"(</title><polyline class="path" stroke=")" + color + R"(" points=")" + line +
          "\"/>" +
          core::print("<circle cx=\"%.0f\" cy=\"%.0f\" r=\"6\" fill=\"%s\"/></a>\n", end.x,
                      end.y, color.c_str());
@@ -332,9 +332,9 @@ std::string map_section(const ReportModel& model, const SceneMap& map) {
   }
   html += "</select></label>";
   for (const auto& [fate, count] : fates) {
-    html += "<label><input type=\"checkbox\" checked value=\"" + html_escaped(fate) +
-            "\"> <span class=\"swatch\" style=\"background:" + fate_color(fate) +
-            "\"></span>" + html_escaped(fate) + " " + std::to_string(count) + "</label>";
+    html += R"(<label><input type="checkbox" checked value=")" + html_escaped(fate) +
+            R"("> <span class="swatch" style="background:)" + fate_color(fate) + "\"></span>" +
+            html_escaped(fate) + " " + std::to_string(count) + "</label>";
   }
   return html + "</div>\n" +
          core::print(

@@ -410,6 +410,7 @@ struct FrontDoor::Impl {
 
   void serve() {
     std::vector<std::jthread> threads;
+    threads.reserve(static_cast<std::size_t>(options.threads));
     for (int k = 0; k < options.threads; ++k)
       threads.emplace_back([this] { answer_requests(); });
     constexpr int kRound_ms = 250;  // Deadlines are kept to that.
