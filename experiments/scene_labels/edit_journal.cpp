@@ -180,7 +180,7 @@ void EditJournal::read() {
     const std::string json =
         whole.size() > kChecksumDigits + 1 ? whole.substr(kChecksumDigits + 1) : std::string();
     const std::string wanted = checksum_of(checksum_, json);
-    if (whole != wanted + " " + json) {
+    if (whole != std::string(wanted).append(" ").append(json)) {
       throw InputError::expected(place,
                                  "a line that its checksum " + wanted + " is written of",
                                  whole.substr(0, kChecksumDigits) +

@@ -50,6 +50,7 @@ FreeCamera middle_of(const LabelEditor& editor) {
   if (positions_m.empty()) return camera;
   for (int axis = 0; axis < 2; ++axis) {
     std::vector<float> values;
+    values.reserve(positions_m.size());
     for (const glm::vec3& p : positions_m) values.push_back(p[axis]);
     camera.p_m[axis] = core::quantile(values, 0.5, core::Between::kNearest);
   }
