@@ -5,9 +5,9 @@
 /// different rules do not compare. A profile is a rule with a name that stands beside every
 /// rate.
 ///
-///     segsim-object      STOP because the goal was found, d < 1 m, a goal object in view
-///     (ours) habitat-hm3d       STOP, d < 0.1 m       habitat-lab 0fb6f43, objectnav.yaml,
-///     nav.py apexnav            STOP, d < 0.2 m       ApexNav, habitat_eval configuration
+///     segsim-object      found STOP, d < 1 m, a goal object in view   (ours)
+///     habitat-hm3d       STOP, d < 0.1 m       habitat-lab 0fb6f43, objectnav.yaml, nav.py
+///     apexnav            STOP, d < 0.2 m       ApexNav, habitat_eval configuration
 ///     semexp-gibson      STOP within 1 m (along the floor) of the object
 ///                                              SemExp 5d76902, envs/habitat/objectgoal_env.py
 ///     allenact-robothor  STOP with an object of the class in view
@@ -15,6 +15,7 @@
 ///     barn               within 1 m of the goal, no contact, 100 s
 ///                                              the-barn-challenge bf5a226, run.py
 ///
+/// A found STOP is one of a policy that says that it reached its goal.
 /// The rules of others count a STOP for any reason, also of a policy that gives up: that is
 /// what their programs see. d: geodesic distance to the nearest view point. "Below" is strict
 /// everywhere but in barn.
