@@ -24,6 +24,26 @@ target_compile_options(segsim_build_flags INTERFACE
 target_compile_definitions(segsim_build_flags INTERFACE
   $<$<COMPILE_LANGUAGE:CUDA>:GLM_FORCE_CUDA>)
 
+# A fault that gets past every check shall end the program, not be used. -O0 has no fortified
+# functions, and sanitizers have checks of their own that fortified functions would hide.
+option(SEGSIM_HARDENING "Checks of stack, buffers and containers, and read-only relocations" ON)
+if(SEGSIM_HARDENING AND NOT CMAKE_CXX_FLAGS MATCHES "-fsanitize=")
+  include(CheckCXXCompilerFlag)
+  set(hardening -fstack-protector-strong)
+  foreach(flag -fcf-protection -fstack-clash-protection)
+    string(MAKE_C_IDENTIFIER "SEGSIM_HAS${flag}" known)
+    check_cxx_compiler_flag(${flag} ${known})
+    if(${known})
+      list(APPEND hardening ${flag})
+    endif()
+  endforeach()
+  target_compile_options(segsim_build_flags INTERFACE "$<$<COMPILE_LANGUAGE:CXX>:${hardening}>")
+  target_compile_definitions(segsim_build_flags INTERFACE
+    "$<$<COMPILE_LANGUAGE:CXX>:_GLIBCXX_ASSERTIONS>"
+    "$<$<AND:$<COMPILE_LANGUAGE:CXX>,$<CONFIG:Release,RelWithDebInfo,MinSizeRel>>:_FORTIFY_SOURCE=2>")
+  add_link_options(LINKER:-z,relro,-z,now)
+endif()
+
 # Headers of other projects are included as system headers: their warnings are not ours.
 function(segsim_link_third_party target)
   foreach(library ${ARGN})
