@@ -177,8 +177,11 @@ fs::path write_photo_dataset(const reconstruction::RgbdSequence& sequence,
       const std::uint16_t id = labels.instance.pixels()[p];
       semantic.pixels()[p] = id == 0 ? std::uint16_t{0} : class_of[id];
     }
+    const auto visible_fraction = [&](std::uint16_t id) {
+      return labels.visible_fraction.at(id);
+    };
     const perception::LabelView view{&semantic, &labels.instance, &labels.depth_m,
-                                     labels.visible_fraction};
+                                     visible_fraction};
     perception::LabeledImage image;
     image.id = static_cast<std::int64_t>(i) + 1;
     image.file = "images/" + frame.name + ".png";

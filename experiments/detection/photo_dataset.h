@@ -10,6 +10,7 @@
 /// decide. Boxes include air, so these labels are looser than those of rendered views.
 
 #include <filesystem>
+#include <map>
 #include <string>
 #include <vector>
 

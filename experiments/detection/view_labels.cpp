@@ -161,11 +161,13 @@ class ViewLabeller {
 
  private:
   void append(const core::Pose2& pose, const std::map<std::uint16_t, int>& pixels) {
-    perception::LabelView view{&frame_.semantic, &frame_.instance, &frame_.depth_m, {}};
-    for (const auto& [id, visible] : pixels) {
+    const auto visible_fraction = [&](std::uint16_t id) {
+      const int visible = pixels.at(id);
       const int all = std::max(visible, alone_.unoccluded_pixels(id, frame_));
-      view.visible_fraction[id] = static_cast<double>(visible) / all;
-    }
+      return static_cast<double>(visible) / all;
+    };
+    const perception::LabelView view{&frame_.semantic, &frame_.instance, &frame_.depth_m,
+                                     visible_fraction};
     perception::LabeledImage image;
     image.id = static_cast<std::int64_t>(dataset_.images.size()) + 1;
     char name[32];

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <numeric>
 #include <optional>
 
@@ -200,11 +201,12 @@ std::vector<LabeledBox> label_boxes(const LabelView& view,
                       options.min_valid_depth_share * label.area_px2;
       if (!depths_m.empty()) label.distance_m = double{median_of(depths_m)};
     }
-    if (const auto fraction = view.visible_fraction.find(id);
-        fraction != view.visible_fraction.end()) {
-      label.visible_fraction = std::clamp(fraction->second, 0.0, 1.0);
-      label.ignore |= fraction->second < options.min_visible_fraction;
-      label.occluded = fraction->second < options.occluded_below;
+    const std::optional<double> fraction =
+        view.visible_fraction ? view.visible_fraction(id) : std::nullopt;
+    if (fraction) {
+      label.visible_fraction = std::clamp(*fraction, 0.0, 1.0);
+      label.ignore |= *fraction < options.min_visible_fraction;
+      label.occluded = *fraction < options.occluded_below;
     }
     labels.push_back(label);
   }

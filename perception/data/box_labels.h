@@ -10,7 +10,8 @@
 ///     instance id -> class by majority -> pixels -> drop far components -> 0.5-99.5 % extents
 
 #include <cstdint>
-#include <map>
+#include <functional>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -38,9 +39,9 @@ struct LabelView {
   const core::Image<std::uint16_t>* semantic = nullptr;  ///< Class ids, 0 = void.
   const core::Image<std::uint16_t>* instance = nullptr;  ///< Instance ids, 0 = none.
   const core::Image<float>* depth_m = nullptr;           ///< NaN = invalid; may be nullptr.
-  /// Instance id -> visible share of its unoccluded pixels; ids that are missing are not
-  /// tested.
-  std::map<std::uint16_t, double> visible_fraction;
+  /// The visible share of an instance's unoccluded pixels. Asked only for instances that get a
+  /// label, since it may be dear; those that it answers nothing for are not tested.
+  std::function<std::optional<double>(std::uint16_t instance_id)> visible_fraction;
 };
 
 /// Labels every instance whose class (majority of its semantic pixels, void excluded) has a

@@ -1,8 +1,11 @@
 #include "perception/data/box_labels.h"
 
-#include <gtest/gtest.h>
-
 #include <limits>
+#include <map>
+#include <optional>
+#include <utility>
+
+#include <gmock/gmock.h>
 
 #include "core/check.h"
 
@@ -12,6 +15,14 @@ namespace {
 const std::vector<core::SceneClass> kScene = {
     {3, "chair", true}, {5, "wall", false}, {7, "couch", true}};
 const std::vector<std::string> kNames = {"couch", "chair"};
+
+/// LabelView::visible_fraction from a table; whoever is missing has none.
+auto fractions(std::map<std::uint16_t, double> of_instance) {
+  return [of_instance = std::move(of_instance)](std::uint16_t id) -> std::optional<double> {
+    const auto found = of_instance.find(id);
+    return found == of_instance.end() ? std::nullopt : std::optional(found->second);
+  };
+}
 
 /// 100 x 80 labels.
 struct Labels {
@@ -81,7 +92,7 @@ TEST(BoxLabels, FlagsSayWhatIsCutOffOrHidden) {
   core::Image<float> depth_m(100, 80, 4.0F);
   for (int x = 30; x < 38; ++x) depth_m(x, 30) = 1.0F;  // A few nearer pixels.
   labels.view.depth_m = &depth_m;
-  labels.view.visible_fraction = {{2, 0.95}, {3, 0.5}};
+  labels.view.visible_fraction = fractions({{2, 0.95}, {3, 0.5}});
   const auto boxes = labels.label();
   ASSERT_EQ(boxes.size(), 3U);
   EXPECT_TRUE(boxes[0].truncated);
@@ -99,10 +110,17 @@ TEST(BoxLabels, SmallOrHiddenObjectsAreIgnoredNotDropped) {
   labels.fill(0, 0, 2, 2, 3, 1);  // 4 px < 0.0006 * 8000.
   labels.fill(10, 10, 30, 30, 3, 2);
   labels.fill(40, 10, 60, 30, 3, 3);
-  labels.view.visible_fraction = {{2, 0.1}, {3, 0.4}};
+  std::vector<std::uint16_t> asked;
+  labels.fill(70, 10, 90, 30, 5, 4);  // A wall gets no label.
+  labels.view.visible_fraction = [&, of_instance =
+                                         fractions({{2, 0.1}, {3, 0.4}})](std::uint16_t id) {
+    asked.push_back(id);
+    return of_instance(id);
+  };
   const auto boxes = labels.label();
   ASSERT_EQ(boxes.size(), 3U);
   EXPECT_TRUE(boxes[0].ignore);
+  EXPECT_THAT(asked, testing::ElementsAre(1, 2, 3));
   EXPECT_FALSE(boxes[0].visible_fraction.has_value());
   EXPECT_TRUE(boxes[1].ignore);
   EXPECT_FALSE(boxes[2].ignore);
