@@ -87,7 +87,7 @@ int main(int argc, char** argv) {
   segsim::core::set_environment(choice);
   const std::vector<const char*> words(arguments.begin() + (argc > 0 ? 1 : 0),
                                        arguments.end());
-  const bool light = segsim::experiments::commands::is_light(words);
+  const bool light = segsim::experiments::commands::light::is_light(words);
   if (!can_start(light, choice)) return kInputErrorExit;
   arguments.push_back(nullptr);
   const std::string program = program_file(light ? "segsim-light" : "segsim-main");

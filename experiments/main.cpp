@@ -26,14 +26,14 @@ void add_commands(CLI::App& app) {
   commands::add_replay_command(app);
   commands::add_episodes_command(app);
   commands::add_explain_command(app);
-  commands::add_compare_command(app);
+  commands::light::add_compare_command(app);
   commands::add_doctor_command(app);
-  commands::add_plan_command(app);
-  commands::add_export_command(app);
+  commands::light::add_plan_command(app);
+  commands::light::add_export_command(app);
   commands::add_report_command(app);
   commands::add_serve_command(app);
   commands::add_sensors_command(app);
-  commands::add_robots_command(app);
+  commands::light::add_robots_command(app);
   commands::add_trial_command(app);
   commands::add_video_command(app);
   commands::add_record_command(app);

@@ -3,6 +3,6 @@
 #include "experiments/program.h"
 
 int main(int argc, char** argv) {
-  return segsim::experiments::run_program(argc, argv,
-                                          segsim::experiments::commands::add_light_commands);
+  return segsim::experiments::run_program(
+      argc, argv, segsim::experiments::commands::light::add_light_commands);
 }

@@ -100,27 +100,21 @@ std::vector<std::string> notes_of(const BenchProvenance& provenance,
           "Paper: ScanNet scenes on a GPU that is not named, at 1296x968 (inferred: ") +
           "6.1 M / 1230 = 4959 tiles of 16x16). Times of a GPU and of a CPU do not compare; " +
           "ratios between rows do.",
-      "RN-Total: (tile, surfel) pairs in the tile lists, mean per frame; RN/Tile: the same "
-      "per "
-      "tile. Touched: pairs that were read before their tile was finished. Fetches: label "
-      "rows "
-      "read for pixels.",
-      "aabb is the 3-sigma square of the 2DGS code; accutile is our exact outline, row by "
-      "row, "
-      "not the paper's approximate inverse covariance, so (B) may drop other pairs than the "
-      "paper's.",
-      "Top-K by weight must know every weight, so it shortens neither RN-Total nor Touched: "
-      "it "
-      "saves label fetches. (A) to (D') bin the whole view; (E) is (D) with front-to-back "
-      "slabs "
-      "that skip surfels behind finished tiles.",
-      "The paper's 6.1 M -> 1.2 M fits the other reading, the first K that a ray meets, rows "
-      "(C') and (D'); with colour on, its saving shows in Fetches only.",
-      "The paper's 1.2 M pairs and 610 per tile do not fit its own 4959 tiles (1.2 M / 610 = "
-      "1967); its text says K = 24 where its table says K = 3.",
-      "Agreement: pixels with the panoptic id of (A), of those labelled in either, in place "
-      "of "
-      "PQ, which needs ground truth; the paper's PQ falls by 0.6 points from (A) to (D).",
+      ("RN-Total: (tile, surfel) pairs in the tile lists, mean per frame; RN/Tile: the same "
+       "per tile. Touched: pairs that were read before their tile was finished. Fetches: "
+       "label rows read for pixels."),
+      ("aabb is the 3-sigma square of the 2DGS code; accutile is our exact outline, row by "
+       "row, not the paper's approximate inverse covariance, so (B) may drop other pairs "
+       "than the paper's."),
+      ("Top-K by weight must know every weight, so it shortens neither RN-Total nor Touched: "
+       "it saves label fetches. (A) to (D') bin the whole view; (E) is (D) with "
+       "front-to-back slabs that skip surfels behind finished tiles."),
+      ("The paper's 6.1 M -> 1.2 M fits the other reading, the first K that a ray meets, "
+       "rows (C') and (D'); with colour on, its saving shows in Fetches only."),
+      ("The paper's 1.2 M pairs and 610 per tile do not fit its own 4959 tiles (1.2 M / 610 "
+       "= 1967); its text says K = 24 where its table says K = 3."),
+      ("Agreement: pixels with the panoptic id of (A), of those labelled in either, in place "
+       "of PQ, which needs ground truth; the paper's PQ falls by 0.6 points from (A) to (D)."),
   };
 }
 

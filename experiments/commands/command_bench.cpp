@@ -290,11 +290,9 @@ void print_ablation(const AblationFlags& flags) {
       scene, cases, flags.repeat, [&](int done, int) { progress.update(done); });
   progress.finish();
   if (!flags.output.empty()) {
-    for (const auto& [ending, form] : results::table_files()) {
-      core::write_file_atomically(flags.output / ("table2" + ending), [&](std::ostream& out) {
-        out << benchmarks::ablation_table(provenance, rows, results, form);
-      });
-    }
+    results::write_table_files(flags.output, "table2", [&](support::TableFormat form) {
+      return benchmarks::ablation_table(provenance, rows, results, form);
+    });
   }
   support::save_record(flags.record, benchmarks::ablation_record(rows, results));
   std::fputs(benchmarks::ablation_table(provenance, rows, results, format).c_str(), stdout);
@@ -303,7 +301,7 @@ void print_ablation(const AblationFlags& flags) {
 }  // namespace
 
 void add_bench_command(CLI::App& app) {
-  CLI::App* command = add_listed(app, kCommands, "bench");
+  CLI::App* command = light::add_listed(app, light::kCommands, "bench");
   command->require_subcommand(1);
   add_render_bench(*command);
   add_curves_bench(*command);
@@ -313,7 +311,7 @@ void add_ablation_table(CLI::App& table) {
   auto flags = std::make_shared<AblationFlags>();
   flags->scene.spread = 1.6;
   flags->scene.views = 8;
-  CLI::App* command = add_listed(table, kTableCommands, "2");
+  CLI::App* command = light::add_listed(table, light::kTableCommands, "2");
   add_scene_flags(*command, flags->scene);
   command->add_option("--size", flags->size, "Image, WxH [px]")->capture_default_str();
   command->add_option("--threads", flags->threads, "0 = all processors")

@@ -350,7 +350,7 @@ void add_measure(CLI::App& budget) {
 }  // namespace
 
 void add_budget_command(CLI::App& app) {
-  CLI::App* budget = add_listed(app, kCommands, "budget");
+  CLI::App* budget = light::add_listed(app, light::kCommands, "budget");
   budget->require_subcommand(1);
   add_check(*budget);
   add_sweep(*budget);

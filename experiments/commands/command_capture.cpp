@@ -79,7 +79,7 @@ void capture(Flags flags) {
 
 void add_capture_command(CLI::App& app) {
   auto flags = std::make_shared<Flags>();
-  CLI::App* command = add_listed(app, kCommands, "capture");
+  CLI::App* command = light::add_listed(app, light::kCommands, "capture");
   command->add_option("--world", flags->world, "Gazebo world (.world, .sdf)");
   command->add_option("--mesh", flags->mesh, "Mesh file (.obj, .glb, .dae, .ply, ...)");
   command->add_option("--flat", flags->flat_seed, "Procedural flat of this seed")
@@ -122,17 +122,17 @@ void add_capture_command(CLI::App& app) {
       ->check(CLI::Range(0, 1'000'000))
       ->capture_default_str();
   command->add_option("--width", capture_spec.width_px, "Image width [px]")
-      ->check(image_side())
+      ->check(light::image_side())
       ->capture_default_str();
   command->add_option("--height", capture_spec.height_px, "Image height [px]")
-      ->check(image_side())
+      ->check(light::image_side())
       ->capture_default_str();
   command
       ->add_option("--hfov-deg", capture_spec.hfov_deg, "Horizontal field of view [degrees]")
-      ->check(field_of_view_deg())
+      ->check(light::field_of_view_deg())
       ->capture_default_str();
   command->add_option("--camera-height", capture_spec.camera_height_m, "Camera height [m]")
-      ->check(camera_height_m())
+      ->check(light::camera_height_m())
       ->capture_default_str();
   command
       ->add_option("--path-seed", flags->source.seed,

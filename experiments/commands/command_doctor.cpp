@@ -75,7 +75,7 @@ void examine(const DoctorFlags& flags) {
 
 void add_doctor_command(CLI::App& app) {
   auto flags = std::make_shared<DoctorFlags>();
-  CLI::App* command = add_listed(app, kCommands, "doctor");
+  CLI::App* command = light::add_listed(app, light::kCommands, "doctor");
   CLI::Option* digests = command->add_option(
       "--digests", flags->digests, "Work folder of `segsim run`, or its digests.json");
   command

@@ -32,10 +32,10 @@ struct ViewerFlags {
 
   void add_to(CLI::App& command) {
     command.add_option("--width", width_px, "Of the robot's image [px]")
-        ->check(image_side())
+        ->check(light::image_side())
         ->capture_default_str();
     command.add_option("--height", height_px, "Of the robot's image [px]")
-        ->check(image_side())
+        ->check(light::image_side())
         ->capture_default_str();
     command.add_option("--hfov-deg", hfov_deg, "Of the robot's camera")
         ->check(CLI::Range(10.0, 150.0))
@@ -46,7 +46,7 @@ struct ViewerFlags {
     command
         .add_option("--camera-height", camera_height_m,
                     "Of the robot's camera [m] (default: the bundle's)")
-        ->check(commands::camera_height_m());
+        ->check(light::camera_height_m());
   }
   [[nodiscard]] episodes::EpisodeViewer viewer(const core::SceneManifest& manifest) const {
     constexpr double kRadians = std::numbers::pi / 180.0;
@@ -165,10 +165,10 @@ void add_generate(CLI::App& episodes) {
       ->check(CLI::Range(1, 100000000))
       ->capture_default_str();
   command->add_option("--min-start", rules.min_start_m, "Shortest geodesic [m]")
-      ->check(length_m())
+      ->check(light::length_m())
       ->capture_default_str();
   command->add_option("--max-start", rules.max_start_m, "Longest geodesic [m]")
-      ->check(length_m())
+      ->check(light::length_m())
       ->capture_default_str();
   command
       ->add_option("--min-ratio", rules.min_ratio,
@@ -214,8 +214,8 @@ void print_findings(const trials::Validation& validation) {
       std::snprintf(distance, sizeof distance, "%.2f m", *trial.distance_to_goal_m);
     }
     std::printf("  %-36s oracle-path fails: %s %s, %s from a view point, %d px in view\n",
-                trial.episode.c_str(), trial.outcome.c_str(), trial.stop_reason.c_str(),
-                distance, trial.why.final_visible_px);
+                trial.episode.c_str(), to_string(trial.outcome),
+                core::to_string(trial.stop_reason), distance, trial.why.final_visible_px);
   }
 }
 
@@ -395,7 +395,7 @@ void add_export(CLI::App& episodes) {
 }  // namespace
 
 void add_episodes_command(CLI::App& app) {
-  CLI::App* episodes = add_listed(app, kCommands, "episodes");
+  CLI::App* episodes = light::add_listed(app, light::kCommands, "episodes");
   episodes->require_subcommand(1);
   add_generate(*episodes);
   add_validate(*episodes);

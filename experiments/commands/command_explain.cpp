@@ -34,8 +34,8 @@ void list_failures(const std::vector<records::TrialRow>& rows) {
     ++failures;
     std::printf("%6lld  %-32s %-18s %-24s %s\n", static_cast<long long>(row.trial_id),
                 row.episode.c_str(), row.arm.c_str(),
-                row.why.known() ? row.why.cause.c_str() : "(not attributed)",
-                row.outcome.c_str());
+                row.why.known() ? to_string(*row.why.cause) : "(not attributed)",
+                to_string(row.outcome));
   }
   std::printf("%d of %zu trials failed; give a number to read its story\n", failures,
               rows.size());
@@ -92,7 +92,8 @@ void explain(const Flags& flags) {
   }
   const records::TrialRow& row = chosen_trial(flags, rows);
   if (row.log.empty()) {
-    const std::string why = row.error.empty() ? row.outcome : row.outcome + ": " + row.error;
+    const std::string outcome = to_string(row.outcome);
+    const std::string why = row.error.empty() ? outcome : outcome + ": " + row.error;
     throw core::InputError::expected(
         "trial " + std::to_string(row.trial_id), "a trial with a log",
         row.why.known() ? "none (" + why + ")" : "one of an older version, without any");
@@ -108,7 +109,7 @@ void explain(const Flags& flags) {
 
 void add_explain_command(CLI::App& app) {
   auto flags = std::make_shared<Flags>();
-  CLI::App* command = add_listed(app, kCommands, "explain");
+  CLI::App* command = light::add_listed(app, light::kCommands, "explain");
   command->add_option("run", flags->work, "Work folder of `segsim run`, or a results database")
       ->required();
   command->add_option("trial", flags->trial,

@@ -262,16 +262,16 @@ void add_camera_flags(CLI::App& command, CameraFlags& camera) {
       ->check(CLI::Range(-90.0, 90.0))
       ->capture_default_str();
   command.add_option("--hfov-deg", camera.hfov_deg, "Horizontal field of view [degrees]")
-      ->check(field_of_view_deg())
+      ->check(light::field_of_view_deg())
       ->capture_default_str();
   command.add_option("--rate", camera.rate_hz, "Images a second, in simulated time")
       ->check(CLI::Range(0.1, 1000.0))
       ->capture_default_str();
   command.add_option("--width", camera.width_px, "Image width [px]")
-      ->check(image_side())
+      ->check(light::image_side())
       ->capture_default_str();
   command.add_option("--height", camera.height_px, "Image height [px]")
-      ->check(image_side())
+      ->check(light::image_side())
       ->capture_default_str();
 }
 
@@ -318,7 +318,7 @@ void add_export(CLI::App& gazebo) {
       ->add_option("--start", flags->start,
                    "x y [m], yaw [degrees]; default: where there is most room")
       ->expected(3)
-      ->check(coordinate());
+      ->check(light::coordinate());
   command
       ->add_option("--flavour", flags->flavour,
                    "Names of plugins: ignition (Fortress), gz (Garden and later)")
@@ -331,7 +331,7 @@ void add_export(CLI::App& gazebo) {
 }  // namespace
 
 void add_gazebo_command(CLI::App& app) {
-  CLI::App* gazebo = add_listed(app, kCommands, "gazebo");
+  CLI::App* gazebo = light::add_listed(app, light::kCommands, "gazebo");
   gazebo->require_subcommand(1);
   add_serve(*gazebo);
   add_export(*gazebo);

@@ -404,7 +404,7 @@ void add_check_options(CLI::App& command, const std::shared_ptr<Flags>& flags) {
 
 void add_reconstruct_command(CLI::App& app) {
   auto flags = std::make_shared<Flags>();
-  CLI::App* command = add_listed(app, kCommands, "reconstruct");
+  CLI::App* command = light::add_listed(app, light::kCommands, "reconstruct");
   command
       ->add_option("sequence", flags->sequence,
                    "Folder in one of the layouts of docs/datasets.md, or a recording of ROS 2 "
@@ -440,7 +440,7 @@ void add_reconstruct_command(CLI::App& app) {
   command
       ->add_option("--camera-height", flags->reconstruct.camera_height_m,
                    "Mast height that suits the recording [m]")
-      ->check(camera_height_m())
+      ->check(light::camera_height_m())
       ->capture_default_str();
   core::GeodeticOrigin& origin = flags->reconstruct.origin;
   command->add_option("--latitude", origin.latitude_deg, "Of the world origin [degrees]")
@@ -450,10 +450,10 @@ void add_reconstruct_command(CLI::App& app) {
       ->check(CLI::Range(-360.0, 360.0))
       ->capture_default_str();
   command->add_option("--origin-height", origin.height_m, "Of the world origin [m]")
-      ->check(coordinate())
+      ->check(light::coordinate())
       ->capture_default_str();
   command->add_option("--origin-yaw", origin.yaw_rad, "From east to world +x [rad]")
-      ->check(coordinate())
+      ->check(light::coordinate())
       ->capture_default_str();
   add_stereo_options(*command, flags);
   add_check_options(*command, flags);

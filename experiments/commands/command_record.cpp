@@ -62,7 +62,7 @@ void record(const RecordFlags& flags) {
 
 void add_record_command(CLI::App& app) {
   auto flags = std::make_shared<RecordFlags>();
-  CLI::App* command = add_listed(app, kCommands, "record");
+  CLI::App* command = light::add_listed(app, light::kCommands, "record");
   command
       ->add_option(
           "trial", flags->trial,

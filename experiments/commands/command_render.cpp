@@ -184,7 +184,7 @@ void add_strategy_flags(CLI::App& command, renderer::RenderOptions& options) {
 
 void add_render_command(CLI::App& app) {
   auto flags = std::make_shared<Flags>();
-  CLI::App* command = add_listed(app, kCommands, "render");
+  CLI::App* command = light::add_listed(app, light::kCommands, "render");
   command
       ->add_option("scene", flags->scene,
                    "Bundle folder, OUT.training of an unfinished training, or surfels in the "
@@ -200,7 +200,7 @@ void add_render_command(CLI::App& app) {
           ->add_option("--pose", flags->pose,
                        "Camera in the world: x y z [m], yaw, pitch down [degrees]")
           ->expected(5)
-          ->check(coordinate())
+          ->check(light::coordinate())
           ->capture_default_str();
   command
       ->add_option("--view", flags->view,
@@ -208,13 +208,13 @@ void add_render_command(CLI::App& app) {
       ->check(CLI::Range(0, 100'000'000))
       ->excludes(pose);
   command->add_option("--width", flags->width_px, "Image width [px]")
-      ->check(image_side())
+      ->check(light::image_side())
       ->capture_default_str();
   command->add_option("--height", flags->height_px, "Image height [px]")
-      ->check(image_side())
+      ->check(light::image_side())
       ->capture_default_str();
   command->add_option("--hfov-deg", flags->hfov_deg, "Horizontal field of view [degrees]")
-      ->check(field_of_view_deg())
+      ->check(light::field_of_view_deg())
       ->capture_default_str();
   add_strategy_flags(*command, flags->options);
   command->add_flag(

@@ -96,7 +96,7 @@ void replay(const ReplayFlags& flags) {
 
 void add_replay_command(CLI::App& app) {
   auto flags = std::make_shared<ReplayFlags>();
-  CLI::App* command = add_listed(app, kCommands, "replay");
+  CLI::App* command = light::add_listed(app, light::kCommands, "replay");
   command
       ->add_option("log", flags->paths,
                    "Logs (<work>/replays/<scene>/<episode>.<arm>.jsonl) or folders of them")

@@ -31,7 +31,7 @@ void report(Flags& flags) {
 
 void add_report_command(CLI::App& app) {
   auto flags = std::make_shared<Flags>();
-  CLI::App* command = add_listed(app, kCommands, "report");
+  CLI::App* command = light::add_listed(app, light::kCommands, "report");
   command->add_option("run", flags->work, "Work folder of `segsim run`, or a results database")
       ->required();
   command->add_option("-o,--output", flags->options.output,

@@ -54,7 +54,7 @@ void merge(const MergeFlags& flags) {
 
 void add_merge_command(CLI::App& app) {
   auto flags = std::make_shared<MergeFlags>();
-  CLI::App* command = add_listed(app, kCommands, "merge");
+  CLI::App* command = light::add_listed(app, light::kCommands, "merge");
   command->add_option("out", flags->out, "Work folder that gets the whole run")->required();
   command->add_option("shards", flags->shards,
                       "Folders of shards, or their databases (default: all in OUT/shards)");
@@ -65,7 +65,7 @@ void add_merge_command(CLI::App& app) {
 
 void add_run_command(CLI::App& app) {
   auto flags = std::make_shared<Flags>();
-  CLI::App* command = add_listed(app, kCommands, "run");
+  CLI::App* command = light::add_listed(app, light::kCommands, "run");
   command->add_option("spec", flags->spec, "Experiment (YAML), see experiments/specs/")
       ->required();
   add_run_flags(*command, *flags);

@@ -53,7 +53,7 @@ void draw(const SensorsFlags& flags) {
 
 void add_sensors_command(CLI::App& app) {
   auto flags = std::make_shared<SensorsFlags>();
-  CLI::App* command = add_listed(app, kCommands, "sensors");
+  CLI::App* command = light::add_listed(app, light::kCommands, "sensors");
   command->add_option("bundle", flags->bundle, "Scene bundle")->required();
   command->add_option("-o,--output", flags->output, "Picture to write")->capture_default_str();
   command
@@ -62,7 +62,7 @@ void add_sensors_command(CLI::App& app) {
           "Where the robot stands: X Y [m] and heading [deg] (default: where there is "
           "the most room, heading 0)")
       ->expected(3)
-      ->check(coordinate());
+      ->check(light::coordinate());
   command
       ->add_option("--camera-height", flags->camera_height_m,
                    "Of the camera [m] (default: the bundle's)")

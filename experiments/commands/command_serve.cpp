@@ -42,7 +42,7 @@ void tell_address(const std::string& address, const web::HttpOptions& options) {
 
 void add_serve_command(CLI::App& app) {
   auto options = std::make_shared<dashboard::DashboardOptions>();
-  CLI::App* command = add_listed(app, kCommands, "serve");
+  CLI::App* command = light::add_listed(app, light::kCommands, "serve");
   command
       ->add_option("runs", options->roots,
                    "Work folders of `segsim run`, or folders that hold some")

@@ -66,18 +66,18 @@ void table(const TableFlags& flags) {
 }  // namespace
 
 void add_suite_command(CLI::App& app) {
-  CLI::App& suite = add_suite_group(app);
-  add_suite_list(suite);
-  add_suite_show(suite);
+  CLI::App& suite = light::add_suite_group(app);
+  light::add_suite_list(suite);
+  light::add_suite_show(suite);
   auto flags = std::make_shared<Flags>();
-  CLI::App* command = add_listed(suite, kSuiteCommands, "run");
+  CLI::App* command = light::add_listed(suite, light::kSuiteCommands, "run");
   command->add_option("suite", flags->suite, "Name of a suite, or its file (YAML)")
       ->required();
   add_run_flags(*command, *flags);
   command->callback([flags] { run(*flags); });
 
   auto table_flags = std::make_shared<TableFlags>();
-  command = add_listed(suite, kSuiteCommands, "table");
+  command = light::add_listed(suite, light::kSuiteCommands, "table");
   command
       ->add_option("run", table_flags->work,
                    "Work folder of `segsim suite run`, or of merged "
@@ -87,7 +87,7 @@ void add_suite_command(CLI::App& app) {
   command->add_option("--format", table_flags->format, "text | md | tex | csv | json")
       ->capture_default_str();
   command->callback([table_flags] { table(*table_flags); });
-  add_suite_verify(suite);
+  light::add_suite_verify(suite);
 }
 
 }  // namespace segsim::experiments::commands

@@ -2,14 +2,12 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
-#include <ostream>
 #include <string>
 #include <utility>
 
 #include <CLI/CLI.hpp>
 
 #include "core/error.h"
-#include "core/file_io.h"
 #include "experiments/commands/commands.h"
 #include "experiments/panoptic/panoptic_run.h"
 #include "experiments/panoptic/panoptic_table.h"
@@ -70,11 +68,9 @@ void check_work(const Flags& flags) {
 }
 
 void write_table(const panoptic::PanopticTable& table, const fs::path& work) {
-  for (const auto& [ending, format] : results::table_files()) {
-    core::write_file_atomically(work / ("table1" + ending), [&](std::ostream& out) {
-      out << panoptic::format_panoptic_table(table, format);
-    });
-  }
+  results::write_table_files(work, "table1", [&](support::TableFormat format) {
+    return panoptic::format_panoptic_table(table, format);
+  });
 }
 
 void print_table1(const Flags& flags) {
@@ -108,7 +104,7 @@ void print_table1(const Flags& flags) {
 
 void add_panoptic_table(CLI::App& table) {
   auto flags = std::make_shared<Flags>();
-  CLI::App* command = add_listed(table, kTableCommands, "1");
+  CLI::App* command = light::add_listed(table, light::kTableCommands, "1");
   command->add_option("--scenes", flags->scenes,
                       "flat-N, breakroom, house, folders of recordings, separated by commas; "
                       "or a YAML file; default: flat-3, flat-8 and what --data has");

@@ -55,7 +55,7 @@ void make_all_tables(const AllFlags& flags) {
 
 void add_all_tables(CLI::App& table) {
   auto flags = std::make_shared<AllFlags>();
-  CLI::App* command = add_listed(table, kTableCommands, "all");
+  CLI::App* command = light::add_listed(table, light::kTableCommands, "all");
   command->add_option("-o,--output", flags->output, "Folder")->required();
   command->add_option("--data", flags->data, "Table 1: folder of the data");
   command->add_option("--table1-work", flags->table1_work,
@@ -72,10 +72,10 @@ void add_all_tables(CLI::App& table) {
 }  // namespace
 
 void add_table_command(CLI::App& app) {
-  CLI::App& table = add_run_table(app);
+  CLI::App& table = light::add_run_table(app);
   add_panoptic_table(table);
   add_ablation_table(table);
-  add_navigation_table(table);
+  light::add_navigation_table(table);
   add_all_tables(table);
 }
 

@@ -16,7 +16,7 @@ namespace {
 namespace fs = std::filesystem;
 
 struct RunFlags {
-  ScriptFlags script;
+  light::ScriptFlags script;
   fs::path output;
 };
 
@@ -35,11 +35,11 @@ void run(RunFlags& flags) {
 }  // namespace
 
 void add_trial_command(CLI::App& app) {
-  CLI::App& trial = add_trial_group(app);
-  add_trial_check(trial);
+  CLI::App& trial = light::add_trial_group(app);
+  light::add_trial_check(trial);
   auto flags = std::make_shared<RunFlags>();
-  CLI::App* command = add_listed(trial, kTrialCommands, "run");
-  add_script_flags(*command, flags->script);
+  CLI::App* command = light::add_listed(trial, light::kTrialCommands, "run");
+  light::add_script_flags(*command, flags->script);
   command->add_option("-o,--output", flags->output,
                       "Folder for results (default: out/trials/<name of the file>)");
   command->callback([flags] { run(*flags); });

@@ -83,7 +83,7 @@ void write_video(Flags& flags) {
 
 void add_video_command(CLI::App& app) {
   auto flags = std::make_shared<Flags>();
-  CLI::App* command = add_listed(app, kCommands, "video");
+  CLI::App* command = light::add_listed(app, light::kCommands, "video");
   command->add_option("run", flags->work, "Work folder of `segsim run`, or a results database")
       ->required();
   CLI::Option* trial = command->add_option("--trial", flags->trial, "Number of the trial");

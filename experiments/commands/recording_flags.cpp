@@ -17,12 +17,12 @@ void add_world_options(CLI::App& command, RecordingFlags& flags) {
       .add_option("--gravity", flags.gravity,
                   "Direction in which things fall, in the recording's frame; instead of --up")
       ->expected(3)
-      ->check(coordinate())
+      ->check(light::coordinate())
       ->type_name("X Y Z");
   command
       .add_option("--floor-height", flags.floor_height_m,
                   "Floor along up, in the recording's frame [m]; default: found")
-      ->check(coordinate())
+      ->check(light::coordinate())
       ->each([&flags](const std::string&) { flags.floor_given = true; });
 }
 

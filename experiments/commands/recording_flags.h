@@ -11,7 +11,7 @@
 #include "experiments/specs/rig_spec.h"
 #include "reconstruction/datasets/rgbd_sequence.h"
 
-namespace CLI {
+namespace CLI {  // NOLINT(readability-identifier-naming): theirs
 class App;
 }
 

@@ -11,7 +11,7 @@
 #include "experiments/support/stop_signal.h"
 #include "experiments/web/http_server.h"
 
-namespace CLI {
+namespace CLI {  // NOLINT(readability-identifier-naming): theirs
 class App;
 }
 

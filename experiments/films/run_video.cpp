@@ -91,7 +91,8 @@ VideoSummary write_trial_video(const results::StoredRun& stored,
       [&] { progress.update(std::min(++done, std::max(1, trial.ticks))); });
   TrialPlayer(stored, options.data).play(trial, sampler);
   if (sampler.pages() == 0) {
-    throw core::InputError::expected(name_of(trial), "a trial with an image", trial.outcome);
+    throw core::InputError::expected(name_of(trial), "a trial with an image",
+                                     to_string(trial.outcome));
   }
   file.hold(kHold_s);
   file.finish();
@@ -111,7 +112,8 @@ void append_pair(TrialPlayer& player, const records::TrialRow& left,
       [&tape](const cv::Mat& page) { tape.push(page); }, on_tick);
   player.play(left, first);
   if (tape.empty()) {
-    throw core::InputError::expected(name_of(left), "a trial with an image", left.outcome);
+    throw core::InputError::expected(name_of(left), "a trial with an image",
+                                     to_string(left.outcome));
   }
   std::size_t screens = 0;
   cv::Mat last;
@@ -124,7 +126,8 @@ void append_pair(TrialPlayer& player, const records::TrialRow& left,
       on_tick);
   player.play(right, second);
   if (last.empty()) {
-    throw core::InputError::expected(name_of(right), "a trial with an image", right.outcome);
+    throw core::InputError::expected(name_of(right), "a trial with an image",
+                                     to_string(right.outcome));
   }
   for (; screens < tape.size(); ++screens) {
     file.write(pair_screen(title, note, tape.at(screens), last));

@@ -8,6 +8,7 @@
 
 #include "core/file_io.h"
 #include "core/formatted.h"
+#include "experiments/records/row_words.h"
 
 namespace segsim::experiments::records {
 namespace {
@@ -20,6 +21,11 @@ std::string exact(const Column& column, const std::optional<double>& value) {
 }
 
 std::string exact(const Column& /*column*/, const std::string& text) { return text; }
+
+template <Word W>
+std::string exact(const Column& /*column*/, const W& value) {
+  return word_of(value);
+}
 
 template <std::integral Integer>
 std::string exact(const Column& column, Integer value) {

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "core/formatted.h"
+#include "experiments/records/row_words.h"
 #include "experiments/records/store.h"
 #include "experiments/support/text_grid.h"
 
@@ -14,6 +15,11 @@ namespace {
 
 std::string csv_value(const Column& /*column*/, const std::string& text) {
   return support::csv_cell(text);
+}
+
+template <Word W>
+std::string csv_value(const Column& /*column*/, const W& value) {
+  return word_of(value);
 }
 
 std::string csv_value(const Column& /*column*/, double value) {

@@ -1,12 +1,12 @@
 // Trials in the store: adding and reading them.
 #include <algorithm>
+#include <filesystem>
 #include <map>
 #include <string>
 #include <tuple>
 
 #include "experiments/records/internal/sql_columns.h"
 #include "experiments/records/internal/store_impl.h"
-#include "experiments/records/row_names.h"
 
 namespace segsim::experiments::records {
 namespace {
@@ -25,6 +25,21 @@ std::map<std::string, int> positions(const std::vector<Row>& rows) {
   std::map<std::string, int> by_name;
   for (const Row& row : rows) by_name.emplace(row.name, static_cast<int>(by_name.size()));
   return by_name;
+}
+
+/// A database from elsewhere must not make the program open other files.
+/// @param place  Of the row, for the error message.
+void check_files(const TrialRow& row, const std::string& place) {
+  const auto check = [&](const char* column, const std::string& file) {
+    const std::filesystem::path path = std::filesystem::path(file).lexically_normal();
+    if (path.is_relative() && (path.empty() || *path.begin() != "..")) return;
+    throw core::InputError::expected(place + column, "a file below the folder of the run",
+                                     "\"" + file + "\"");
+  };
+  check("log", row.log);
+  check("picture", row.picture);
+  check("video", row.video);
+  check("track", row.track);
 }
 
 int position_of(const std::map<std::string, int>& positions, const std::string& name) {
@@ -100,7 +115,7 @@ void Store::add_trials(std::int64_t run_id, std::span<const TrialRow> trials) {
 
 std::vector<TrialRow> Store::trials(std::int64_t run_id) const {
   const std::string sql =
-      select_columns<TrialRow>() +
+      select_columns<TrialRow>("trial_id") +
       " FROM trial LEFT JOIN attribution USING (trial_id) WHERE run_id = ?";
   Statement count(impl_->db, impl_->file, "SELECT COUNT(*) FROM trial WHERE run_id = ?");
   count.bind(run_id).step();
@@ -109,8 +124,10 @@ std::vector<TrialRow> Store::trials(std::int64_t run_id) const {
   Statement select(impl_->db, impl_->file, sql.c_str());
   select.bind(run_id);
   while (select.step()) {
-    rows.push_back(read_columns<TrialRow>(select));
-    check_names(rows.back(), impl_->file.string());
+    const std::string place =
+        impl_->file.string() + ": trial " + std::to_string(select.integer()) + ": ";
+    rows.push_back(read_columns<TrialRow>(select, place));
+    check_files(rows.back(), place);
   }
   return sorted(std::move(rows), scenes(run_id), arms(run_id));
 }

@@ -6,7 +6,7 @@ namespace segsim::experiments::records {
 
 sim::TrialEnd trial_end(const TrialRow& trial) {
   sim::TrialResult result;
-  result.stop_reason = core::stop_reason_from(trial.stop_reason, "trial of " + trial.episode);
+  result.stop_reason = trial.stop_reason;
   result.distance_to_goal_m =
       trial.distance_to_goal_m.value_or(std::numeric_limits<double>::infinity());
   result.contacts = trial.contacts;

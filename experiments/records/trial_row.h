@@ -7,7 +7,9 @@
 #include <optional>
 #include <string>
 
+#include "core/stop_reason.h"
 #include "experiments/records/column.h"
+#include "experiments/records/trial_outcome.h"
 #include "experiments/records/trial_witness.h"
 
 namespace segsim::experiments::records {
@@ -17,10 +19,9 @@ struct TrialRow {
   std::int64_t trial_id = 0;  ///< Given by the store.
   std::string arm, scene, episode, goal_class;
   int repetition = 0;
-  /// sim::to_string(Outcome); "error"; or "infeasible", "trivial": there was no trial.
-  std::string outcome;
+  TrialOutcome outcome = TrialOutcome::kTimeout;
   bool success = false;
-  std::string stop_reason;
+  std::optional<core::StopReason> stop_reason;  ///< None: the policy did not stop.
   double spl = 0, soft_spl = 0;
   double path_m = 0, shortest_path_m = 0;
   std::optional<double> distance_to_goal_m;  ///< None: off the navigable area.
@@ -38,10 +39,11 @@ struct TrialRow {
   Attribution why;
   std::string finished;  ///< UTC, ISO 8601; empty: when it is added.
 
-  [[nodiscard]] bool failed() const { return outcome == "error"; }
+  [[nodiscard]] bool failed() const { return outcome == TrialOutcome::kError; }
   /// Whether it enters rates.
   [[nodiscard]] bool counts() const {
-    return !failed() && outcome != "infeasible" && outcome != "trivial";
+    return !failed() && outcome != TrialOutcome::kInfeasible &&
+           outcome != TrialOutcome::kTrivial;
   }
 };
 

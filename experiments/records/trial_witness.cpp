@@ -273,7 +273,7 @@ Attribution attribute(const AttributionContext& context, const sim::TrialResult&
   facts.success_distance_m = context.profile->distance_m;
   facts.invalid_pixel_fraction = result.invalid_pixel_fraction;
   const Verdict verdict = judge(facts);
-  why.cause = to_string(verdict.cause);
+  why.cause = verdict.cause;
   why.inevitable_tick = verdict.inevitable_tick;
   why.decisive_tick = verdict.decisive_tick;
 

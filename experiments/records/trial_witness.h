@@ -24,7 +24,7 @@ namespace segsim::experiments::records {
 
 /// What is stored of a trial besides its result. -1: never; unset: not known.
 struct Attribution {
-  std::string cause;  ///< to_string(Cause); empty: the trial is older than attribution.
+  std::optional<Cause> cause;  ///< None: the trial is older than attribution.
   int inevitable_tick = -1, decisive_tick = -1;
   // Perception: of the images that the policy decided on, each counted once.
   int images = -1;          ///< Their number; -1: not known (trials of older versions).
@@ -43,7 +43,7 @@ struct Attribution {
   int off_navmesh_ticks = 0;  ///< Without a finite distance to the goal.
   int reached_instance = 0;   ///< Of a success: the instance whose view point is nearest.
 
-  [[nodiscard]] bool known() const { return !cause.empty(); }
+  [[nodiscard]] bool known() const { return cause.has_value(); }
 };
 
 /// One detection of the goal's class.

@@ -190,7 +190,7 @@ std::vector<std::string> arms_of(const ReportModel& model) {
 
 std::string fate_of(const records::TrialRow& trial) {
   if (trial.success) return "success";
-  return trial.why.known() ? trial.why.cause : trial.outcome;
+  return trial.why.known() ? to_string(*trial.why.cause) : to_string(trial.outcome);
 }
 
 std::string fate_in_words(const std::string& fate) {

@@ -143,7 +143,7 @@ void add_sightings(const records::TrialRow& trial, const records::TrialLog& log,
                                   print("%.2f", static_cast<double>(found->score)) + ")");
   }
   // A STOP makes it inevitable by itself; time does so before it is over.
-  if (!trial.success && trial.outcome == "timeout") {
+  if (!trial.success && trial.outcome == records::TrialOutcome::kTimeout) {
     timeline.add(trial.why.inevitable_tick, "from here on even a straight drive is too late");
   }
 }
@@ -151,10 +151,11 @@ void add_sightings(const records::TrialRow& trial, const records::TrialLog& log,
 std::string end_words(const records::TrialRow& trial, const records::TrialLog& log) {
   const int last = static_cast<int>(log.track.size()) - 1;
   if (trial.why.stopped) {
-    return "STOP (" + trial.stop_reason + "), " + metres_to_goal(log, last) + ", " +
-           std::to_string(trial.why.final_visible_px) + " px of the goal in view";
+    return std::string("STOP (") + core::to_string(trial.stop_reason) + "), " +
+           metres_to_goal(log, last) + ", " + std::to_string(trial.why.final_visible_px) +
+           " px of the goal in view";
   }
-  return trial.outcome + ", " + metres_to_goal(log, last);
+  return std::string(to_string(trial.outcome)) + ", " + metres_to_goal(log, last);
 }
 
 std::string perception_words(const records::TrialRow& trial) {
@@ -202,7 +203,8 @@ std::vector<KeyMoment> key_moments(const records::TrialRow& trial,
   add(trial.why.first_true_tick, "first detected");
   add(first_false_detection(log), "first false detection");
   if (!trial.success) add(trial.why.decisive_tick, "turning point");
-  if (!trial.success && trial.outcome == "timeout") add(trial.why.inevitable_tick, "too late");
+  if (!trial.success && trial.outcome == records::TrialOutcome::kTimeout)
+    add(trial.why.inevitable_tick, "too late");
   add(static_cast<int>(log.track.size()) - 1, trial.why.stopped ? "stop" : "end");
   std::vector<KeyMoment> list;
   list.reserve(moments.size());
@@ -214,19 +216,18 @@ std::vector<std::string> tell_story(const records::TrialRow& trial,
                                     const records::TrialLog& log) {
   const core::Pose2& start = log.episode.start;
   std::vector<std::string> lines;
-  lines.push_back("Trial " + std::to_string(trial.trial_id) + ": " + trial.episode + ", arm " +
-                  trial.arm + ": " +
-                  (trial.success ? "SUCCESS" : "FAILED (" + trial.outcome + ")"));
+  lines.push_back(
+      "Trial " + std::to_string(trial.trial_id) + ": " + trial.episode + ", arm " + trial.arm +
+      ": " +
+      (trial.success ? "SUCCESS" : std::string("FAILED (") + to_string(trial.outcome) + ")"));
   lines.push_back("  task        find a " + log.episode.class_name + " in " + log.scene_title +
                   " from (" + print("%.2f", start.x_m) + ", " + print("%.2f", start.y_m) +
                   ") m, heading " + print("%.0f", start.yaw_rad * 180.0 / std::numbers::pi) +
                   " deg; the shortest way to a view point is " +
                   print("%.1f", trial.shortest_path_m) + " m");
-  if (!trial.success) {
-    const records::Cause cause = records::cause_from(
-        trial.why.cause, "trial " + std::to_string(trial.trial_id) + ": cause");
-    lines.push_back(std::string("  cause       ") + records::to_string(cause) + ": " +
-                    records::in_words(cause));
+  if (!trial.success && trial.why.cause) {
+    lines.push_back(std::string("  cause       ") + to_string(*trial.why.cause) + ": " +
+                    in_words(*trial.why.cause));
   }
   Timeline timeline(log);
   add_modes(log, timeline);

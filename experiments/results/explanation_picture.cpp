@@ -3,10 +3,13 @@
 #include <cstdio>
 #include <limits>
 #include <map>
+#include <optional>
 
+#include "core/error.h"
 #include "experiments/drawing/box_picture.h"
 #include "experiments/drawing/goal_boxes.h"
 #include "experiments/drawing/trial_picture.h"
+#include "experiments/records/row_words.h"
 #include "experiments/results/explanation.h"
 
 namespace segsim::experiments::results {
@@ -27,8 +30,12 @@ core::Image<core::Rgb8> draw_story_map(const records::TrialRow& trial,
                                        const records::TrialLog& log,
                                        const core::SceneManifest& manifest,
                                        const drawing::FloorPlan& plan) {
+  const std::optional<sim::Outcome> outcome = simulated(trial.outcome);
+  if (!outcome)
+    throw core::InputError::expected("trial " + std::to_string(trial.trial_id),
+                                     "a trial that was run", to_string(trial.outcome));
   sim::TrialResult result;
-  result.outcome = sim::outcome_from(trial.outcome, "trial " + std::to_string(trial.trial_id));
+  result.outcome = *outcome;
   result.success = trial.success;
   result.spl = trial.spl;
   result.path_m = trial.path_m;
@@ -49,7 +56,7 @@ core::Image<core::Rgb8> draw_story_map(const records::TrialRow& trial,
   scene.arm = log.arm;
   scene.goal_index = 0;  // The log keeps objects of the goal's class alone.
   scene.shortest_path_m = log.shortest_path_m;
-  if (!trial.success) scene.cause = trial.why.cause;
+  if (!trial.success) scene.cause = records::word_of(trial.why.cause);
   std::size_t number = 0;
   for (const KeyMoment& moment : key_moments(trial, log)) {
     const core::Pose2& pose = log.track[static_cast<std::size_t>(moment.tick)].pose;
@@ -84,10 +91,10 @@ core::Image<core::Rgb8> draw_story_frames(const records::TrialRow& trial,
          moment_caption(log, pictures.size() + 1, moment)});
   }
   const int columns = std::clamp(static_cast<int>(pictures.size()), 1, kColumns);
-  return drawing::picture_sheet(pictures, columns,
-                                "Find a " + log.episode.class_name + "  /  " + trial.episode +
-                                    "  /  arm " + trial.arm + "  /  " +
-                                    (trial.success ? "success" : trial.why.cause));
+  return drawing::picture_sheet(
+      pictures, columns,
+      "Find a " + log.episode.class_name + "  /  " + trial.episode + "  /  arm " + trial.arm +
+          "  /  " + (trial.success ? "success" : records::word_of(trial.why.cause)));
 }
 
 }  // namespace segsim::experiments::results

@@ -4,6 +4,8 @@
 /// The answer of an experiment: "Scene | SR-Before | SR-After", with everything that a reader
 /// needs to judge it. Computed from trials alone; nothing here is stored.
 
+#include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -127,6 +129,11 @@ struct ResultTable {
 [[nodiscard]] support::TableFormat table_format_from(const std::string& word);
 /// Every form, with the ending of its file: ".txt", ".md", ".csv", ".json", ".tex".
 [[nodiscard]] const std::vector<std::pair<std::string, support::TableFormat>>& table_files();
+/// Writes a table in every form: NAME.txt, NAME.md, ...
+/// @param text  The table in one form.
+/// @throws core::InputError if a file cannot be written.
+void write_table_files(const std::filesystem::path& folder, const std::string& name,
+                       const std::function<std::string(support::TableFormat)>& text);
 [[nodiscard]] std::string format_table(const ResultTable& table, support::TableFormat format);
 
 }  // namespace segsim::experiments::results

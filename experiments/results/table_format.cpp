@@ -1,6 +1,8 @@
 // Text, Markdown, LaTeX, CSV and JSON forms of a ResultTable.
 #include <cstdio>
+#include <ostream>
 
+#include "core/file_io.h"
 #include "core/formatted.h"
 #include "experiments/results/insight_grids.h"
 #include "experiments/results/leakage.h"
@@ -108,6 +110,15 @@ const std::vector<std::pair<std::string, support::TableFormat>>& table_files() {
       {".json", support::TableFormat::kJson},
       {".tex", support::TableFormat::kLatex}};
   return files;
+}
+
+void write_table_files(const std::filesystem::path& folder, const std::string& name,
+                       const std::function<std::string(support::TableFormat)>& text) {
+  for (const auto& [ending, format] : table_files()) {
+    const std::string form = text(format);
+    core::write_file_atomically(folder / (name + ending),
+                                [&](std::ostream& out) { out << form; });
+  }
 }
 
 std::string format_table(const ResultTable& table, support::TableFormat format) {

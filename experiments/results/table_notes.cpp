@@ -44,7 +44,8 @@ void note_state_of_run(ResultTable& table) {
 /// Episodes that cannot be done are in no rate, but not silently.
 void note_excluded(ResultTable& table, const std::vector<records::TrialRow>& trials) {
   constexpr std::size_t kListed = 8;
-  for (const char* outcome : {"infeasible", "trivial"}) {
+  for (const auto outcome :
+       {records::TrialOutcome::kInfeasible, records::TrialOutcome::kTrivial}) {
     std::vector<std::string> ids;
     for (const records::TrialRow& trial : trials) {
       if (trial.outcome != outcome) continue;
@@ -58,8 +59,8 @@ void note_excluded(ResultTable& table, const std::vector<records::TrialRow>& tri
       list += (list.empty() ? "" : ", ") + ids[i];
     }
     if (ids.size() > kListed) list += ", ...";
-    table.notes.push_back(count_of(static_cast<int>(ids.size()), "episode") + " " + outcome +
-                          ", in no rate: " + list + ".");
+    table.notes.push_back(count_of(static_cast<int>(ids.size()), "episode") + " " +
+                          to_string(outcome) + ", in no rate: " + list + ".");
   }
 }
 

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/formatted.h"
+#include "experiments/records/row_words.h"
 
 namespace segsim::experiments::results {
 namespace {
@@ -17,6 +18,10 @@ using Json = nlohmann::ordered_json;
 Json optional(const std::optional<double>& value) { return value ? Json(*value) : Json(); }
 
 Json json_value(const records::Column& /*column*/, const std::string& text) { return text; }
+template <records::Word W>
+Json json_value(const records::Column& /*column*/, const W& value) {
+  return records::word_of(value);
+}
 Json json_value(const records::Column& /*column*/, double value) { return value; }
 Json json_value(const records::Column& /*column*/, const std::optional<double>& value) {
   return optional(value);

@@ -37,7 +37,7 @@ TrialInsights gain_insights(std::span<const records::TrialRow* const> trials) {
     const records::Attribution& why = trial->why;
     if (!trial->counts() || !why.known()) continue;
     ++insights.trials;
-    if (!trial->success) ++causes[why.cause];
+    if (!trial->success) ++causes[to_string(*why.cause)];
     insights.frames += why.images >= 0 ? why.images : trial->ticks;
     insights.visible_frames += why.visible_frames;
     insights.detected_frames += why.detected_frames;

@@ -75,9 +75,9 @@ class Trials {
       throw core::InputError::expected(
           from.string() + ": trial " + trial.episode + " of arm " + trial.arm +
               ", repetition " + std::to_string(trial.repetition),
-          "what another store has (" + entry.trial.outcome + ", hash " +
-              core::hex(entry.trial.state_hash) + ")",
-          trial.outcome + ", hash " + core::hex(trial.state_hash));
+          std::string("what another store has (") + to_string(entry.trial.outcome) +
+              ", hash " + core::hex(entry.trial.state_hash) + ")",
+          std::string(to_string(trial.outcome)) + ", hash " + core::hex(trial.state_hash));
     }
     ++report.known;
   }

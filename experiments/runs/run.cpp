@@ -332,10 +332,6 @@ void run_tasks(const specs::ExperimentSpec& spec, const std::vector<trials::Tria
   }
 }
 
-void write_text(const fs::path& file, const std::string& text) {
-  core::write_file_atomically(file, [&](std::ostream& out) { out << text; });
-}
-
 }  // namespace
 
 std::string success_in_words(const specs::ExperimentSpec& spec) {
@@ -345,9 +341,9 @@ std::string success_in_words(const specs::ExperimentSpec& spec) {
 
 void write_tables(const fs::path& work, const results::ResultTable& table,
                   const std::vector<records::TrialRow>& trials) {
-  for (const auto& [ending, format] : results::table_files()) {
-    write_text(work / ("table" + ending), results::format_table(table, format));
-  }
+  results::write_table_files(work, "table", [&](support::TableFormat format) {
+    return results::format_table(table, format);
+  });
   core::write_file_atomically(
       work / "trials.csv", [&](std::ostream& out) { records::write_trials_csv(out, trials); });
 }

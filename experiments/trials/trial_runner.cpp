@@ -88,9 +88,9 @@ records::ReplayLog start_log(const specs::ExperimentSpec& spec, const TrialTask&
 }
 
 void copy_result(const sim::TrialResult& result, records::TrialRow& row) {
-  row.outcome = sim::to_string(result.outcome);
+  row.outcome = records::trial_outcome(result.outcome);
   row.success = result.success;
-  row.stop_reason = core::to_string(result.stop_reason);
+  row.stop_reason = result.stop_reason;
   row.spl = result.spl;
   row.soft_spl = result.soft_spl;
   row.path_m = result.path_m;
@@ -284,20 +284,22 @@ records::TrialRow TrialRunner::run(const TrialTask& task) {
   row.shortest_path_m = task.episode->shortest_path_m;
   if (!std::isfinite(row.shortest_path_m)) {
     row.shortest_path_m = 0.0;
-    row.outcome = row.why.cause = to_string(records::Cause::kInfeasible);
+    row.outcome = records::TrialOutcome::kInfeasible;
+    row.why.cause = records::Cause::kInfeasible;
     return row;
   }
   if (row.shortest_path_m <= 0.0 && !task.scene->spec->allow_trivial) {
-    row.outcome = row.why.cause = to_string(records::Cause::kTrivial);
+    row.outcome = records::TrialOutcome::kTrivial;
+    row.why.cause = records::Cause::kTrivial;
     return row;
   }
   try {
     run_checked(task, row);
   } catch (const std::exception& error) {
-    row.outcome = "error";
+    row.outcome = records::TrialOutcome::kError;
     row.success = false;
     row.why = {};
-    row.why.cause = to_string(records::Cause::kHarnessError);
+    row.why.cause = records::Cause::kHarnessError;
     row.error = error.what();
   }
   return row;

@@ -82,8 +82,10 @@ inline records::TrialRow made_up_trial(int episode, const std::string& arm) {
   trial.goal_class = "couch";
   trial.episode = "room/couch/" + std::to_string(episode);
   trial.success = arm == "after" ? episode % 5 != 4 : episode % 5 == 0;
-  trial.outcome = trial.success ? "success" : "timeout";
-  trial.why.cause = trial.success ? "did_not_fail" : "false_negative";
+  trial.outcome =
+      trial.success ? records::TrialOutcome::kSuccess : records::TrialOutcome::kTimeout;
+  trial.why.cause =
+      trial.success ? records::Cause::kDidNotFail : records::Cause::kFalseNegative;
   return trial;
 }
 

@@ -112,7 +112,7 @@ void add_lineage(CLI::App& detector) {
 }  // namespace
 
 void add_detector_command(CLI::App& app) {
-  CLI::App* detector = add_listed(app, kCommands, "detector");
+  CLI::App* detector = light::add_listed(app, light::kCommands, "detector");
   detector->require_subcommand(1);
   add_detector_training(*detector);
   add_evaluate(*detector);

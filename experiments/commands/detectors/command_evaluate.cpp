@@ -146,7 +146,7 @@ void evaluate(const Flags& flags) {
 
 void add_evaluate_command(CLI::App& app) {
   auto flags = std::make_shared<Flags>();
-  CLI::App* command = add_listed(app, kCommands, "evaluate");
+  CLI::App* command = light::add_listed(app, light::kCommands, "evaluate");
   command
       ->add_option("--predictions", flags->predictions,
                    "Label images: a folder of masks (docs/masks.md), or FILE.json in COCO's "

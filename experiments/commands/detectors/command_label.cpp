@@ -169,7 +169,7 @@ void add_camera_flags(CLI::App& command, Flags& flags) {
   command
       .add_option("--camera-height", flags.camera_height_m,
                   "Camera height [m]; default: the bundle's")
-      ->check(camera_height_m());
+      ->check(light::camera_height_m());
   command.add_option("--pitch-down-deg", flags.pitch_down_deg, "Camera pitch [degrees]")
       ->check(CLI::Range(-80.0, 80.0))
       ->capture_default_str();
@@ -180,7 +180,7 @@ void add_camera_flags(CLI::App& command, Flags& flags) {
       ->check(CLI::Range(16, 8192))
       ->capture_default_str();
   command.add_option("--hfov-deg", flags.hfov_deg, "Horizontal field of view [degrees]")
-      ->check(field_of_view_deg())
+      ->check(light::field_of_view_deg())
       ->capture_default_str();
 }
 
@@ -224,7 +224,7 @@ void add_split_flags(CLI::App& command, Flags& flags) {
   command
       .add_option("--val-distance-m", flags.val_distance_m,
                   "A held-out view is this far from every training view, or ...")
-      ->check(length_m())
+      ->check(light::length_m())
       ->capture_default_str();
   command.add_option("--val-angle-deg", flags.val_angle_deg, "... turned by this [degrees]")
       ->capture_default_str();
@@ -236,7 +236,7 @@ void add_split_flags(CLI::App& command, Flags& flags) {
 
 void add_label_command(CLI::App& app) {
   auto flags = std::make_shared<Flags>();
-  CLI::App* command = add_listed(app, kCommands, "label");
+  CLI::App* command = light::add_listed(app, light::kCommands, "label");
   command->add_option("bundles", flags->bundles, "Bundle folders")->required();
   command->add_option("--out", flags->out, "Folder for labels.json and images/")->required();
   add_place_flags(*command, *flags);

@@ -307,7 +307,7 @@ void add_truth_flags(CLI::App& command, TruthFlags& flags) {
   command
       .add_option("--floor-height", flags.floor_height_m,
                   "Floor along up, in the recording's frame [m]; default: found")
-      ->check(coordinate());
+      ->check(light::coordinate());
   command.add_option("--frame-step", flags.frame_step, "Use every n-th frame")
       ->check(CLI::Range(1, 100000))
       ->capture_default_str();
@@ -367,7 +367,7 @@ void add_measure_command(CLI::App& masks) {
 }  // namespace
 
 void add_masks_command(CLI::App& app) {
-  CLI::App* command = add_listed(app, kCommands, "masks");
+  CLI::App* command = light::add_listed(app, light::kCommands, "masks");
   command->require_subcommand(1);
   add_simulate_command(*command);
   add_measure_command(*command);

@@ -125,7 +125,7 @@ void add_masks_make(CLI::App& masks) {
   command
       ->add_option("--floor-height", flags->floor_height_m,
                    "Floor along up, in the recording's frame [m]; default: found")
-      ->check(coordinate());
+      ->check(light::coordinate());
   command->add_option("--label-map", flags->label_map,
                       "Classes of a data set's label images (YAML, docs/datasets.md)");
   command->add_option("--frame-step", options.frame_step, "Use every n-th frame")

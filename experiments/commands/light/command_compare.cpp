@@ -10,12 +10,13 @@
 #include "core/error.h"
 #include "core/formatted.h"
 #include "experiments/commands/light/light_commands.h"
+#include "experiments/records/row_words.h"
 #include "experiments/results/stored_run.h"
 #include "experiments/results/table_grids.h"
 #include "experiments/results/training_grids.h"
 #include "experiments/support/text_grid.h"
 
-namespace segsim::experiments::commands {
+namespace segsim::experiments::commands::light {
 namespace {
 
 using support::internal::Grid;
@@ -28,9 +29,10 @@ struct CompareFlags {
 };
 
 std::string outcome_words(const records::TrialRow& trial) {
-  const bool told = !trial.success && trial.why.known() && trial.why.cause != trial.outcome;
-  return trial.outcome + (told ? " (" + trial.why.cause + ")" : "") + " #" +
-         std::to_string(trial.trial_id);
+  const std::string outcome = to_string(trial.outcome);
+  const std::string cause = records::word_of(trial.why.cause);
+  const bool told = !trial.success && !cause.empty() && cause != outcome;
+  return outcome + (told ? " (" + cause + ")" : "") + " #" + std::to_string(trial.trial_id);
 }
 
 /// Adds the trials of one training that went otherwise, by episode and repetition.
@@ -178,4 +180,4 @@ void add_plan_command(CLI::App& app) {
   command->callback([flags] { plan(*flags); });
 }
 
-}  // namespace segsim::experiments::commands
+}  // namespace segsim::experiments::commands::light

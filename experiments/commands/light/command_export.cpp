@@ -10,7 +10,7 @@
 #include "experiments/commands/light/light_commands.h"
 #include "experiments/results/trial_export.h"
 
-namespace segsim::experiments::commands {
+namespace segsim::experiments::commands::light {
 namespace {
 
 struct Flags {
@@ -50,4 +50,4 @@ void add_export_command(CLI::App& app) {
   command->callback([flags] { export_run(*flags); });
 }
 
-}  // namespace segsim::experiments::commands
+}  // namespace segsim::experiments::commands::light

@@ -12,7 +12,7 @@
 #include <span>
 #include <string_view>
 
-namespace segsim::experiments::commands {
+namespace segsim::experiments::commands::light {
 
 struct CommandWord {
   const char* name;
@@ -127,4 +127,4 @@ constexpr bool is_light(std::span<const char* const> words) {
          !(name == "trial" && names_heavy(kTrialCommands));
 }
 
-}  // namespace segsim::experiments::commands
+}  // namespace segsim::experiments::commands::light

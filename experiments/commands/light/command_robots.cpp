@@ -12,7 +12,7 @@
 #include "nav/grid/robot_fit.h"
 #include "sim/ground/robot.h"
 
-namespace segsim::experiments::commands {
+namespace segsim::experiments::commands::light {
 namespace {
 
 std::vector<std::string> row_of(const sim::RobotModel& robot) {
@@ -48,4 +48,4 @@ void add_robots_command(CLI::App& app) {
   command->callback([files] { list_robots(*files); });
 }
 
-}  // namespace segsim::experiments::commands
+}  // namespace segsim::experiments::commands::light

@@ -13,7 +13,7 @@
 #include "experiments/support/grid_document.h"
 #include "experiments/support/listed.h"
 
-namespace segsim::experiments::commands {
+namespace segsim::experiments::commands::light {
 namespace {
 
 namespace fs = std::filesystem;
@@ -134,4 +134,4 @@ void add_suite_verify(CLI::App& suite) {
   command->callback([flags] { verify(*flags); });
 }
 
-}  // namespace segsim::experiments::commands
+}  // namespace segsim::experiments::commands::light

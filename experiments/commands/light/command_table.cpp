@@ -1,17 +1,15 @@
 // `segsim table WORK` and `segsim table 3`.
 #include <cstdio>
 #include <memory>
-#include <ostream>
 
 #include <CLI/CLI.hpp>
 
 #include "core/error.h"
-#include "core/file_io.h"
 #include "experiments/commands/light/light_commands.h"
 #include "experiments/results/navigation_table.h"
 #include "experiments/results/stored_run.h"
 
-namespace segsim::experiments::commands {
+namespace segsim::experiments::commands::light {
 namespace {
 
 namespace fs = std::filesystem;
@@ -44,11 +42,9 @@ void print_table3(const Flags& flags) {
     entries.push_back({"", work.string(), results::summarise(results::load_run(work)), {}});
   }
   if (!flags.output.empty()) {
-    for (const auto& [ending, form] : results::table_files()) {
-      core::write_file_atomically(flags.output / ("table3" + ending), [&](std::ostream& out) {
-        out << results::format_navigation_table(entries, form);
-      });
-    }
+    results::write_table_files(flags.output, "table3", [&](support::TableFormat form) {
+      return results::format_navigation_table(entries, form);
+    });
   }
   std::fputs(results::format_navigation_table(entries, format).c_str(), stdout);
 }
@@ -107,4 +103,4 @@ void add_navigation_table(CLI::App& table) {
   command->callback([flags] { print_table3(*flags); });
 }
 
-}  // namespace segsim::experiments::commands
+}  // namespace segsim::experiments::commands::light

@@ -8,7 +8,7 @@
 #include "experiments/scripted_trials/scripted_run.h"
 #include "experiments/support/shipped_file.h"
 
-namespace segsim::experiments::commands {
+namespace segsim::experiments::commands::light {
 namespace {
 
 void check(const ScriptFlags& flags) {
@@ -33,4 +33,4 @@ void add_trial_check(CLI::App& trial) {
   command->callback([flags] { check(*flags); });
 }
 
-}  // namespace segsim::experiments::commands
+}  // namespace segsim::experiments::commands::light

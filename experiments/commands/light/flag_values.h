@@ -5,11 +5,11 @@
 /// checked at the door, so that no command meets an image without pixels. What is no finite
 /// number is refused for all flags alike (experiments/program.cpp).
 
-namespace CLI {
+namespace CLI {  // NOLINT(readability-identifier-naming): theirs
 class Validator;
 }
 
-namespace segsim::experiments::commands {
+namespace segsim::experiments::commands::light {
 
 /// Width or height of an image [px].
 CLI::Validator image_side();
@@ -22,4 +22,4 @@ CLI::Validator coordinate();
 /// A length or distance [m].
 CLI::Validator length_m();
 
-}  // namespace segsim::experiments::commands
+}  // namespace segsim::experiments::commands::light

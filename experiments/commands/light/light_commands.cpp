@@ -6,7 +6,7 @@
 
 #include "core/check.h"
 
-namespace segsim::experiments::commands {
+namespace segsim::experiments::commands::light {
 namespace {
 
 /// The name of a subcommand of segsim-main, so that --help has it.
@@ -81,4 +81,4 @@ void add_light_commands(CLI::App& app) {
   add_all(app, kCommands, kAdders);
 }
 
-}  // namespace segsim::experiments::commands
+}  // namespace segsim::experiments::commands::light

@@ -9,11 +9,11 @@
 
 #include "experiments/commands/light/command_list.h"
 
-namespace CLI {
+namespace CLI {  // NOLINT(readability-identifier-naming): theirs
 class App;
 }
 
-namespace segsim::experiments::commands {
+namespace segsim::experiments::commands::light {
 
 /// Adds the subcommand of this name with the help that its list has.
 CLI::App* add_listed(CLI::App& parent, std::span<const CommandWord> list,
@@ -47,4 +47,4 @@ void add_script_flags(CLI::App& command, ScriptFlags& flags);
 /// All of `segsim`: what is light, and the names of the rest.
 void add_light_commands(CLI::App& app);
 
-}  // namespace segsim::experiments::commands
+}  // namespace segsim::experiments::commands::light

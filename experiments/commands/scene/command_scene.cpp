@@ -153,7 +153,7 @@ void inspect(const std::filesystem::path& folder, const std::string& robot_name)
 }  // namespace
 
 void add_scene_command(CLI::App& app) {
-  CLI::App* scene = add_listed(app, kCommands, "scene");
+  CLI::App* scene = light::add_listed(app, light::kCommands, "scene");
   scene->require_subcommand(1);
 
   struct Flags {

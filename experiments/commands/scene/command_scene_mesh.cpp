@@ -176,7 +176,7 @@ void add_remesh(CLI::App& scene) {
   command
       ->add_option("--floor-height", flags->floor_height_m,
                    "Where the floor is in the bundle [m], if it was not found")
-      ->check(coordinate())
+      ->check(light::coordinate())
       ->each([flags](const std::string&) { flags->floor_given = true; });
   command->add_option("--backend", flags->backend, "cpu | cuda | auto")->capture_default_str();
   command->add_option("--frame-step", flags->frame_step, "Use every n-th camera")

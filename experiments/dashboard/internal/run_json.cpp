@@ -5,6 +5,8 @@
 #include <ctime>
 #include <optional>
 
+#include "experiments/records/row_words.h"
+
 namespace segsim::experiments::dashboard::internal {
 namespace {
 
@@ -147,8 +149,8 @@ Json trial_json(const records::TrialRow& t) {
           {"goal", t.goal_class},
           {"arm", t.arm},
           {"repetition", t.repetition},
-          {"outcome", t.outcome},
-          {"cause", t.why.cause},
+          {"outcome", to_string(t.outcome)},
+          {"cause", records::word_of(t.why.cause)},
           {"success", t.success},
           {"spl", t.spl},
           {"sim_s", t.sim_s},

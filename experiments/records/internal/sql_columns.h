@@ -14,6 +14,7 @@
 #include "core/formatted.h"
 #include "experiments/records/column.h"
 #include "experiments/records/internal/sqlite_statement.h"
+#include "experiments/records/row_words.h"
 
 namespace segsim::experiments::records {
 
@@ -26,6 +27,10 @@ enum class SqlTable : std::uint8_t { kOfRow, kAttribution };
 
 [[nodiscard]] inline const char* sql_type(const Column& /*column*/,
                                           const std::string& /*text*/) {
+  return "TEXT NOT NULL";
+}
+template <Word W>
+[[nodiscard]] const char* sql_type(const Column& /*column*/, const W& /*word*/) {
   return "TEXT NOT NULL";
 }
 [[nodiscard]] inline const char* sql_type(const Column& /*column*/, double /*number*/) {
@@ -55,9 +60,10 @@ template <class Row>
 }
 
 /// "SELECT spl, path_m": every column in the order of read_columns().
+/// @param before  Columns that are read before read_columns() is called: "trial_id".
 template <class Row>
-[[nodiscard]] std::string select_columns() {
-  std::string sql;
+[[nodiscard]] std::string select_columns(const std::string& before = {}) {
+  std::string sql = before.empty() ? "" : "SELECT " + before;
   const Row row;
   visit_columns(row, [&](const Column& column, const auto& /*value*/) {
     sql += (sql.empty() ? "SELECT " : ", ") + std::string(column.name);
@@ -89,6 +95,10 @@ class ColumnBinder {
   explicit ColumnBinder(Statement& statement) : statement_(statement) {}
 
   void operator()(const Column& /*column*/, const std::string& text) { statement_.bind(text); }
+  template <Word W>
+  void operator()(const Column& /*column*/, const W& value) {
+    statement_.bind(texts_.emplace_back(word_of(value)));
+  }
   void operator()(const Column& /*column*/, double number) { statement_.bind(number); }
   /// A number that is not finite is none.
   void operator()(const Column& /*column*/, const std::optional<double>& number) {
@@ -119,18 +129,25 @@ void insert_row(Statement& insert, const Row& row, SqlTable table = SqlTable::kO
   insert.step();
 }
 
-inline void read_value(Statement& row, const Column& /*column*/, std::string& text) {
+inline void read_value(Statement& row, const Column& /*column*/, const std::string& /*place*/,
+                       std::string& text) {
   text = row.text();
 }
-inline void read_value(Statement& row, const Column& /*column*/, double& number) {
+template <Word W>
+void read_value(Statement& row, const Column& column, const std::string& place, W& value) {
+  read_word(row.text_view(), place + column.name, value);
+}
+inline void read_value(Statement& row, const Column& /*column*/, const std::string& /*place*/,
+                       double& number) {
   number = row.number();
 }
-inline void read_value(Statement& row, const Column& /*column*/,
+inline void read_value(Statement& row, const Column& /*column*/, const std::string& /*place*/,
                        std::optional<double>& number) {
   number = row.optional_number();
 }
 template <std::integral Integer>
-void read_value(Statement& row, const Column& column, Integer& number) {
+void read_value(Statement& row, const Column& column, const std::string& /*place*/,
+                Integer& number) {
   if (column.hexadecimal) {
     const std::string_view digits = row.text_view();
     std::uint64_t value = 0;
@@ -143,12 +160,15 @@ void read_value(Statement& row, const Column& column, Integer& number) {
 
 /// The row that select_columns() stands at. What the table `attribution` does not know of it
 /// keeps its default.
+/// @param place  Of the row, for errors about words in it: "results.sqlite: trial 7: ".
+/// @throws core::InputError that names place, column and word, if the program does not know
+/// the word.
 template <class Row>
-[[nodiscard]] Row read_columns(Statement& select) {
+[[nodiscard]] Row read_columns(Statement& select, const std::string& place = {}) {
   Row row;
   visit_columns(row, [&](const Column& column, auto& value) {
     if (table_of(column) == SqlTable::kAttribution && select.skip_null()) return;
-    read_value(select, column, value);
+    read_value(select, column, place, value);
   });
   return row;
 }

@@ -17,7 +17,7 @@ std::string trial_row(const TrialView& view) {
   data("arm", view.arm);
   data("training", row.arm);
   data("goal", row.goal_class);
-  data("outcome", row.outcome);
+  data("outcome", to_string(row.outcome));
   data("fate", fate);
   data("success", row.success ? "1" : "0");
   data("counts", row.counts() ? "1" : "0");
@@ -32,7 +32,7 @@ std::string trial_row(const TrialView& view) {
   cell(row.goal_class);
   cell(row.arm);
   html += std::string("<td class=\"") + (row.success ? "success" : "failure") + "\">" +
-          html_escaped(row.outcome) + "</td>";
+          html_escaped(to_string(row.outcome)) + "</td>";
   cell(row.success ? "" : fate);
   cell(view.change);
   if (row.counts()) {
@@ -52,7 +52,7 @@ std::string facts(const TrialView& view) {
   const auto add = [&](const char* what, const std::string& value) {
     html += std::string("<dt>") + what + "</dt><dd>" + html_escaped(value) + "</dd>";
   };
-  if (!row.success && row.why.known()) add("why", fate_in_words(row.why.cause));
+  if (!row.success && row.why.known()) add("why", records::in_words(*row.why.cause));
   if (!row.error.empty()) add("error", row.error);
   if (row.counts()) {
     add("SPL", core::print("%.3f", row.spl));
@@ -61,7 +61,7 @@ std::string facts(const TrialView& view) {
     add("to goal", row.distance_to_goal_m
                        ? core::print("%.2f m at the end", *row.distance_to_goal_m)
                        : "off the floor at the end");
-    add("stopped", row.stop_reason.empty() ? "no" : row.stop_reason);
+    add("stopped", row.stop_reason ? core::to_string(*row.stop_reason) : "no");
     if (row.contacts > 0) {
       add("contacts", core::print("%d, %.1f s", row.contacts, row.contact_s));
     }

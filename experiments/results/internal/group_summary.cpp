@@ -80,7 +80,7 @@ ArmSummary summarise_arm(const TableInputs& inputs, const Family& family, Episod
         successes.add(of, episodes[k], k, cell.result.success ? 1.0 : 0.0);
       }
       for (const records::TrialRow* trial : cell.trials) {
-        ++outcomes[trial->outcome];
+        ++outcomes[to_string(trial->outcome)];
         all.push_back(trial);
         count_trial(*trial, summary, usable);
       }

@@ -134,7 +134,7 @@ TEST(DashboardShards, FinishedTrialsComeBeforeFailedOnes) {
     records::TrialRow trial = made_up_trial(episode, "after");
     trial.trial_id = 7;
     trial.log = "logs/x.json.gz";
-    if (failed) trial.outcome = "error";
+    if (failed) trial.outcome = records::TrialOutcome::kError;
     run->stored.trials = {trial};
     run->finish_times = {"2026-01-31T12:00:0" + std::to_string(episode) + "Z"};
     return run;

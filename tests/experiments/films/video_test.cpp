@@ -214,7 +214,7 @@ records::TrialRow row(const std::string& scene, const std::string& episode,
   trial.episode = scene + "/" + episode;
   trial.arm = arm;
   trial.success = success;
-  trial.outcome = success ? "success" : "timeout";
+  trial.outcome = success ? records::TrialOutcome::kSuccess : records::TrialOutcome::kTimeout;
   trial.sim_s = sim_s;
   trial.ticks = static_cast<int>(4.0 * sim_s);
   return trial;
@@ -248,7 +248,7 @@ TEST(DemoPairs, AreOfMedianLengthAndOneSpeaksAgainst) {
   trials.erase(trials.begin() + 12, trials.begin() + 15);  // Without b/1.
   EXPECT_EQ(films::choose_demo_pairs(trials, "before", "after").at(2).before->episode, "b/2");
   EXPECT_TRUE(films::choose_demo_pairs(trials, "before", "nobody").empty());
-  for (records::TrialRow& trial : trials) trial.outcome = "error";
+  for (records::TrialRow& trial : trials) trial.outcome = records::TrialOutcome::kError;
   EXPECT_TRUE(films::choose_demo_pairs(trials, "before", "after").empty());
 }
 

@@ -3,7 +3,6 @@
 /// @file
 /// Rows for tests of what is made from their columns (experiments/records/column.h).
 
-#include <array>
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
@@ -11,22 +10,25 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <type_traits>
 
 #include "core/formatted.h"
 #include "experiments/records/column.h"
+#include "experiments/records/row_words.h"
 
 namespace segsim::experiments {
 
 inline void set_value(const records::Column& column, int number, std::string& text) {
-  // Words that the store knows, since it refuses all others: two for each column.
-  using Words = std::array<const char*, 2>;
-  static const std::map<std::string_view, Words> kWords = {
-      {"outcome", {"timeout", "gave_up"}},
-      {"stop_reason", {"stuck", "goal_reached"}},
-      {"cause", {"infeasible", "trivial"}}};
-  const auto words = kWords.find(column.name);
-  text = words == kWords.end() ? column.name + std::string("#") + std::to_string(number)
-                               : words->second[number < 1000 ? 0 : 1];
+  text = column.name + std::string("#") + std::to_string(number);
+}
+inline void set_value(const records::Column& /*column*/, int number,
+                      records::TrialOutcome& outcome) {
+  outcome = static_cast<records::TrialOutcome>(number % 7);
+}
+template <class Enum>
+requires std::is_enum_v<Enum>
+void set_value(const records::Column& /*column*/, int number, std::optional<Enum>& value) {
+  value = static_cast<Enum>(number % 7);
 }
 inline void set_value(const records::Column& /*column*/, int number, double& value) {
   value = number + 0.1;
@@ -57,6 +59,10 @@ template <class Row>
 }
 
 inline std::string as_text(const std::string& text) { return text; }
+template <records::Word W>
+std::string as_text(const W& word) {
+  return records::word_of(word);
+}
 inline std::string as_text(double value) { return core::print("%a", value); }
 inline std::string as_text(const std::optional<double>& value) {
   return value ? as_text(*value) : "none";

@@ -42,8 +42,9 @@ records::TrialRow trial_of(std::int64_t number) {
   trial.episode = trial.scene + "/chair/" + std::to_string(episode);
   trial.goal_class = "class-" + std::to_string(episode % 7);
   trial.success = number * 7919 / 2 % 10 < (after ? 9 : 5);
-  trial.outcome = trial.success ? "success" : "timeout";
-  trial.stop_reason = "goal_reached";
+  trial.outcome =
+      trial.success ? records::TrialOutcome::kSuccess : records::TrialOutcome::kTimeout;
+  trial.stop_reason = core::StopReason::kGoalReached;
   trial.spl = trial.soft_spl = 0.5;
   trial.path_m = 5.0 + static_cast<double>(number % 11);
   trial.shortest_path_m = 4.0;
@@ -54,7 +55,8 @@ records::TrialRow trial_of(std::int64_t number) {
   trial.state_hash = 0xfedcba9876543210ULL;
   trial.picture = "pictures/scene/chair.png";
   trial.log = "logs/scene/chair.json.gz";
-  trial.why.cause = trial.success ? "did_not_fail" : "false_positive";
+  trial.why.cause =
+      trial.success ? records::Cause::kDidNotFail : records::Cause::kFalsePositive;
   trial.why.images = 80;
   trial.why.visible_frames = trial.why.detected_frames = 10;
   return trial;
@@ -82,8 +84,8 @@ void BM_AddTrial(benchmark::State& state) {
   records::TrialRow trial;
   trial.arm = "before";
   trial.scene = "scene-0";
-  trial.outcome = "success";
-  trial.why.cause = "did_not_fail";
+  trial.outcome = records::TrialOutcome::kSuccess;
+  trial.why.cause = records::Cause::kDidNotFail;
   int number = 0;
   for (auto _ : state) {
     trial.episode = "scene-0/chair/" + std::to_string(number++);

@@ -63,7 +63,7 @@ inline records::TrialRow a_trial(const std::string& arm, const std::string& epis
   trial.scene = episode.substr(0, 1);
   trial.episode = episode;
   trial.goal_class = "chair";
-  trial.outcome = success ? "success" : "timeout";
+  trial.outcome = success ? records::TrialOutcome::kSuccess : records::TrialOutcome::kTimeout;
   trial.success = success;
   trial.spl = success ? 0.5 : 0.0;
   trial.path_m = 3.25;

@@ -156,7 +156,7 @@ TEST_F(StoreTest, AFailedTrialIsReplaced) {
   records::Store store(file_);
   const std::int64_t id = begin(store);
   records::TrialRow failed = a_trial("before", "b/chair/00", false);
-  failed.outcome = "error";
+  failed.outcome = records::TrialOutcome::kError;
   failed.error = "no memory";
   store.add_trial(id, failed);
   EXPECT_TRUE(store.trials(id)[0].failed());
@@ -203,12 +203,12 @@ TEST_F(StoreTest, AttributionGoesWithItsTrial) {
   records::Store store(file_);
   const std::int64_t id = begin(store);
   records::TrialRow failed = a_trial("before", "b/chair/00", false);
-  failed.outcome = "error";
-  failed.why.cause = "harness_error";
+  failed.outcome = records::TrialOutcome::kError;
+  failed.why.cause = records::Cause::kHarnessError;
   store.add_trial(id, failed);
-  EXPECT_EQ(store.trials(id)[0].why.cause, "harness_error");
+  EXPECT_EQ(store.trials(id)[0].why.cause, records::Cause::kHarnessError);
   records::TrialRow trial = a_trial("before", "b/chair/00", false);
-  trial.why.cause = "false_positive";
+  trial.why.cause = records::Cause::kFalsePositive;
   trial.why.object_m = 0.0;
   store.add_trial(id, trial);  // In place of the failed one.
   store.add_trial(id, a_trial("after", "b/chair/00", true));
@@ -216,7 +216,7 @@ TEST_F(StoreTest, AttributionGoesWithItsTrial) {
   ASSERT_EQ(rows.size(), 2U);
   EXPECT_GT(rows[0].trial_id, 0);
   EXPECT_NE(rows[0].trial_id, rows[1].trial_id);
-  EXPECT_EQ(rows[0].why.cause, "false_positive");
+  EXPECT_EQ(rows[0].why.cause, records::Cause::kFalsePositive);
   EXPECT_EQ(rows[0].why.object_m, 0.0);
   EXPECT_FALSE(rows[0].why.planar_m.has_value());
   EXPECT_EQ(values_of(rows[1].why), values_of(records::Attribution{}));
@@ -262,7 +262,7 @@ TEST_F(StoreTest, JsonLinesHoldTheRunAndEveryColumn) {
     trial.distance_to_goal_m.reset();
     trial.error = "line\n\"two\" \xff";
     trial.log = "logs/x.gz";
-    trial.why.cause = "stuck";
+    trial.why.cause = records::Cause::kStuck;
     trial.why.planar_m = 1.5;
     store.add_trial(id, trial);
     store.add_trial(id, a_trial("after", "b/chair/00", true));
@@ -319,7 +319,7 @@ TEST_F(StoreTest, ADamagedDatabaseIsRefused) {
 TEST_F(StoreTest, CsvHasNoNaNAndQuotesWhatNeedsIt) {
   records::TrialRow trial = a_trial("before", "b/chair/00", false);
   trial.distance_to_goal_m.reset();
-  trial.stop_reason = "stuck, \"badly\"";
+  trial.error = "stuck, \"badly\"";
   std::ostringstream out;
   records::write_trials_csv(out, {trial});
   const std::string text = out.str();

@@ -65,9 +65,9 @@ TEST_F(StoreTest, AFileOfVersion2IsBroughtUpToDate) {
   }
   records::Store store(file_);
   records::TrialRow trial = a_trial("after", "b/chair/00", false);
-  trial.why.cause = "stuck";
+  trial.why.cause = records::Cause::kStuck;
   store.add_trial(id, trial);
-  EXPECT_EQ(store.trials(id)[1].why.cause, "stuck");
+  EXPECT_EQ(store.trials(id)[1].why.cause, records::Cause::kStuck);
 }
 
 TEST_F(StoreTest, AFileOfVersion1IsBroughtUpToDate) {
@@ -88,9 +88,9 @@ TEST_F(StoreTest, AFileOfVersion1IsBroughtUpToDate) {
   records::Store store(file_);  // And it takes what only the present version has.
   const std::int64_t id = begin(store);
   records::TrialRow trial = a_trial("after", "b/chair/00", false);
-  trial.why.cause = "stuck";
+  trial.why.cause = records::Cause::kStuck;
   store.add_trial(id, trial);
-  EXPECT_EQ(store.trials(id)[0].why.cause, "stuck");
+  EXPECT_EQ(store.trials(id)[0].why.cause, records::Cause::kStuck);
   EXPECT_EQ(store.arms(id)[1].held_out->source_ap50, std::optional<double>(0.625));
 }
 
@@ -164,9 +164,9 @@ TEST_F(StoreTest, AFileOfVersion7IsReadByTheNamesOfItsColumns) {
   expected.episode = "b/chair/00";
   expected.goal_class = "chair";
   expected.repetition = 1;
-  expected.outcome = "success";
+  expected.outcome = records::TrialOutcome::kSuccess;
   expected.success = true;
-  expected.stop_reason = "goal_reached";
+  expected.stop_reason = core::StopReason::kGoalReached;
   expected.spl = 0.5;
   expected.soft_spl = 0.625;
   expected.path_m = 3.25;
@@ -203,7 +203,7 @@ TEST_F(StoreTest, AFileOfVersion3IsBroughtUpToDate) {
     records::Store store(file_);
     id = begin(store);
     records::TrialRow trial = a_trial("before", "b/chair/00", false);
-    trial.why.cause = "stuck";
+    trial.why.cause = records::Cause::kStuck;
     store.add_trial(id, trial);
   }
   drop_version_7(file_);
@@ -217,7 +217,7 @@ TEST_F(StoreTest, AFileOfVersion3IsBroughtUpToDate) {
               "ALTER TABLE arm DROP COLUMN start_radius_m;"
               "UPDATE meta SET schema_version = 3");
   const records::Store store(file_);
-  EXPECT_EQ(store.trials(id)[0].why.cause, "stuck");
+  EXPECT_EQ(store.trials(id)[0].why.cause, records::Cause::kStuck);
   EXPECT_EQ(store.arms(id)[1].held_out->ap50, 0.5);
   EXPECT_FALSE(store.arms(id)[1].held_out->source_ap50.has_value());
   EXPECT_FALSE(store.arms(id)[1].start_leak.has_value());
@@ -247,7 +247,7 @@ TEST_F(StoreTest, AFileOfVersion6IsBroughtUpToDate) {
     records::Store store(file_);
     id = begin(store);
     records::TrialRow trial = a_trial("before", "b/chair/00", false);
-    trial.why.cause = "stuck";
+    trial.why.cause = records::Cause::kStuck;
     trial.why.false_clouds = 3;
     trial.why.misplaced_clouds = 2;
     store.add_trial(id, trial);

@@ -30,9 +30,9 @@ records::TrialRow recorded_trial() {
   t.episode = "flat/chair/07";
   t.goal_class = "chair";
   t.repetition = 2;
-  t.outcome = "timeout";
+  t.outcome = records::TrialOutcome::kTimeout;
   t.success = true;
-  t.stop_reason = "time_limit";
+  t.stop_reason = core::StopReason::kGoalReached;
   t.spl = 0.1;
   t.soft_spl = 0.7;
   t.path_m = 12.3456789;
@@ -56,7 +56,7 @@ records::TrialRow recorded_trial() {
   t.track = "tracks/a";
   t.log = "logs/a.json.gz";
   t.finished = "2026-01-01T00:00:00Z";
-  t.why.cause = "false_positive";
+  t.why.cause = records::Cause::kFalsePositive;
   t.why.inevitable_tick = 590;
   t.why.decisive_tick = 580;
   t.why.images = 150;
@@ -83,7 +83,7 @@ records::TrialRow bare_trial() {
   records::TrialRow t;
   t.arm = "before";
   t.episode = "flat/chair/08";
-  t.outcome = "success";
+  t.outcome = records::TrialOutcome::kSuccess;
   return t;
 }
 
@@ -101,7 +101,7 @@ TEST(TrialColumns, EveryMemberIsVisited) {
 
 TEST(TrialColumns, DigestsAreTheRecordedOnes) {
   EXPECT_EQ(records::essence_of(recorded_trial()),
-            "flat, upstairs\tflat/chair/07\tchair\tafter\ttimeout\ttime_limit\tsaid "
+            "flat, upstairs\tflat/chair/07\tchair\tafter\ttimeout\tgoal_reached\tsaid "
             "\"no\"\tfalse_positive\t2\t1\tfedcba9876543210\t0x1.999999999999ap-4\t"
             "0x1.6666666666666p-1\t0x1.8b0fcd324d5a2p+3\t0x1p+2\t0x1.e2p+6\t"
             "0x1.999999999999ap-2\t0x1p-6\t0x1.5555555555555p-2\t0x1.8p-1\tnone\t"
@@ -161,7 +161,7 @@ TEST(TrialColumns, CsvIsTheRecordedOne) {
           "false_clouds,stopped,final_visible_px,object_m,planar_m,shortest_object_m,"
           "collision_ticks,off_navmesh_ticks,reached_instance,images,misplaced_clouds,"
           "trial_id,log,picture,video,track,finished",
-          "\"flat, upstairs\",flat/chair/07,chair,2,after,timeout,1,time_limit,0.1,0.7,"
+          "\"flat, upstairs\",flat/chair/07,chair,2,after,timeout,1,goal_reached,0.1,0.7,"
           "12.3457,4,0.333333,120.5,3.25,601,3,0.4,17,19,0.015625,fedcba9876543210,1.5,2.5,"
           "3.5,\"said \"\"no\"\"\",false_positive,590,580,21,20,22,5,23,6,7,1,1234,0.75,,3.9,"
           "9,10,11,150,8,41,logs/a.json.gz,pictures/a.png,videos/a.mp4,tracks/a,"

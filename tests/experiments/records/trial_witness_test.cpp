@@ -198,9 +198,9 @@ sim::World* AttributeTest::world_ = nullptr;
 
 TEST_F(AttributeTest, TargetsNearAGoalBoxAreTrue) {
   result_.final_view.target_m = glm::dvec2(2.0, -0.6);  // 0.9 m from the couch.
-  EXPECT_EQ(attributed().cause, "bad_stop_true_positive");
+  EXPECT_EQ(attributed().cause, records::Cause::kBadStopTruePositive);
   result_.final_view.target_m = glm::dvec2(2.0, -0.4);  // 1.1 m.
-  EXPECT_EQ(attributed().cause, "false_positive");
+  EXPECT_EQ(attributed().cause, records::Cause::kFalsePositive);
 }
 
 /// The robot believes to be 2 m further along x, and turned by 90 degrees.
@@ -217,7 +217,7 @@ TEST_F(AttributeTest, PlacesOfThePolicysMapAreBroughtIntoTheWorld) {
   result_.final_view.target_m = in_odom({2.0, -0.6});
   result_.final_view.objects = {{in_odom(couch_m), 0, 0.9F}, {couch_m, 0, 0.9F}};
   const records::Attribution why = attributed();
-  EXPECT_EQ(why.cause, "bad_stop_true_positive");
+  EXPECT_EQ(why.cause, records::Cause::kBadStopTruePositive);
   EXPECT_EQ(why.true_clouds, 1);
   EXPECT_EQ(why.false_clouds, 1);
 }
@@ -273,11 +273,11 @@ TEST_F(AttributeTest, WithoutATargetTheNearestObjectCounts) {
   result_.final_view.objects = {
       {{2.5, -2.0}, 0, 0.9F}, {{1.2, 1.4}, 0, 0.5F}, {{1.3, 1.0}, 5, 0.5F}};
   const records::Attribution why = attributed();
-  EXPECT_EQ(why.cause, "false_positive");
+  EXPECT_EQ(why.cause, records::Cause::kFalsePositive);
   EXPECT_EQ(why.true_clouds, 1);
   EXPECT_EQ(why.false_clouds, 1);  // The third is of another class.
   result_.final_view.objects.erase(result_.final_view.objects.begin() + 1);
-  EXPECT_EQ(attributed().cause, "bad_stop_true_positive");
+  EXPECT_EQ(attributed().cause, records::Cause::kBadStopTruePositive);
 }
 
 TEST_F(AttributeTest, DistancesOfTheEnd) {
@@ -301,7 +301,7 @@ TEST_F(AttributeTest, TheInstanceThatWasReached) {
   result_.outcome = sim::Outcome::kSuccess;
   result_.final_pose = {3.0, -0.4, 0.0};
   EXPECT_EQ(attributed().reached_instance, 7);
-  EXPECT_EQ(attributed().cause, "did_not_fail");
+  EXPECT_EQ(attributed().cause, records::Cause::kDidNotFail);
   result_.final_pose = {2.3, -0.95, 0.0};
   EXPECT_EQ(attributed().reached_instance, 1);
 }
@@ -333,8 +333,9 @@ TEST(TrialInsights, SumsAndMedians) {
   std::vector<records::TrialRow> rows(5);
   for (std::size_t k = 0; k < rows.size(); ++k) {
     rows[k].ticks = 100;
-    rows[k].outcome = "timeout";
-    rows[k].why.cause = k == 0 ? "false_negative" : "never_saw_target";
+    rows[k].outcome = records::TrialOutcome::kTimeout;
+    rows[k].why.cause =
+        k == 0 ? records::Cause::kFalseNegative : records::Cause::kNeverSawTarget;
     rows[k].why.visible_frames = static_cast<int>(k);
     rows[k].why.false_detections = 1;
     rows[k].why.false_clouds = 2;
@@ -345,8 +346,8 @@ TEST(TrialInsights, SumsAndMedians) {
   rows[2].first_visible_tick = 10;
   rows[2].why.first_true_tick = 17;
   rows[2].why.detected_frames = 2;
-  rows[3].outcome = "infeasible";  // In nothing.
-  rows[4].why = {};                // Older than attribution: in nothing.
+  rows[3].outcome = records::TrialOutcome::kInfeasible;  // In nothing.
+  rows[4].why = {};                                      // Older than attribution: in nothing.
   std::vector<const records::TrialRow*> pointers;
   for (const records::TrialRow& row : rows) pointers.push_back(&row);
   const results::TrialInsights in = results::gain_insights(pointers);
@@ -369,11 +370,11 @@ TEST(TrialInsights, SumsAndMedians) {
 
 TEST(TrialInsights, OneTrialUnderEveryRule) {
   records::TrialRow row;
-  row.outcome = "success";
+  row.outcome = records::TrialOutcome::kSuccess;
   row.success = true;
-  row.why.cause = "did_not_fail";
+  row.why.cause = records::Cause::kDidNotFail;
   row.why.stopped = true;
-  row.stop_reason = "goal_reached";
+  row.stop_reason = core::StopReason::kGoalReached;
   row.why.final_visible_px = 500;
   row.why.object_m = 0.0;
   row.why.shortest_object_m = 3.0;
@@ -397,7 +398,7 @@ TEST(TrialInsights, OneTrialUnderEveryRule) {
   EXPECT_EQ(rates["barn"], std::make_pair(1, 0.2));
 
   row.success = false;
-  row.outcome = "gave_up";
+  row.outcome = records::TrialOutcome::kGaveUp;
   row.stop_reason =
       "no_frontier_left";  // In the same place: for the rules of others the same.
   const results::TrialInsights given_up = results::gain_insights(rows);

@@ -36,8 +36,8 @@ records::TrialRow a_trial(std::int64_t id, const std::string& arm, int episode, 
   t.goal_class = kHostile;
   t.episode = "s & <1>/" + std::string(kHostile) + "/" + std::to_string(episode);
   t.success = success;
-  t.outcome = success ? "success" : "timeout";
-  t.why.cause = success ? "did_not_fail" : "false_negative";
+  t.outcome = success ? records::TrialOutcome::kSuccess : records::TrialOutcome::kTimeout;
+  t.why.cause = success ? records::Cause::kDidNotFail : records::Cause::kFalseNegative;
   t.ticks = 20 + episode;
   t.sim_s = 5;
   t.render_ms = 10 + episode;

@@ -66,15 +66,15 @@ records::TrialRow a_row() {
   row.scene = "tiny";
   row.episode = "tiny/couch/00";
   row.goal_class = "couch";
-  row.outcome = "stopped_far";
-  row.stop_reason = "goal_reached";
+  row.outcome = records::TrialOutcome::kStoppedFar;
+  row.stop_reason = core::StopReason::kGoalReached;
   row.shortest_path_m = 4.5;
   row.path_m = 2.0;
   row.distance_to_goal_m = 3.1;
   row.ticks = 20;
   row.sim_s = 19.0;
   row.first_visible_tick = 6;
-  row.why.cause = "false_positive";
+  row.why.cause = records::Cause::kFalsePositive;
   row.why.inevitable_tick = 19;
   row.why.decisive_tick = 12;
   row.why.visible_frames = 2;
@@ -182,8 +182,8 @@ TEST(Explanation, TheStoryTellsWhatHappened) {
 TEST(Explanation, ASuccessHasNoCause) {
   records::TrialRow row = a_row();
   row.success = true;
-  row.outcome = "success";
-  row.why.cause = "did_not_fail";
+  row.outcome = records::TrialOutcome::kSuccess;
+  row.why.cause = records::Cause::kDidNotFail;
   row.why.inevitable_tick = row.why.decisive_tick = -1;
   const std::vector<std::string> lines = results::tell_story(row, a_log());
   EXPECT_THAT(lines.front(), HasSubstr("SUCCESS"));

@@ -30,7 +30,8 @@ results::ResultTable a_result() {
       t.goal_class = "couch";
       t.episode = "room/couch/" + std::to_string(k);
       t.success = arm == "oracle" || (arm == "after" ? k < 9 : k < 1);
-      t.outcome = t.success ? "success" : "timeout";
+      t.outcome =
+          t.success ? records::TrialOutcome::kSuccess : records::TrialOutcome::kTimeout;
       trials.push_back(t);
     }
   }

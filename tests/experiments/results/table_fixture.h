@@ -46,7 +46,7 @@ inline std::vector<records::TrialRow> ten_episodes() {
       t.goal_class = k < 5 ? "couch" : "chair";
       t.episode = "flat/" + t.goal_class + "/0" + std::to_string(k);
       t.success = success;
-      t.outcome = success ? "success" : "timeout";
+      t.outcome = success ? records::TrialOutcome::kSuccess : records::TrialOutcome::kTimeout;
       t.spl = success ? 0.5 : 0.0;
       t.sim_s = 20;
       t.path_m = 4;
@@ -70,13 +70,13 @@ inline std::vector<records::TrialRow> ten_attributed_episodes() {
     t.ticks = 50;
     t.why.cause =
         t.success ? "did_not_fail" : (failures++ < 4 ? "never_saw_target" : "false_negative");
-    if (t.why.cause != "never_saw_target") t.why.visible_frames = 10;
+    if (t.why.cause != records::Cause::kNeverSawTarget) t.why.visible_frames = 10;
     if (t.success) {
       t.first_visible_tick = 20;
       t.why.first_true_tick = 23;
       t.why.detected_frames = 6;
       t.why.stopped = true;
-      t.stop_reason = "goal_reached";
+      t.stop_reason = core::StopReason::kGoalReached;
       t.why.final_visible_px = 100;
       t.why.object_m = t.why.planar_m = 0.0;
       t.why.shortest_object_m = 1.0;

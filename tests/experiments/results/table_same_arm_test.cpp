@@ -37,7 +37,8 @@ std::vector<records::TrialRow> equal_arms(std::uint64_t seed, bool common_number
       t.goal_class = "chair";
       t.episode = "flat/chair/" + std::to_string(k);
       t.success = (common_numbers ? shared : random.uniform()) < ease;
-      t.outcome = t.success ? "success" : "timeout";
+      t.outcome =
+          t.success ? records::TrialOutcome::kSuccess : records::TrialOutcome::kTimeout;
       trials.push_back(t);
     }
   }

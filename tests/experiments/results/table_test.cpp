@@ -68,7 +68,7 @@ TEST(Table, AnUnfinishedRunIsMarked) {
 
 TEST(Table, FailedTrialsAreInNoRateAndNoPair) {
   std::vector<records::TrialRow> trials = ten_episodes();
-  trials[0].outcome = "error";  // "before" of the first episode
+  trials[0].outcome = records::TrialOutcome::kError;  // "before" of the first episode
   const results::ResultTable table = results::summarise(a_run(30), kScenes, kArms, trials);
   EXPECT_EQ(table.scenes[0].find("before")->success.trials, 9);
   EXPECT_EQ(table.scenes[0].pairs.total(), 9);
@@ -101,7 +101,8 @@ TEST(Table, InfeasibleEpisodesAreInNoRateAndListed) {
   std::vector<records::TrialRow> trials = ten_attributed_episodes();
   for (records::TrialRow& t : trials) {
     if (t.episode != "flat/couch/02") continue;
-    t.outcome = t.why.cause = "infeasible";
+    t.outcome = records::TrialOutcome::kInfeasible;
+    t.why.cause = records::Cause::kInfeasible;
     t.success = false;
   }
   const results::ResultTable table = results::summarise(a_run(30), kScenes, kArms, trials);
@@ -137,9 +138,9 @@ TEST(Table, WhoGaveUpInSightOfTheGoalIsTold) {
   });
   ASSERT_NE(given_up, trials.end());
   given_up->success = false;
-  given_up->outcome = "gave_up";
-  given_up->stop_reason = "no_frontier_left";
-  given_up->why.cause = "false_negative";
+  given_up->outcome = records::TrialOutcome::kGaveUp;
+  given_up->stop_reason = core::StopReason::kNoFrontierLeft;
+  given_up->why.cause = records::Cause::kFalseNegative;
   EXPECT_THAT(notes(), Contains(AllOf(HasSubstr("Flat: some trials gave up in sight"),
                                       HasSubstr("before 4/10 instead of 3 would succeed"))));
 }

@@ -136,7 +136,8 @@ void add_trials(std::vector<records::TrialRow>& rows, const std::string& arm, in
     row.arm = arm;
     row.scene = "flat";
     row.episode = "e" + std::to_string(k);
-    row.outcome = k < successes ? "success" : "timeout";
+    row.outcome =
+        k < successes ? records::TrialOutcome::kSuccess : records::TrialOutcome::kTimeout;
     row.success = k < successes;
     rows.push_back(row);
   }
@@ -161,7 +162,7 @@ TEST(BudgetSweep, TheMarginIsTheLastDelayWithinDelta) {
               HasSubstr("Latency margin of detect: 100 ms"));
 
   // A failed harness is left out of the pairs.
-  rows[0].outcome = "error";
+  rows[0].outcome = records::TrialOutcome::kError;
   EXPECT_EQ(runs::summarise_sweep(options, "before", rows).points[0].success.trials, 9);
 
   const auto picture = runs::draw_sweep(result, options, "test");

@@ -20,7 +20,7 @@ inline records::TrialRow a_trial(const std::string& scene, const std::string& ar
   t.goal_class = episode < 2 ? "couch" : "chair";
   t.episode = "flat/" + t.goal_class + "/0" + std::to_string(episode);
   t.success = success;
-  t.outcome = success ? "success" : "timeout";
+  t.outcome = success ? records::TrialOutcome::kSuccess : records::TrialOutcome::kTimeout;
   t.spl = success ? 0.5 : 0.0;
   t.sim_s = 20;
   t.path_m = 4;

@@ -37,11 +37,12 @@ records::TrialRow a_trial(int episode, const std::string& arm) {
   trial.goal_class = "couch";
   trial.episode = "room/couch/" + std::to_string(episode);
   trial.success = arm == "after" || episode == 0;
-  trial.outcome = trial.success ? "success" : "timeout";
+  trial.outcome =
+      trial.success ? records::TrialOutcome::kSuccess : records::TrialOutcome::kTimeout;
   trial.spl = 1.0 / (3.0 + episode);
   trial.state_hash = 0x1234567890abcdefULL + static_cast<std::uint64_t>(episode);
   trial.wall_s = 0.1 * episode;
-  trial.why.cause = trial.success ? "did_not_fail" : "stuck";
+  trial.why.cause = trial.success ? records::Cause::kDidNotFail : records::Cause::kStuck;
   trial.log = "logs/" + trial.episode + "." + arm + ".json.gz";
   return trial;
 }
@@ -163,7 +164,7 @@ TEST_F(MergeRuns, AFinishedTrialTakesThePlaceOfAFailedOne) {
   {
     records::Store store(a / "results.sqlite");
     records::TrialRow failed = a_trial(0, "before");
-    failed.outcome = "error";
+    failed.outcome = records::TrialOutcome::kError;
     failed.error = "no memory";
     store.add_trial(1, failed);
   }

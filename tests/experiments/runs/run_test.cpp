@@ -180,8 +180,10 @@ TEST_F(RunTest, AnEpisodeFileIsRunAndWhatIsInfeasibleLeftOut) {
   EXPECT_EQ(report.trials_run, 8);
   std::map<std::string, int> outcomes;
   for (const records::TrialRow& row : rows("given")) {
-    EXPECT_EQ(row.outcome == "infeasible", row.episode == set.episodes[1].id);
-    EXPECT_EQ(row.outcome == "trivial", row.episode == set.episodes[2].id);
+    EXPECT_EQ(row.outcome == records::TrialOutcome::kInfeasible,
+              row.episode == set.episodes[1].id);
+    EXPECT_EQ(row.outcome == records::TrialOutcome::kTrivial,
+              row.episode == set.episodes[2].id);
     ++outcomes[row.counts() ? "counts" : row.why.cause];
   }
   EXPECT_EQ(outcomes,
@@ -196,7 +198,8 @@ TEST_F(RunTest, AnEpisodeFileIsRunAndWhatIsInfeasibleLeftOut) {
   // Allowed, a trivial episode runs.
   text.replace(text.find("episode_file"), 12, "allow_trivial: true\n    episode_file");
   (void)run("trivial", 2, 0, text);
-  for (const records::TrialRow& row : rows("trivial")) EXPECT_NE(row.outcome, "trivial");
+  for (const records::TrialRow& row : rows(records::TrialOutcome::kTrivial))
+    EXPECT_NE(row.outcome, records::TrialOutcome::kTrivial);
 }
 
 /// Validation draws nothing far from the goal; the oracle's trials are the same as in a run.
@@ -246,9 +249,9 @@ TEST_F(RunTest, TrialsAreAttributedAndLogged) {
   text.replace(text.find("time_limit_s: 60"), 16, "time_limit_s: 3");
   const runs::RunReport report = run("short", 2, 0, text);
   for (const records::TrialRow& row : rows("short")) {
-    EXPECT_EQ(row.outcome, "timeout");
-    EXPECT_FALSE(row.why.cause.empty());
-    EXPECT_NE(row.why.cause, "did_not_fail");
+    EXPECT_EQ(row.outcome, records::TrialOutcome::kTimeout);
+    EXPECT_TRUE(row.why.known());
+    EXPECT_NE(row.why.cause, records::Cause::kDidNotFail);
     EXPECT_GE(row.why.inevitable_tick, 0);
     EXPECT_LT(row.why.inevitable_tick, row.ticks);
     const records::TrialLog log = records::read_trial_log(folder_->path() / "short" / row.log);
@@ -273,8 +276,8 @@ TEST_F(RunTest, AnotherProfileChangesTheVerdictNotTheTrial) {
   for (std::size_t k = 0; k < a.size(); ++k) {
     EXPECT_EQ(a[k].state_hash, b[k].state_hash);
     EXPECT_EQ(b[k].success, b[k].why.stopped && b[k].why.object_m == 0.0);
-    EXPECT_EQ(b[k].success, b[k].outcome == "success");
-    EXPECT_EQ(b[k].success, b[k].why.cause == "did_not_fail");
+    EXPECT_EQ(b[k].success, b[k].outcome == records::TrialOutcome::kSuccess);
+    EXPECT_EQ(b[k].success, b[k].why.cause == records::Cause::kDidNotFail);
   }
 }
 
@@ -329,7 +332,7 @@ TEST_F(RunTest, FramesThatCannotBeWrittenFailTheTrial) {
   std::ofstream(work / "frames") << "a file in the way";
   (void)run("full", 1, 1, kSpec + "frames: {of: all}\n");
   ASSERT_EQ(rows("full").size(), 1U);
-  EXPECT_EQ(rows("full")[0].outcome, "error");
+  EXPECT_EQ(rows("full")[0].outcome, records::TrialOutcome::kError);
   EXPECT_THAT(rows("full")[0].error, HasSubstr("frames"));
 }
 
