@@ -177,12 +177,13 @@ std::vector<trials::TrialTask> all_tasks(const specs::ExperimentSpec& spec,
     bool first = true;
     for (const sim::Episode& episode : scene.episodes.episodes) {
       for (int repetition = 0; repetition < spec.repetitions.trials; ++repetition) {
-        const auto chosen = [&](specs::Recorded which) {
-          return which == specs::Recorded::kAll ||
-                 (which == specs::Recorded::kFirst && first && repetition == 0);
-        };
         for (const specs::ArmSpec& arm : spec.arms) {
           if (arm.reconstruction != scene.spec->reconstruction) continue;
+          const bool is_first = first && repetition == 0 && arm.name == arm.family;
+          const auto chosen = [&](specs::Recorded which) {
+            return which == specs::Recorded::kAll ||
+                   (which == specs::Recorded::kFirst && is_first);
+          };
           tasks.push_back({&scene, &episode, &arm, repetition, chosen(spec.videos),
                            chosen(spec.frames.of)});
           tasks.back().replay_log = chosen(spec.replays.of);

@@ -219,7 +219,7 @@ struct CameraSpec {
   [[nodiscard]] double pitch_down_rad() const;
 };
 
-/// Which trials are recorded: of kFirst, those of each scene's first episode.
+/// What is recorded: of kFirst, each scene's first episode by the first training of each arm.
 enum class Recorded : std::uint8_t { kNone, kFirst, kAll };
 
 /// OpenEXR sequences of what the camera saw, ${work}/frames/<scene>/<episode>.<arm>/.

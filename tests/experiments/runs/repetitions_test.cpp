@@ -71,6 +71,7 @@ std::string spec_text(const std::string& repetitions) {
                       "  before: ${data}/before.bin\n"
                       "  finetune: {views_per_scene: 6, steps: 3, width: 64, height: 48}\n"
                       "pictures: false\n"
+                      "frames: {of: first, every_s: 2}\n"
                       "repetitions: " +
                       repetitions + "\n"}
       .text();
@@ -126,6 +127,12 @@ TEST_F(Repetitions, EveryTrainingHasItsViewsWeightsAndTrials) {
                            "logs/tiny/couch-00.after.s3.json.gz"}) {
     EXPECT_TRUE(fs::exists(folder / file)) << file;
   }
+  // What is recorded of an arm is recorded once.
+  std::vector<std::string> recorded;
+  for (const auto& entry : fs::directory_iterator(folder / "frames/tiny"))
+    recorded.push_back(entry.path().filename());
+  EXPECT_THAT(recorded, testing::UnorderedElementsAre("couch-00.before", "couch-00.after",
+                                                      "couch-00.oracle"));
   // Views that judge are those of the reconstruction, whoever is trained.
   EXPECT_FALSE(fs::exists(folder / "views.s3/validation.json"));
   EXPECT_NE(core::read_file(folder / "views/train.json"),

@@ -343,7 +343,7 @@ TEST_F(RunTest, PicturesAndVideosAreMadeOnRequest) {
   const auto is_file = [&](const std::string& name) {
     return fs::is_regular_file(folder_->path() / "shown" / name);
   };
-  std::set<std::string> filmed;  // Of the first episode, every arm.
+  std::set<std::string> filmed;  // The first episode, by every arm.
   for (const records::TrialRow& row : rows("shown")) {
     EXPECT_TRUE(is_file(row.picture)) << row.picture;
     EXPECT_TRUE(is_file(row.track)) << row.track;
