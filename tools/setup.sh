@@ -50,4 +50,4 @@ build() {  # build <preset> [target...]
 
 # libtorch: OpenMP threads are set by the program; OpenBLAS must not add its own.
 export OPENBLAS_NUM_THREADS=${OPENBLAS_NUM_THREADS:-1}
-export GOMP_SPINCOUNT=${GOMP_SPINCOUNT:-20000}
+export GOMP_SPINCOUNT=${GOMP_SPINCOUNT:-1000}

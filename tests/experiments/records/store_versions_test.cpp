@@ -190,8 +190,26 @@ TEST_F(StoreTest, AFileOfVersion7IsReadByTheNamesOfItsColumns) {
   expected.track = "t";
   expected.finished = "2026-01-01T01:00:00Z";
   expected.log = "logs/x";
-  expected.why = {"did_not_fail", 36,   35,   150, 21,  20, 22, 5, 23, 6, 7, 12,
-                  true,           1234, 0.75, {},  3.5, 8,  9,  10};
+  expected.why = {records::Cause::kDidNotFail,
+                  36,
+                  35,
+                  150,
+                  21,
+                  20,
+                  22,
+                  5,
+                  23,
+                  6,
+                  7,
+                  12,
+                  true,
+                  1234,
+                  0.75,
+                  {},
+                  3.5,
+                  8,
+                  9,
+                  10};
   EXPECT_EQ(values_of(store.trials(1).at(0)), values_of(expected));
   store.add_trial(1, a_trial("after", "b/chair/01", true));
   EXPECT_EQ(store.trials(1).size(), 2U);

@@ -399,8 +399,8 @@ TEST(TrialInsights, OneTrialUnderEveryRule) {
 
   row.success = false;
   row.outcome = records::TrialOutcome::kGaveUp;
-  row.stop_reason =
-      "no_frontier_left";  // In the same place: for the rules of others the same.
+  // In the same place: for the rules of others the same.
+  row.stop_reason = core::StopReason::kNoFrontierLeft;
   const results::TrialInsights given_up = results::gain_insights(rows);
   EXPECT_EQ(given_up.profiles[0].successes, 0);
   EXPECT_EQ(given_up.any_stop_successes, 1);

@@ -68,8 +68,9 @@ inline std::vector<records::TrialRow> ten_attributed_episodes() {
   for (records::TrialRow& t : trials) {
     if (t.arm == "after") continue;
     t.ticks = 50;
-    t.why.cause =
-        t.success ? "did_not_fail" : (failures++ < 4 ? "never_saw_target" : "false_negative");
+    t.why.cause = t.success        ? records::Cause::kDidNotFail
+                  : failures++ < 4 ? records::Cause::kNeverSawTarget
+                                   : records::Cause::kFalseNegative;
     if (t.why.cause != records::Cause::kNeverSawTarget) t.why.visible_frames = 10;
     if (t.success) {
       t.first_visible_tick = 20;

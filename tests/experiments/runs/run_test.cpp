@@ -71,10 +71,10 @@ TemporaryFolder* RunTest::folder_ = nullptr;
 std::string essence(const std::vector<records::TrialRow>& rows) {
   std::string text;
   for (const records::TrialRow& row : rows) {
-    text += row.episode + " " + row.arm + " " + row.outcome + " " + std::to_string(row.spl) +
-            " " + std::to_string(row.path_m) + " " + std::to_string(row.ticks) + " " +
-            std::to_string(row.contacts) + " " + std::to_string(row.state_hash) + row.error +
-            "\n";
+    text += row.episode + " " + row.arm + " " + to_string(row.outcome) + " " +
+            std::to_string(row.spl) + " " + std::to_string(row.path_m) + " " +
+            std::to_string(row.ticks) + " " + std::to_string(row.contacts) + " " +
+            std::to_string(row.state_hash) + row.error + "\n";
   }
   return text;
 }
@@ -184,7 +184,7 @@ TEST_F(RunTest, AnEpisodeFileIsRunAndWhatIsInfeasibleLeftOut) {
               row.episode == set.episodes[1].id);
     EXPECT_EQ(row.outcome == records::TrialOutcome::kTrivial,
               row.episode == set.episodes[2].id);
-    ++outcomes[row.counts() ? "counts" : row.why.cause];
+    ++outcomes[row.counts() ? "counts" : to_string(row.why.cause.value())];
   }
   EXPECT_EQ(outcomes,
             (std::map<std::string, int>{{"counts", 4}, {"infeasible", 2}, {"trivial", 2}}));
@@ -198,7 +198,7 @@ TEST_F(RunTest, AnEpisodeFileIsRunAndWhatIsInfeasibleLeftOut) {
   // Allowed, a trivial episode runs.
   text.replace(text.find("episode_file"), 12, "allow_trivial: true\n    episode_file");
   (void)run("trivial", 2, 0, text);
-  for (const records::TrialRow& row : rows(records::TrialOutcome::kTrivial))
+  for (const records::TrialRow& row : rows("trivial"))
     EXPECT_NE(row.outcome, records::TrialOutcome::kTrivial);
 }
 
