@@ -26,8 +26,8 @@ inline void write_small_results(const std::filesystem::path& file) {
       trial.goal_class = "couch";
       trial.episode = "room/couch/" + std::to_string(k);
       trial.success = arm == "after" ? k < 8 : k == 0 || k == 9;
-      trial.outcome =
-          trial.success ? records::TrialOutcome::kSuccess : records::TrialOutcome::kTimeout;
+      trial.outcome = trial.success ? experiments::records::TrialOutcome::kSuccess
+                                    : experiments::records::TrialOutcome::kTimeout;
       store.add_trial(id, trial);
     }
   }
