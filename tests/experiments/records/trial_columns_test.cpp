@@ -108,7 +108,7 @@ TEST(TrialColumns, DigestsAreTheRecordedOnes) {
             "0x1.f333333333333p+1\t601\t3\t17\t19\t150\t590\t580\t21\t20\t22\t5\t23\t6\t7\t1\t"
             "1234\t9\t10\t11\t8");
   EXPECT_EQ(records::results_sha256({recorded_trial(), bare_trial()}),
-            "c25f938a7a8a7bb14a660cf754aa5c368400964874d83c338736cc0f55a510fa");
+            "e336e7c04eb8f40fe23f8241cd5dc808ed4f96c672d9018ceb7c68b7f9abbf64");
 }
 
 TEST(TrialColumns, PlacesInTheDigestAreGivenOnce) {
