@@ -24,7 +24,7 @@ target_compile_options(segsim_build_flags INTERFACE
 target_compile_definitions(segsim_build_flags INTERFACE
   $<$<COMPILE_LANGUAGE:CUDA>:GLM_FORCE_CUDA>)
 
-# A fault that gets past every check shall end the program, not be used. -O0 has no fortified
+# Many a fault that gets past the checks of input shall end the program, not be used. -O0 has no fortified
 # functions, and sanitizers have checks of their own that fortified functions would hide.
 option(SEGSIM_HARDENING "Checks of stack, buffers and containers, and read-only relocations" ON)
 if(SEGSIM_HARDENING AND NOT CMAKE_CXX_FLAGS MATCHES "-fsanitize=")
@@ -37,18 +37,19 @@ if(SEGSIM_HARDENING AND NOT CMAKE_CXX_FLAGS MATCHES "-fsanitize=")
       list(APPEND hardening ${flag})
     endif()
   endforeach()
-  target_compile_options(segsim_build_flags INTERFACE "$<$<COMPILE_LANGUAGE:CXX>:${hardening}>")
   target_compile_definitions(segsim_build_flags INTERFACE
-    "$<$<COMPILE_LANGUAGE:CXX>:_GLIBCXX_ASSERTIONS>"
-    "$<$<AND:$<COMPILE_LANGUAGE:CXX>,$<CONFIG:Release,RelWithDebInfo,MinSizeRel>>:_FORTIFY_SOURCE=2>")
+    $<$<COMPILE_LANGUAGE:CXX>:_GLIBCXX_ASSERTIONS>)
+  # An option, which follows CMAKE_CXX_FLAGS: a packager's own level must not be a redefinition.
+  target_compile_options(segsim_build_flags INTERFACE "$<$<COMPILE_LANGUAGE:CXX>:${hardening}>"
+    "$<$<AND:$<COMPILE_LANGUAGE:CXX>,$<CONFIG:Release,RelWithDebInfo,MinSizeRel>>:-U_FORTIFY_SOURCE;-D_FORTIFY_SOURCE=2>")
   add_link_options(LINKER:-z,relro,-z,now)
 endif()
-# For libraries that read no input and spend their time in loops over surfels and pixels, which the
-# checks make 2 % slower.
-function(segsim_without_hardening target)
-  if(SEGSIM_HARDENING AND hardening)
-    target_compile_options(${target} PRIVATE $<$<COMPILE_LANGUAGE:CXX>:-U_GLIBCXX_ASSERTIONS>
-      $<$<COMPILE_LANGUAGE:CXX>:-fno-stack-protector>)
+# For libraries that read no input and spend their time in loops over surfels and pixels, which
+# checked containers make 2 % slower.
+function(segsim_without_container_checks target)
+  if(SEGSIM_HARDENING)
+    target_compile_options(${target} PRIVATE
+      "$<$<AND:$<COMPILE_LANGUAGE:CXX>,$<NOT:$<CONFIG:Debug>>>:-U_GLIBCXX_ASSERTIONS>")
   endif()
 endfunction()
 

@@ -4,7 +4,7 @@
 /// How a column of a row is described. `visit_columns(row, f)` of a row calls `f(column,
 /// member)` for every column of it; schema, statements, CSV, JSON Lines and digest are all
 /// made from that. The type of the member says what is stored, an optional one that there may
-/// be none, and the name says the unit.
+/// be none (NULL; of a word ""), and the name says the unit.
 
 #include <concepts>
 #include <cstdint>

@@ -22,7 +22,7 @@ std::string exact(const Column& column, const std::optional<double>& value) {
 
 std::string exact(const Column& /*column*/, const std::string& text) { return text; }
 
-template <Word W>
+template <StoredAsWord W>
 std::string exact(const Column& /*column*/, const W& value) {
   return word_of(value);
 }

@@ -16,7 +16,7 @@
 namespace segsim::experiments::records {
 
 template <class T>
-concept Word = std::same_as<T, TrialOutcome> ||
+concept StoredAsWord = std::same_as<T, TrialOutcome> ||
     std::same_as<T, std::optional<core::StopReason>> || std::same_as<T, std::optional<Cause>>;
 
 [[nodiscard]] const char* word_of(TrialOutcome outcome);

@@ -17,7 +17,7 @@ std::string csv_value(const Column& /*column*/, const std::string& text) {
   return support::csv_cell(text);
 }
 
-template <Word W>
+template <StoredAsWord W>
 std::string csv_value(const Column& /*column*/, const W& value) {
   return word_of(value);
 }

@@ -18,7 +18,7 @@ using Json = nlohmann::ordered_json;
 Json optional(const std::optional<double>& value) { return value ? Json(*value) : Json(); }
 
 Json json_value(const records::Column& /*column*/, const std::string& text) { return text; }
-template <records::Word W>
+template <records::StoredAsWord W>
 Json json_value(const records::Column& /*column*/, const W& value) {
   return records::word_of(value);
 }

@@ -168,6 +168,11 @@ std::string untaught_goals(const specs::ExperimentSpec& spec, const Inputs& inpu
   return text;
 }
 
+/// Of an arm in its reconstruction.
+bool is_first_training(const specs::ExperimentSpec& spec, const specs::ArmSpec& arm) {
+  return !arm.finetune_seed || *arm.finetune_seed == spec.detectors.finetune->seed;
+}
+
 /// All cells of the experiment, scene by scene; the arms of an episode follow one another, so
 /// that an interrupted run has pairs.
 std::vector<trials::TrialTask> all_tasks(const specs::ExperimentSpec& spec,
@@ -179,7 +184,7 @@ std::vector<trials::TrialTask> all_tasks(const specs::ExperimentSpec& spec,
       for (int repetition = 0; repetition < spec.repetitions.trials; ++repetition) {
         for (const specs::ArmSpec& arm : spec.arms) {
           if (arm.reconstruction != scene.spec->reconstruction) continue;
-          const bool is_first = first && repetition == 0 && arm.name == arm.family;
+          const bool is_first = first && repetition == 0 && is_first_training(spec, arm);
           const auto chosen = [&](specs::Recorded which) {
             return which == specs::Recorded::kAll ||
                    (which == specs::Recorded::kFirst && is_first);

@@ -40,7 +40,7 @@ struct LabelView {
   const core::Image<std::uint16_t>* instance = nullptr;  ///< Instance ids, 0 = none.
   const core::Image<float>* depth_m = nullptr;           ///< NaN = invalid; may be nullptr.
   /// The visible share of an instance's unoccluded pixels. Asked only for instances that get a
-  /// label, since it may be dear; those that it answers nothing for are not tested.
+  /// label, since it may be costly. Those for which it returns nothing are not tested.
   std::function<std::optional<double>(std::uint16_t instance_id)> visible_fraction;
 };
 

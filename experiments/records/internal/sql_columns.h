@@ -29,7 +29,7 @@ enum class SqlTable : std::uint8_t { kOfRow, kAttribution };
                                           const std::string& /*text*/) {
   return "TEXT NOT NULL";
 }
-template <Word W>
+template <StoredAsWord W>
 [[nodiscard]] const char* sql_type(const Column& /*column*/, const W& /*word*/) {
   return "TEXT NOT NULL";
 }
@@ -89,13 +89,14 @@ template <class Row>
 }
 
 /// Binds a row's values to a statement, in the order of visit_columns. Lives until the
-/// statement was stepped: it owns the texts that the row has as numbers.
+/// statement was stepped: it owns the texts that the row has as numbers or
+/// enums.
 class ColumnBinder {
  public:
   explicit ColumnBinder(Statement& statement) : statement_(statement) {}
 
   void operator()(const Column& /*column*/, const std::string& text) { statement_.bind(text); }
-  template <Word W>
+  template <StoredAsWord W>
   void operator()(const Column& /*column*/, const W& value) {
     statement_.bind(texts_.emplace_back(word_of(value)));
   }
@@ -133,7 +134,7 @@ inline void read_value(Statement& row, const Column& /*column*/, const std::stri
                        std::string& text) {
   text = row.text();
 }
-template <Word W>
+template <StoredAsWord W>
 void read_value(Statement& row, const Column& column, const std::string& place, W& value) {
   read_word(row.text_view(), place + column.name, value);
 }

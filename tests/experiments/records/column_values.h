@@ -21,14 +21,22 @@ namespace segsim::experiments {
 inline void set_value(const records::Column& column, int number, std::string& text) {
   text = column.name + std::string("#") + std::to_string(number);
 }
+/// One of the first seven values of an enum (all that are used have more), but not `present`.
+template <class Enum>
+[[nodiscard]] Enum another_value(int number, std::optional<Enum> present) {
+  const int next = number % 6;
+  const bool beyond = present && next >= static_cast<int>(*present);
+  return static_cast<Enum>(next + (beyond ? 1 : 0));
+}
+/// An outcome of the simulator, so that the trial counts.
 inline void set_value(const records::Column& /*column*/, int number,
                       records::TrialOutcome& outcome) {
-  outcome = static_cast<records::TrialOutcome>(number % 7);
+  outcome = another_value<records::TrialOutcome>(number, outcome);
 }
 template <class Enum>
 requires std::is_enum_v<Enum>
 void set_value(const records::Column& /*column*/, int number, std::optional<Enum>& value) {
-  value = static_cast<Enum>(number % 7);
+  value = another_value<Enum>(number, value);
 }
 inline void set_value(const records::Column& /*column*/, int number, double& value) {
   value = number + 0.1;
@@ -59,7 +67,7 @@ template <class Row>
 }
 
 inline std::string as_text(const std::string& text) { return text; }
-template <records::Word W>
+template <records::StoredAsWord W>
 std::string as_text(const W& word) {
   return records::word_of(word);
 }

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <fstream>
 #include <map>
+#include <set>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -116,6 +117,14 @@ std::vector<std::string> essences(const fs::path& work, const std::string& arm) 
   return lines;
 }
 
+std::set<std::string> names_in(const fs::path& folder) {
+  std::set<std::string> names;
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    names.insert(entry.path().filename().string());
+  }
+  return names;
+}
+
 TEST_F(Repetitions, EveryTrainingHasItsViewsWeightsAndTrials) {
   const runs::RunReport report = run(spec_text("{finetune_seeds: 2}"), "two", 1);
   EXPECT_EQ(report.trials_run, 2 * 4);
@@ -128,11 +137,8 @@ TEST_F(Repetitions, EveryTrainingHasItsViewsWeightsAndTrials) {
     EXPECT_TRUE(fs::exists(folder / file)) << file;
   }
   // What is recorded of an arm is recorded once.
-  std::vector<std::string> recorded;
-  for (const auto& entry : fs::directory_iterator(folder / "frames/tiny"))
-    recorded.push_back(entry.path().filename());
-  EXPECT_THAT(recorded, testing::UnorderedElementsAre("couch-00.before", "couch-00.after",
-                                                      "couch-00.oracle"));
+  EXPECT_THAT(names_in(folder / "frames/tiny"),
+              ElementsAre("couch-00.after", "couch-00.before", "couch-00.oracle"));
   // Views that judge are those of the reconstruction, whoever is trained.
   EXPECT_FALSE(fs::exists(folder / "views.s3/validation.json"));
   EXPECT_NE(core::read_file(folder / "views/train.json"),
@@ -345,6 +351,8 @@ TEST_F(Repetitions, ReconstructionsShareEpisodesAndPair) {
     EXPECT_EQ(records::exposure_text(arm.exposure.value()),
               "trained on " + own + "; threshold chosen on " + own);
   }
+  EXPECT_THAT(names_in(work("rooms") / "frames/tiny.r2"),
+              ElementsAre("couch-00.after.r2", "couch-00.before.r2", "couch-00.oracle.r2"));
   // The oracle sees the same rooms: whatever comes out is the same.
   EXPECT_TRUE(fs::exists(work("rooms") / "views.r2.s3/train.json"));
   EXPECT_TRUE(fs::exists(work("rooms") / "views.r2/test.json"));
