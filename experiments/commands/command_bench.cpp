@@ -279,6 +279,7 @@ void print_ablation(const AblationFlags& flags) {
   base.options.threads = flags.threads;
   const std::vector<benchmarks::AblationRow> rows = benchmarks::ablation_rows(base);
   std::vector<benchmarks::BenchCase> cases;
+  cases.reserve(rows.size());
   for (const benchmarks::AblationRow& row : rows) cases.push_back(row.setup);
   const benchmarks::BenchScene scene = load_scene(flags.scene, base.channels);
   const benchmarks::BenchProvenance provenance =
