@@ -29,7 +29,7 @@ fs::path log_of(const RecordFlags& flags) {
   const results::StoredRun stored = results::load_run(flags.trial, flags.run_id);
   for (const records::TrialRow& row : stored.trials) {
     if (row.trial_id != flags.number) continue;
-    const fs::path log = records::replay_log_of(stored.folder, row);
+    fs::path log = records::replay_log_of(stored.folder, row);
     if (!log.empty() && fs::exists(log)) return log;
     throw core::InputError::expected("trial " + std::to_string(flags.number),
                                      "a log to play again (replays: {of: all} in the spec)",
