@@ -24,8 +24,8 @@ target_compile_options(segsim_build_flags INTERFACE
 target_compile_definitions(segsim_build_flags INTERFACE
   $<$<COMPILE_LANGUAGE:CUDA>:GLM_FORCE_CUDA>)
 
-# Many a fault that gets past the checks of input shall end the program, not be used. -O0 has no fortified
-# functions, and sanitizers have checks of their own that fortified functions would hide.
+# Many a fault that gets past the checks of input shall end the program, not be used. -O0 has no
+# fortified functions, and sanitizers have checks of their own that fortified functions would hide.
 option(SEGSIM_HARDENING "Checks of stack, buffers and containers, and read-only relocations" ON)
 if(SEGSIM_HARDENING AND NOT CMAKE_CXX_FLAGS MATCHES "-fsanitize=")
   include(CheckCXXCompilerFlag)
@@ -44,8 +44,9 @@ if(SEGSIM_HARDENING AND NOT CMAKE_CXX_FLAGS MATCHES "-fsanitize=")
     "$<$<AND:$<COMPILE_LANGUAGE:CXX>,$<CONFIG:Release,RelWithDebInfo,MinSizeRel>>:-U_FORTIFY_SOURCE;-D_FORTIFY_SOURCE=2>")
   add_link_options(LINKER:-z,relro,-z,now)
 endif()
-# For libraries that read no input and spend their time in loops over surfels and pixels, which
-# checked containers make 2 % slower.
+
+# For libraries that read no input and spend their time in loops over surfels and pixels: checked
+# containers make the renderer 1.6 % slower.
 function(segsim_without_container_checks target)
   if(SEGSIM_HARDENING)
     target_compile_options(${target} PRIVATE
