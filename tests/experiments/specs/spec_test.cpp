@@ -478,11 +478,13 @@ TEST(Spec, MissingPartsAreNamed) {
 TEST(Spec, TheSpecsOfTheRepositoryAreValid) {
   const std::filesystem::path folder = SEGSIM_SPECS;
   int found = 0;
-  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
     if (entry.path().extension() != ".yaml") continue;
     specs::SpecFolders folders{"/data", ""};
     const specs::ExperimentSpec spec = specs::load_spec(entry.path(), folders);
-    EXPECT_EQ(spec.name, entry.path().stem());
+    std::string name = entry.path().lexically_relative(folder).replace_extension().string();
+    std::replace(name.begin(), name.end(), '/', '_');
+    EXPECT_EQ(spec.name, name);
     // Without it a table cannot tell the detector's failures from navigation's.
     EXPECT_TRUE(std::any_of(spec.arms.begin(), spec.arms.end(), [](const specs::ArmSpec& arm) {
       return arm.detector == specs::ArmDetector::kOracle;
