@@ -40,6 +40,7 @@ segsim_install_library(surfels HEADERS renderer renderer/scene)
 segsim_install_library(ply)
 segsim_install_library(surfel_files HEADERS renderer/files)
 segsim_install_library(evaluation HEADERS reconstruction/evaluation)
+segsim_install_library(peers HEADERS peers)
 
 configure_package_config_file(cmake/SegSimConfig.cmake.in ${PROJECT_BINARY_DIR}/SegSimConfig.cmake
   INSTALL_DESTINATION ${segsim_cmake_folder})

@@ -14,7 +14,7 @@ import re
 import subprocess
 import sys
 
-MODULES = ("core", "renderer", "reconstruction", "perception", "nav", "sim", "ros", "worlds", "experiments")
+MODULES = ("core", "renderer", "reconstruction", "perception", "nav", "sim", "ros", "peers", "worlds", "experiments")
 INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]', re.MULTILINE)
 
 

@@ -18,9 +18,10 @@ MAY_INCLUDE = {  # module: the folders of other modules that its files may inclu
     "nav": ("core",),
     "sim": ("core",),
     "ros": ("core",),
+    "peers": ("core",),
     "reconstruction": ("core", "renderer"),
     "worlds": ("core", "sim/ground"),
-    "experiments": ("core", "renderer", "reconstruction", "perception", "nav", "sim", "ros", "worlds"),
+    "experiments": ("core", "renderer", "reconstruction", "perception", "nav", "sim", "ros", "peers", "worlds"),
     "python": ("core", "renderer"),
 }
 # Rooms of a module from the ground up: a room includes those before it, never one after it. "." is the module's own
@@ -56,7 +57,7 @@ LIBRARY_HOME = {  # library: the only folders that may include it
     r"recastnavigation/": {"sim/ground"},
     r"GeographicLib/": {"sim/ground", "worlds"},
     r"yaml-cpp/|openssl/": {"core"},
-    r"nlohmann/": {"experiments", "perception", "reconstruction/datasets"},
+    r"nlohmann/": {"experiments", "perception", "peers", "reconstruction/datasets"},
     r"onnx/|google/protobuf|onnxruntime|oneapi/dnnl": {"perception"},
     r"zlib": {"experiments", "ros"},
     r"lz4|zstd": {"ros"},

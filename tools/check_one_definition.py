@@ -10,7 +10,7 @@ import pathlib
 import re
 import sys
 
-FOLDERS = ["core", "renderer", "perception", "nav", "sim", "ros", "experiments"]
+FOLDERS = ["core", "renderer", "perception", "nav", "sim", "ros", "peers", "experiments"]
 NAMESPACE = re.compile(r"(?:inline )?namespace\s*([\w:]*)\s*\{")
 NAMESPACE_END = re.compile(r"\}  // namespace")
 DEFINITION = re.compile(r"(?:template\s*<[^{;]*>\s*)?(?:struct|class|enum class)\s+(?:alignas\([^)]*\)\s*)?"

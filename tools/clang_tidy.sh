@@ -13,7 +13,7 @@ fi
 source "$(dirname "${BASH_SOURCE[0]}")/setup.sh"
 cd "$root"
 command -v clang-tidy >/dev/null || fail "clang-tidy is not installed (Debian: clang, clang-tidy)"
-(($#)) || set -- core renderer reconstruction perception nav sim ros worlds experiments
+(($#)) || set -- core renderer reconstruction perception nav sim ros peers worlds experiments
 
 cmake --preset tidy >/dev/null || fail "cmake could not configure; see above"
 cmake --build --preset tidy --target segsim_version >/dev/null || fail "the build did not succeed; see above"

@@ -1,0 +1,68 @@
+// A program for the tests to ask: peer_program policy|detector|crash|hang|print|wrong|throw
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <iostream>
+#include <stdexcept>
+#include <string>
+#include <thread>
+
+#include "core/error.h"
+#include "peers/serve.h"
+#include "tests/peers/summing_stages.h"
+
+using namespace segsim;
+
+namespace {
+
+/// Does at its second decision what the word says.
+class BadPolicy final : public core::Policy {
+ public:
+  explicit BadPolicy(std::string word) : word_(std::move(word)) {}
+  void reset(const core::ObjectGoal& /*goal*/, std::uint64_t /*seed*/) override {}
+  core::Decision decide(const core::Observation& /*seen*/,
+                        std::span<const core::Detection> /*detections*/) override {
+    if (++decisions_ < 2) return {};
+    if (word_ == "crash") std::exit(7);
+    if (word_ == "abort") std::abort();
+    if (word_ == "hang") std::this_thread::sleep_for(std::chrono::hours(1));
+    if (word_ == "throw") throw std::runtime_error("the map is full");
+    core::Decision decision;
+    decision.command.turn_radps = std::numeric_limits<double>::infinity();
+    return decision;
+  }
+  [[nodiscard]] core::PolicyView view() const override { return {}; }
+
+ private:
+  std::string word_;
+  int decisions_ = 0;
+};
+
+}  // namespace
+
+int main(int argc, char** argv) try {
+  const std::string word = argc > 1 ? argv[1] : "policy";
+  if (word == "early") return 3;
+  if (word == "print") {
+    std::puts("a line that a program prints without thinking");
+    std::fflush(stdout);
+    std::this_thread::sleep_for(std::chrono::hours(1));
+  }
+  peers::Channel channel = peers::standard_streams();
+  std::puts("this goes to standard error");
+  if (word == "detector") {
+    tests::SummingDetector detector;
+    peers::serve_detector(channel, detector);
+  } else {
+    peers::serve_policy(channel,
+                        [&](const peers::EpisodeStart&) -> std::unique_ptr<core::Policy> {
+                          if (word == "policy")
+                            return std::make_unique<tests::SummingPolicy>();
+                          return std::make_unique<BadPolicy>(word);
+                        });
+  }
+  return 0;
+} catch (const core::InputError& error) {
+  std::cerr << error.what() << '\n';
+  return 2;
+}
