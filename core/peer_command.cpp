@@ -1,7 +1,12 @@
 #include "core/peer_command.h"
 
+#include <algorithm>
+#include <array>
+
 namespace segsim::core {
 namespace {
+
+constexpr const char* kPython = "python:";
 
 constexpr double kLongest_s = 3600.0;
 
@@ -16,6 +21,7 @@ double seconds_or(const ConfigNode& map, const std::string& key, double fallback
 }  // namespace
 
 std::string PeerCommand::in_words() const {
+  if (!python.empty()) return kPython + python;
   if (command.empty()) return socket.string();
   std::string words;
   for (const std::string& word : command) words += (words.empty() ? "" : " ") + word;
@@ -26,11 +32,22 @@ PeerCommand read_peer_command(
     const ConfigNode& map,
     const std::function<std::filesystem::path(const ConfigNode&)>& expand) {
   PeerCommand peer;
-  if (map.has("command") == map.has("socket")) {
-    map.fail("either `command: [PROGRAM, ARGUMENT...]` or `socket: PATH`",
-             map.has("command") ? "both" : "none");
+  constexpr std::array kWays{"command", "socket", "python"};
+  const auto ways =
+      std::count_if(kWays.begin(), kWays.end(), [&](const char* way) { return map.has(way); });
+  if (ways != 1) {
+    map.fail(
+        "one of `command: [PROGRAM, ARGUMENT...]`, `socket: PATH` and "
+        "`python: MODULE:CLASS`",
+        ways == 0 ? "none" : "several");
   }
-  if (map.has("socket")) {
+  if (map.has("python")) {
+    peer.python = map.text("python");
+    if (std::count(peer.python.begin(), peer.python.end(), ':') != 1) {
+      map.child("python").fail("MODULE:CLASS", "\"" + peer.python + "\"");
+    }
+    peer.folder = expand(ConfigNode::parse("${spec}", map.where()));
+  } else if (map.has("socket")) {
     peer.socket = expand(map.child("socket"));
   } else {
     for (const ConfigNode& word : map.child("command").as_list()) {
@@ -46,6 +63,17 @@ PeerCommand read_peer_command(
   peer.start_s = seconds_or(map, "start_s", peer.start_s);
   peer.answer_s = seconds_or(map, "answer_s", peer.answer_s);
   return peer;
+}
+
+std::optional<ConfigNode> python_peer_map(const ConfigNode& node) {
+  if (!node.is_scalar() || !node.as_text().starts_with(kPython)) return std::nullopt;
+  const std::string name = node.as_text().substr(std::string(kPython).size());
+  const bool plain = std::all_of(name.begin(), name.end(), [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
+           c == '_' || c == '.' || c == ':';
+  });
+  if (!plain) node.fail("python:MODULE:CLASS", "\"" + node.as_text() + "\"");
+  return ConfigNode::parse("{type: process, python: \"" + name + "\"}", node.where());
 }
 
 }  // namespace segsim::core

@@ -2,15 +2,17 @@
 //
 //     policy: {type: process, command: [build/release/examples/peer_policy]}
 //
-// Any core::Policy will do. This one drives towards the goal when the detector sees it, stops
-// in front of it, and turns away from what stands in its way. The same in Python:
-// peer_policy.py.
+// Any core::Policy will do. This one looks around, drives towards the goal when the detector
+// sees it, stops in front of it, and turns away from whatever stands in its way, by an angle
+// of chance. The same in Python: peer_policy.py.
 #include <algorithm>
 #include <cmath>
 #include <iostream>
 #include <memory>
+#include <optional>
 
 #include "core/error.h"
+#include "core/random.h"
 #include "peers/serve.h"
 
 using namespace segsim;
@@ -19,7 +21,11 @@ namespace {
 
 class TurnAwayPolicy final : public core::Policy {
  public:
-  void reset(const core::ObjectGoal& goal, std::uint64_t /*seed*/) override { goal_ = goal; }
+  void reset(const core::ObjectGoal& goal, std::uint64_t seed) override {
+    goal_ = goal;
+    random_.emplace(seed, "turns");
+    turn_until_s_ = 8.0;  // It looks around first.
+  }
 
   core::Decision decide(const core::Observation& seen,
                         std::span<const core::Detection> detections) override {
@@ -42,14 +48,20 @@ class TurnAwayPolicy final : public core::Policy {
       const double forward_mps = std::abs(left_rad) < 0.2 ? 0.4 : 0.0;
       return {{forward_mps, left_rad}, core::PolicyMode::kNavigate, {}};
     }
-    if (ahead_m > 1.2) return {{0.6, 0.0}, core::PolicyMode::kExplore, {}};
-    return {{0.0, 0.6}, core::PolicyMode::kExplore, {}};
+    const double now_s = core::seconds(seen.capture_time_ns);
+    if (now_s > turn_until_s_ && ahead_m < 1.2) {
+      turn_until_s_ = now_s + random_->uniform(0.5, 4.0);
+    }
+    if (now_s < turn_until_s_) return {{0.0, 0.8}, core::PolicyMode::kExplore, {}};
+    return {{0.6, 0.0}, core::PolicyMode::kExplore, {}};
   }
 
   [[nodiscard]] core::PolicyView view() const override { return {}; }  // It keeps no map.
 
  private:
   core::ObjectGoal goal_;
+  std::optional<core::RandomStream> random_;
+  double turn_until_s_ = 0.0;
 };
 
 }  // namespace

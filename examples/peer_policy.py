@@ -1,17 +1,19 @@
 #!/usr/bin/env python3
-"""A policy in Python, in a process of its own: needs NumPy alone, and shows the whole protocol.
+"""A policy in Python, in a process of its own: needs nothing but Python, and shows the whole protocol.
 
     policy: {type: process, command: [python3, examples/peer_policy.py]}
 
-It drives towards the goal when the detector sees it, stops in front of it, and turns away from what stands in its way.
-docs/connect.md lists the fields of the messages.
+It looks around, drives towards the goal when the detector sees it, stops in front of it, and turns away from whatever
+stands in its way, by an angle of chance.
+docs/connect.md lists the fields of the messages. With NumPy, `policy: python:MODULE:CLASS` is shorter.
 """
 import json
+import math
+import mmap
 import os
+import random
 import struct
 import sys
-
-import numpy as np
 
 answers = os.fdopen(os.dup(1), "wb", buffering=0)
 os.dup2(2, 1)  # What is printed goes to standard error, and cannot be taken for an answer.
@@ -22,22 +24,31 @@ def say(**answer):
     answers.write(struct.pack("<I", len(text)) + text)
 
 
-def decide(seen, goal):
+def free_ahead_m(images):
+    """The nearest depth in the middle of the image."""
+    height, width = images["depth_m"]["shape"]
+    with open(images["file"], "rb") as file:
+        shared = mmap.mmap(file.fileno(), images["bytes"], prot=mmap.PROT_READ)
+    depth_m = memoryview(shared)[images["depth_m"]["offset"]:][:4 * width * height].cast("f")
+    middle_m = [depth_m[y * width + x] for y in range(height // 3, 2 * height // 3, 2)
+                for x in range(width // 3, 2 * width // 3, 2)]
+    return min((d for d in middle_m if not math.isnan(d)), default=10.0)
+
+
+def decide(seen, episode):
     """The velocity for what the robot sees, or that it is there."""
-    depth = seen["images"]["depth_m"]
-    shared = np.memmap(seen["images"]["file"], np.uint8, mode="r")  # Of this decision alone.
-    depth_m = shared[depth["offset"]:].view(np.float32)[:np.prod(depth["shape"])].reshape(depth["shape"])
-    height, width = depth_m.shape
-    band_m = depth_m[height // 3:2 * height // 3, width // 3:2 * width // 3]
-    ahead_m = np.nanpercentile(band_m, 5) if np.isfinite(band_m).any() else 10.0
+    ahead_m = free_ahead_m(seen["images"])
     for found in seen["detections"]:
-        if found["class_index"] == goal["class_index"]:
+        if found["class_index"] == episode["goal"]["class_index"]:
             x_px = (found["box_px"][0] + found["box_px"][2]) / 2
-            left_rad = np.arctan((seen["intrinsics"]["cx_px"] - x_px) / seen["intrinsics"]["fx_px"])
+            left_rad = math.atan((seen["intrinsics"]["cx_px"] - x_px) / seen["intrinsics"]["fx_px"])
             if abs(left_rad) < 0.2 and ahead_m < 1.0:
                 return {"stop": "goal_reached"}
-            return {"forward_mps": 0.4 if abs(left_rad) < 0.2 else 0.0, "turn_radps": float(left_rad), "mode": "navigate"}
-    return {"forward_mps": 0.6} if ahead_m > 1.2 else {"turn_radps": 0.6}
+            return {"forward_mps": 0.4 if abs(left_rad) < 0.2 else 0.0, "turn_radps": left_rad, "mode": "navigate"}
+    now_s = seen["time_ns"] * 1e-9
+    if now_s > episode["turn_until_s"] and ahead_m < 1.2:
+        episode["turn_until_s"] = now_s + episode["random"].uniform(0.5, 4.0)
+    return {"turn_radps": 0.8} if now_s < episode["turn_until_s"] else {"forward_mps": 0.6}
 
 
 while header := sys.stdin.buffer.read(4):
@@ -45,7 +56,8 @@ while header := sys.stdin.buffer.read(4):
     if message["type"] == "hello":
         say(type="ready")
     elif message["type"] == "reset":
-        goal = message["goal"]
+        # It looks around first.
+        episode = {"goal": message["goal"], "random": random.Random(message["seed"]), "turn_until_s": 8.0}
         say(type="ok")
     else:
-        say(type="decision", **decide(message, goal))
+        say(type="decision", **decide(message, episode))

@@ -106,7 +106,7 @@ void check_goals_known(const specs::ExperimentSpec& spec, const Inputs& inputs) 
     std::optional<std::vector<std::string>> known;
     for (const trials::LoadedScene& scene : inputs.scenes) {
       if (scene.spec->reconstruction != arm.reconstruction) continue;
-      if (!known) {
+      if (!known || arm.detector == specs::ArmDetector::kProcess) {
         known = trials::load_arm_detector(arm, inputs.detectors, scene,
                                           trials::compute_device(spec))
                     ->class_names();

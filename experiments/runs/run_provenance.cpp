@@ -11,13 +11,16 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
+#include "core/input/regular_file.h"
 #include "core/process/kernel_choice.h"
 #include "core/process/measurement_record.h"
 #include "experiments/detection/weights_exposure.h"
 #include "experiments/specs/clock_spec.h"
 #include "experiments/specs/tuning_set.h"
 #include "experiments/trials/policy_models.h"
+#include "experiments/trials/python_peer.h"
 #include "experiments/trials/trial_runner.h"
+#include "nav/policies/built_in_policies.h"
 #include "perception/detector/library_versions.h"
 #include "perception/models/model_description.h"
 #include "renderer/scene/simd_target.h"
@@ -38,6 +41,8 @@ std::string training_scenes(const specs::ExperimentSpec& spec, const specs::ArmS
       return "none (oracle)";
     case specs::ArmDetector::kFile:
       return "those of the given weights";
+    case specs::ArmDetector::kProcess:
+      return "unknown (another program)";
     case specs::ArmDetector::kBefore:
       return before;
     case specs::ArmDetector::kAfterHere:
@@ -102,6 +107,11 @@ records::SceneExposure exposure_of_arm(const specs::ExperimentSpec& spec,
 void add_file(const specs::ExperimentSpec& spec, const specs::ArmSpec& arm,
               const trials::PreparedDetectors& detectors,
               std::span<const detection::EvaluationScene> evaluated, records::ArmRow& row) {
+  if (arm.detector == specs::ArmDetector::kProcess) {
+    row.detector = arm.process.in_words();
+    row.exposure = records::SceneExposure{.known = records::TrainingDataKnown::kNothing};
+    return;
+  }
   const trials::PreparedWeights weights = trials::weights_of(arm, {}, detectors);
   row.detector = weights.file.empty() ? "oracle" : weights.file.filename().string();
   if (!arm.open_detector.empty()) {
@@ -171,6 +181,26 @@ void add_scenes(const specs::ExperimentSpec& spec, const specs::ArmSpec& arm,
   if (leak.views > 0) row.start_leak = leak;
 }
 
+/// SHA-256 of the files that the command lines of other programs name: scripts, above all.
+std::map<std::string, std::string> program_hashes(const specs::ExperimentSpec& spec) {
+  std::map<std::string, std::string> hashes;
+  const auto add = [&](const core::PeerCommand& command) {
+    std::vector<std::string> files = trials::runnable(command).command;
+    std::string module = command.python.substr(0, command.python.find(':'));
+    std::replace(module.begin(), module.end(), '.', '/');
+    if (!module.empty()) files.push_back(command.folder / (module + ".py"));
+    for (const std::filesystem::path file : files) {
+      if (core::can_be_read(file)) hashes[file.filename()] = core::sha256_of_file(file);
+    }
+  };
+  for (const specs::ArmSpec& arm : spec.arms) {
+    add(arm.process);
+    const nav::PolicyChoice& policy = trials::policy_of(spec, arm);
+    if (const auto* other = policy.settings<nav::ProcessSettings>()) add(other->peer);
+  }
+  return hashes;
+}
+
 /// SHA-256 of what networks of others consist of that policies and second detectors name.
 std::map<std::string, std::string> model_hashes(const specs::ExperimentSpec& spec) {
   std::map<std::string, std::string> hashes;
@@ -221,6 +251,7 @@ std::map<std::string, std::string> run_provenance(const specs::ExperimentSpec& s
     rows["training_scenes/" + arm.name] = training_scenes(spec, arm);
   }
   for (const auto& [name, sha256] : model_hashes(spec)) rows["model/" + name] = sha256;
+  for (const auto& [name, sha256] : program_hashes(spec)) rows["program/" + name] = sha256;
   if (shard) rows["shard"] = shard->text();
   return rows;
 }

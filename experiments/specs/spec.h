@@ -178,7 +178,8 @@ enum class ArmDetector : std::uint8_t {
   kFile,
   kAfterHere,       ///< tuning_set.h
   kAfterElsewhere,  ///< tuning_set.h
-  kAfterExact       ///< tuning_set.h
+  kAfterExact,      ///< tuning_set.h
+  kProcess
 };
 
 /// One arm of the spec is an arm here for each of its trainings and reconstructions.
@@ -189,6 +190,7 @@ struct ArmSpec {
   ArmDetector detector = ArmDetector::kOracle;
   std::optional<std::uint64_t> finetune_seed;  ///< If this run fine-tunes its detector.
   std::filesystem::path weights;               ///< kFile.
+  core::PeerCommand process;                   ///< kProcess.
   std::optional<double> score_threshold;       ///< None: the one stored with the weights.
   /// A second detector, which is asked for what the first does not know: a model of others
   /// (docs/models.md). Empty: none.

@@ -4,6 +4,8 @@
 #include <filesystem>
 #include <optional>
 
+#include "experiments/trials/python_peer.h"
+#include "peers/peer.h"
 #include "perception/detector/detector.h"
 #include "perception/models/object_detector.h"
 
@@ -40,6 +42,10 @@ std::unique_ptr<core::Detector> load_arm_detector(const specs::ArmSpec& arm,
                                                   const PreparedDetectors& detectors,
                                                   const LoadedScene& scene,
                                                   perception::ComputeDevice device) {
+  if (arm.detector == specs::ArmDetector::kProcess) {
+    return peers::make_peer_detector(
+        std::make_shared<peers::Peer>(runnable(arm.process), "detector", goal_names(scene)));
+  }
   const std::filesystem::path file = weights_of(arm, scene.spec->name, detectors).file;
   std::optional<float> threshold;
   if (arm.score_threshold) threshold = static_cast<float>(*arm.score_threshold);

@@ -1,7 +1,8 @@
 #pragma once
 
 /// @file
-/// The detector of an arm: weights of this program, or a model of others (docs/models.md).
+/// The detector of an arm: weights of this program, a model of others (docs/models.md), or
+/// another program (docs/connect.md).
 
 #include <memory>
 #include <string>
@@ -22,7 +23,8 @@ namespace segsim::experiments::trials {
 [[nodiscard]] perception::ComputeDevice compute_device(const specs::ExperimentSpec& spec);
 
 /// @param arm  Not the oracle's.
-/// @throws core::InputError if its file is missing or damaged.
+/// @throws core::InputError if its file is missing or damaged, or its program cannot be
+/// started.
 [[nodiscard]] std::unique_ptr<core::Detector> load_arm_detector(
     const specs::ArmSpec& arm, const PreparedDetectors& detectors, const LoadedScene& scene,
     perception::ComputeDevice device);

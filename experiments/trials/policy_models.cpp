@@ -5,6 +5,7 @@
 #include <span>
 
 #include "core/check.h"
+#include "experiments/trials/python_peer.h"
 #include "nav/mapping/depth_inference.h"
 #include "nav/objects/segmenter.h"
 #include "nav/policies/built_in_policies.h"
@@ -93,6 +94,16 @@ void LoadedPolicyModels::load(const nav::PolicyChoice& policy) {
   const auto* vlfm = policy.settings<nav::VlfmSettings>();
   if (vlfm != nullptr && !vlfm->segmenter.empty()) load.segmenter(vlfm->segmenter);
   if (vlfm != nullptr && !vlfm->depth.empty()) load.depth(vlfm->depth);
+  if (const auto* other = policy.settings<nav::ProcessSettings>())
+    process(other->peer)->start();
+}
+
+std::shared_ptr<peers::Peer> LoadedPolicyModels::process(const core::PeerCommand& command) {
+  for (const auto& [known, peer] : processes_) {
+    if (known == command) return peer;
+  }
+  auto peer = std::make_shared<peers::Peer>(runnable(command), "policy");
+  return processes_.emplace_back(command, std::move(peer)).second;
 }
 
 nav::PolicyModels LoadedPolicyModels::loaders() {
@@ -111,6 +122,14 @@ nav::PolicyModels LoadedPolicyModels::loaders() {
     std::shared_ptr<nav::DepthInference>& depth = depths_[model];
     if (depth == nullptr) depth = std::make_shared<ModelDepth>(model);
     return depth;
+  };
+  models.process = [this](const core::PeerCommand& command,
+                          const nav::PolicyContext& context) {
+    peers::EpisodeStart start;
+    start.class_names = context.class_names;
+    start.robot = context.robot;
+    start.camera_height_m = context.camera_height_m;
+    return peers::make_peer_policy(process(command), std::move(start));
   };
   return models;
 }

@@ -227,9 +227,10 @@ core::Renderer& TrialRunner::eye_for(const TrialTask& task) {
 TrialRunner::ArmDetectorSlot& TrialRunner::detector_for(const LoadedScene& scene,
                                                         const specs::ArmSpec& arm) {
   const bool oracle = arm.detector == specs::ArmDetector::kOracle;
-  // A prompted detector looks for the goals of its scene.
-  const bool per_scene = oracle || is_prompted(arm) || !arm.open_detector.empty() ||
-                         specs::is_tuned_by_scene(arm.detector);
+  // A prompted detector, or another program, looks for the goals of its scene.
+  const bool per_scene = oracle || is_prompted(arm) ||
+                         arm.detector == specs::ArmDetector::kProcess ||
+                         !arm.open_detector.empty() || specs::is_tuned_by_scene(arm.detector);
   ArmDetectorSlot& slot = slots_[per_scene ? scene.spec->name + "/" + arm.name : arm.name];
   if (slot.detector != nullptr) return slot;
   if (oracle) {

@@ -261,6 +261,21 @@ std::unique_ptr<core::Policy> make_script(const ScriptSettings& settings,
   return make_script_policy(settings.actions, fitted(DiscreteMotionOptions{}, context.robot));
 }
 
+void read_process(const SettingsNode& node, ProcessSettings& settings) {
+  settings.peer = core::read_peer_command(
+      node, [&](const ConfigNode& path) { return node.expanded(path); });
+}
+
+std::unique_ptr<core::Policy> make_process(const ProcessSettings& settings,
+                                           const PolicyContext& context) {
+  if (!context.models.process) {
+    throw core::InputError::expected(settings.peer.in_words(),
+                                     "a policy of this program: no other can be started here",
+                                     "a process");
+  }
+  return context.models.process(settings.peer, context);
+}
+
 }  // namespace
 
 const SemanticPrior& default_semantic_prior() {
@@ -279,6 +294,7 @@ void add_built_in_policies(PolicyRegistry& registry) {
   registry.add("oracle-path", make_oracle_path);
   registry.add<RandomSettings>("random", read_random, make_random);
   registry.add<ScriptSettings>("script", read_script, make_script, "actions: [...]");
+  registry.add<ProcessSettings>("process", read_process, make_process, "command: [...]");
 }
 
 }  // namespace segsim::nav

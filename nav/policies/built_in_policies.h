@@ -7,6 +7,7 @@
 ///     policy: {type: vlfm, scorer: {model: blip2.yaml}, segmenter: sam.yaml}
 ///     policy: {type: frontier, follower: dwa}
 ///     policy: {type: script, actions: [left*12, forward*4, stop]}
+///     policy: {type: process, command: [python3, "${spec}/my_policy.py"]}
 ///
 /// docs/navigation.md lists all keys.
 
@@ -72,8 +73,13 @@ struct ScriptSettings {
   std::vector<DiscreteAction> actions;
 };
 
-/// Adds "frontier", "frontier-nearest", "frontier-value", "vlfm", "oracle-path", "random" and
-/// "script".
+/// "process"
+struct ProcessSettings {
+  core::PeerCommand peer;
+};
+
+/// Adds "frontier", "frontier-nearest", "frontier-value", "vlfm", "oracle-path", "random",
+/// "script" and "process".
 void add_built_in_policies(PolicyRegistry& registry);
 
 /// The built-in prior.

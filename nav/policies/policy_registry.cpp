@@ -40,6 +40,7 @@ PolicyChoice PolicyRegistry::usual(const std::string& name) const {
 
 PolicyChoice PolicyRegistry::read(const core::ConfigNode& node,
                                   const ExpandPath& expand) const {
+  if (const auto map = core::python_peer_map(node)) return read(*map, expand);
   const bool only_name = node.is_scalar();
   const core::ConfigNode type = only_name ? node : node.child("type");
   const Entry& entry = entries_[core::one_of(type, type.as_text(), names_)];

@@ -29,6 +29,7 @@
 #include <vector>
 
 #include "core/config.h"
+#include "core/peer_command.h"
 #include "core/robot_base.h"
 #include "core/stages.h"
 #include "nav/policies/baseline_policies.h"
@@ -39,8 +40,10 @@ class DepthInference;
 class ImageTextScorer;
 class Segmenter;
 
-/// Networks of others that settings may name. Whoever makes policies hands them in, because a
-/// policy does not read networks itself.
+struct PolicyContext;
+
+/// Networks and programs of others that settings may name. Whoever makes policies hands them
+/// in, because a policy does not read networks or start programs itself.
 struct PolicyModels {
   /// @param model  Description (docs/models.md). @param prompt  "{}" stands for the target.
   /// @throws core::InputError if it cannot be used.
@@ -51,6 +54,11 @@ struct PolicyModels {
   std::function<std::shared_ptr<Segmenter>(const std::filesystem::path& model)> segmenter;
   /// @throws core::InputError if it cannot be used.
   std::function<std::shared_ptr<DepthInference>(const std::filesystem::path& model)> depth;
+  /// A policy in another process, of this trial.
+  /// @throws core::InputError if it cannot be started.
+  std::function<std::unique_ptr<core::Policy>(const core::PeerCommand& command,
+                                              const PolicyContext& context)>
+      process;
 };
 
 /// What a policy may know of the trial besides its observations.
@@ -73,6 +81,10 @@ class SettingsNode : public core::ConfigNode {
       : ConfigNode(std::move(node)), expand_(std::move(expand)) {}
   [[nodiscard]] std::filesystem::path path(const std::string& key) const {
     return expand_(child(key));
+  }
+  /// The path of a node inside this one.
+  [[nodiscard]] std::filesystem::path expanded(const core::ConfigNode& node) const {
+    return expand_(node);
   }
   /// A map inside this one.
   [[nodiscard]] SettingsNode map(const std::string& key) const {

@@ -1,8 +1,10 @@
-// A program for the tests to ask: peer_program policy|detector|crash|hang|print|wrong|throw
+// A program for the tests to ask: peer_program
+// policy|idle|detector|crash|abort|hang|print|wrong|throw|early
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <iostream>
+#include <limits>
 #include <stdexcept>
 #include <string>
 #include <thread>
@@ -22,7 +24,7 @@ class BadPolicy final : public core::Policy {
   void reset(const core::ObjectGoal& /*goal*/, std::uint64_t /*seed*/) override {}
   core::Decision decide(const core::Observation& /*seen*/,
                         std::span<const core::Detection> /*detections*/) override {
-    if (++decisions_ < 2) return {};
+    if (++decisions_ < 2 || word_ == "idle") return {};
     if (word_ == "crash") std::exit(7);
     if (word_ == "abort") std::abort();
     if (word_ == "hang") std::this_thread::sleep_for(std::chrono::hours(1));

@@ -24,12 +24,19 @@ namespace {
 using testing::HasSubstr;
 using tests::input_error_of;
 
-core::PeerCommand program(const std::string& word) {
-  return {.command = {PEER_PROGRAM, word}, .socket = {}, .start_s = 20.0, .answer_s = 20.0};
+core::PeerCommand started(std::vector<std::string> words) {
+  core::PeerCommand command;
+  command.command = std::move(words);
+  command.start_s = command.answer_s = 20.0;
+  return command;
 }
 
+core::PeerCommand program(const std::string& word) { return started({PEER_PROGRAM, word}); }
+
 core::PeerCommand listener(const std::filesystem::path& socket) {
-  return {.command = {}, .socket = socket, .start_s = 20.0, .answer_s = 20.0};
+  core::PeerCommand command;
+  command.socket = socket;
+  return command;
 }
 
 std::shared_ptr<Peer> policy_of(const std::string& word) {
@@ -159,7 +166,7 @@ TEST(Peer, AProgramThatCannotBeginIsTold) {
   const auto complaint = [](core::PeerCommand command, const char* role) {
     return input_error_of([&] { Peer(std::move(command), role).start(); });
   };
-  EXPECT_THAT(complaint({.command = {"/no/such/program"}, .socket = {}}, "policy"),
+  EXPECT_THAT(complaint(started({"/no/such/program"}), "policy"),
               HasSubstr("/no/such/program: expected a program that can be started"));
   EXPECT_THAT(complaint(program("early"), "policy"), HasSubstr("it ended with exit code 3"));
   EXPECT_THAT(complaint(program("print"), "policy"),
@@ -214,8 +221,10 @@ TEST(PeerCommand, IsReadFromASpec) {
   const auto complaint = [&](const std::string& text) {
     return input_error_of([&] { (void)read(text); });
   };
-  EXPECT_THAT(complaint("{}"), HasSubstr("either `command"));
-  EXPECT_THAT(complaint("{command: [a], socket: b}"), HasSubstr("found both"));
+  EXPECT_THAT(complaint("{}"), HasSubstr("one of `command"));
+  EXPECT_THAT(complaint("{command: [a], socket: b}"), HasSubstr("found several"));
+  EXPECT_EQ(read("{python: 'my.module:Mine'}").in_words(), "python:my.module:Mine");
+  EXPECT_THAT(complaint("{python: mine}"), HasSubstr("expected MODULE:CLASS"));
   EXPECT_THAT(complaint("{command: []}"), HasSubstr("a program and its arguments"));
   EXPECT_THAT(complaint("{command: [a], answer_s: 0}"), HasSubstr("spec.yaml:1: answer_s"));
 }

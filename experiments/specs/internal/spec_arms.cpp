@@ -118,8 +118,18 @@ nav::PolicyChoice read_policy(const ConfigNode& node, const Variables& variables
 ArmSpec read_arm(const ConfigNode& node, const Variables& variables) {
   ArmSpec arm;
   arm.name = arm.family = read_name(node, "name");
-  const std::string detector = node.text("detector");
-  if (detector == "before") {
+  const ConfigNode given = node.child("detector");
+  const std::optional<ConfigNode> python = core::python_peer_map(given);
+  const bool process = python || given.is_map();
+  const std::string detector = process ? "" : given.as_text();
+  if (process) {
+    const ConfigNode& map = python ? *python : given;
+    (void)core::choice(map, "type", {"process"});
+    arm.detector = ArmDetector::kProcess;
+    arm.process = core::read_peer_command(
+        map, [&](const ConfigNode& path) { return variables.expand(path); });
+    map.finish();
+  } else if (detector == "before") {
     arm.detector = ArmDetector::kBefore;
   } else if (detector == "after") {
     arm.detector = ArmDetector::kAfter;
