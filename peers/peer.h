@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "core/peer_command.h"
+#include "core/process/peer_command.h"
 #include "core/stages.h"
 #include "peers/episode_start.h"
 

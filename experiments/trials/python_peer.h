@@ -3,7 +3,7 @@
 /// @file
 /// Classes of Python modules as policies and detectors (python/fastsegsim/peer.py).
 
-#include "core/peer_command.h"
+#include "core/process/peer_command.h"
 
 namespace segsim::experiments::trials {
 

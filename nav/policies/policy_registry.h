@@ -29,7 +29,7 @@
 #include <vector>
 
 #include "core/config.h"
-#include "core/peer_command.h"
+#include "core/process/peer_command.h"
 #include "core/robot_base.h"
 #include "core/stages.h"
 #include "nav/policies/baseline_policies.h"

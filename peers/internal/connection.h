@@ -9,7 +9,7 @@
 
 #include <sys/types.h>
 
-#include "core/peer_command.h"
+#include "core/process/peer_command.h"
 #include "peers/channel.h"
 #include "peers/internal/messages.h"
 #include "peers/shared_images.h"

@@ -1,4 +1,4 @@
-#include "core/peer_command.h"
+#include "core/process/peer_command.h"
 
 #include <algorithm>
 #include <array>
