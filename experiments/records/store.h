@@ -22,7 +22,7 @@ namespace segsim::experiments::records {
 /// One writer at a time. Not thread-safe: the caller serialises.
 class Store {
  public:
-  static constexpr int kSchemaVersion = 7;  ///< Files of versions 1 to 6 are brought up to it.
+  static constexpr int kSchemaVersion = 8;  ///< Files of versions 1 to 7 are brought up to it.
   /// A trial is on the disk, not only in the system's memory, after so long.
   static constexpr double kSyncPeriod_s = 5.0;
 

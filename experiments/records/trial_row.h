@@ -74,6 +74,8 @@ void visit_columns(Why& why, F&& f) {
   f({.name = "images", .part = kWhy, .digest = 26, .unknown_below_zero = true}, why.images);
   f({.name = "misplaced_clouds", .part = kWhy, .digest = 41, .unknown_below_zero = true},
     why.misplaced_clouds);
+  // Of the training, not of the trial: in no digest.
+  f({.name = "stop_views", .part = kWhy, .unknown_below_zero = true}, why.stop_views);
 }
 
 template <AnyConst<TrialRow> Row, class F>

@@ -42,6 +42,9 @@ struct Attribution {
   int collision_ticks = 0;    ///< Control periods cut short by a contact (B1's count).
   int off_navmesh_ticks = 0;  ///< Without a finite distance to the goal.
   int reached_instance = 0;   ///< Of a success: the instance whose view point is nearest.
+  /// Views that the detector was tuned on, near where the trial ended, that show the goal's
+  /// class; -1: not known, or nothing was tuned here.
+  int stop_views = -1;
 
   [[nodiscard]] bool known() const { return cause.has_value(); }
 };
@@ -65,6 +68,8 @@ inline constexpr double kTrueShare = 0.5;
 /// of the detections that it is made of were true (TrialWitness::mostly_true()): the box was
 /// right, its depth was another thing's. Otherwise it is false: the detector's own mistake.
 inline constexpr double kTargetReach_m = 1.0, kCloudReach_m = 0.5;
+/// How near a view is to where a trial ended (Attribution::stop_views).
+inline constexpr double kStopRegion_m = 0.5;
 
 /// What the detector made of one image.
 struct ImageEvidence {

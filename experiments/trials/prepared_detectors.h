@@ -5,6 +5,7 @@
 
 #include <filesystem>
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -17,10 +18,18 @@
 
 namespace segsim::experiments::trials {
 
+/// A view that a detector was tuned on.
+struct TunedView {
+  std::string scene;  ///< Its manifest's name.
+  glm::dvec2 position_m{0.0};
+  std::vector<std::string> classes;  ///< That have a box in it.
+};
+
 struct PreparedWeights {
   std::filesystem::path file;                         ///< Empty if no arm needs them.
   std::optional<records::HeldOutPrecision> held_out;  ///< None if nothing was fine-tuned here.
   std::optional<records::StartLeak> start_leak;  ///< None if these were not fine-tuned here.
+  std::shared_ptr<const std::vector<TunedView>> tuned_views;  ///< The same.
 };
 
 /// Starts of a scene's evaluation episodes [m].

@@ -75,6 +75,33 @@ class Decision:
     target_m: Optional[tuple[float, float]] = None
 
 
+class TorchvisionDetector:
+    """A network with torchvision's interface for detection as a detector:
+
+        class MyDetector(TorchvisionDetector):
+            def __init__(self):
+                weights = FasterRCNN_MobileNet_V3_Large_FPN_Weights.DEFAULT
+                super().__init__(fasterrcnn_mobilenet_v3_large_fpn(weights=weights), weights.meta["categories"])
+    """
+
+    def __init__(self, model: Any, categories: list[str], score_threshold: float = 0.3, device: str = "cpu") -> None:
+        """categories: by the network's labels; those that a scene calls otherwise are to be renamed. A network in training
+        mode is set to evaluation."""
+        self._model = model.to(device).eval()
+        self._device = device
+        self._score_threshold = score_threshold
+        self.class_names = list(categories)
+
+    def detect(self, seen: Observation) -> list[Detection]:
+        import torch
+
+        image = torch.from_numpy(np.array(seen.rgb)).to(self._device).permute(2, 0, 1).float() / 255.0
+        with torch.inference_mode():
+            found = self._model([image])[0]
+        rows = zip(found["labels"].tolist(), found["scores"].tolist(), found["boxes"].tolist())
+        return [Detection(label, score, tuple(box)) for label, score, box in rows if score >= self._score_threshold]
+
+
 def _transform(message: dict[str, Any]) -> np.ndarray:
     w, x, y, z = message["rotation_wxyz"]
     T = np.eye(4)

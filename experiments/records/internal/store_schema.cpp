@@ -70,9 +70,14 @@ ALTER TABLE arm ADD COLUMN finetune_seed INTEGER NOT NULL DEFAULT -1;
 ALTER TABLE attribution ADD COLUMN misplaced_clouds INTEGER NOT NULL DEFAULT -1;
 )sql";
 
+/// Views that a detector was tuned on where its trials end.
+constexpr const char* kStopViews = R"sql(
+ALTER TABLE attribution ADD COLUMN stop_views INTEGER NOT NULL DEFAULT -1;
+)sql";
+
 constexpr Migration kMigrations[] = {
-    {2, kHeldOut}, {3, kAttribution}, {4, kTuningCost},
-    {5, kImages},  {6, kProvenance},  {7, kFamilies},
+    {2, kHeldOut},    {3, kAttribution}, {4, kTuningCost}, {5, kImages},
+    {6, kProvenance}, {7, kFamilies},    {8, kStopViews},
 };
 static_assert(std::rbegin(kMigrations)->to == Store::kSchemaVersion);
 

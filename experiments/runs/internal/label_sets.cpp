@@ -163,6 +163,20 @@ support::StepRecord LabelSet::record(const LabelWork& work) const {
   return {folder_ / (rule_.purpose + ".step"), text.str()};
 }
 
+std::vector<trials::TunedView> tuned_views(const fs::path& train_json) {
+  const perception::CocoDataset train = perception::read_coco(train_json);
+  std::vector<trials::TunedView> views;
+  for (const perception::LabeledImage& image : train.images) {
+    if (!image.view) continue;
+    trials::TunedView& view =
+        views.emplace_back(image.scene, glm::dvec2(image.view->x_m, image.view->y_m));
+    for (const perception::LabeledBox& box : image.boxes) {
+      view.classes.push_back(train.class_names[static_cast<std::size_t>(box.class_index)]);
+    }
+  }
+  return views;
+}
+
 records::StartLeak start_leak(const fs::path& train_json,
                               const std::vector<const SceneTask*>& scenes,
                               double clearance_m) {

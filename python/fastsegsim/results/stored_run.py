@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from fastsegsim._native import InputError
 from fastsegsim.results.statistics import PairedCounts
 
-SCHEMA_VERSION = 7  # experiments/records/store.h
+SCHEMA_VERSION = 8  # experiments/records/store.h
 NOT_COUNTED = ("error", "infeasible", "trivial")  # Outcomes that enter no rate.
 
 # Columns of `attribution` that a trial of an older version has no value for, and what it then has.
-_UNKNOWN = {"images": -1, "misplaced_clouds": -1, "first_true_tick": -1, "inevitable_tick": -1, "decisive_tick": -1,
-            "cause": "", "log": "", "object_m": None, "planar_m": None, "shortest_object_m": None}
+_UNKNOWN = {"images": -1, "misplaced_clouds": -1, "stop_views": -1, "first_true_tick": -1, "inevitable_tick": -1,
+            "decisive_tick": -1, "cause": "", "log": "", "object_m": None, "planar_m": None, "shortest_object_m": None}
 _BOOLEAN = ("success", "stopped")
 _HEXADECIMAL = ("state_hash",)
 

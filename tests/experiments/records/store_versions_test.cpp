@@ -16,8 +16,16 @@ namespace {
 
 using testing::HasSubstr;
 
-/// Takes away what version 7 added.
+/// Takes away what version 8 added.
+void drop_version_8(const std::filesystem::path& file) {
+  execute_sql(file,
+              "ALTER TABLE attribution DROP COLUMN stop_views;"
+              "UPDATE meta SET schema_version = 7");
+}
+
+/// Takes away what versions 7 and 8 added.
 void drop_version_7(const std::filesystem::path& file) {
+  drop_version_8(file);
   execute_sql(file,
               "ALTER TABLE scene DROP COLUMN family;"
               "ALTER TABLE scene DROP COLUMN reconstruction;"
@@ -284,6 +292,22 @@ TEST_F(StoreTest, AFileOfVersion6IsBroughtUpToDate) {
     EXPECT_FALSE(store.arms(id)[1].finetune_seed.has_value());
     EXPECT_EQ(store.arms(id)[1].start_leak->near_starts, 3);
   }
+}
+
+/// Of trials of an older file nobody knows which views lie where they ended.
+TEST_F(StoreTest, AFileOfVersion7IsBroughtUpToDate) {
+  std::int64_t id = 0;
+  {
+    records::Store store(file_);
+    id = begin(store);
+    records::TrialRow trial = a_trial("before", "b/chair/00", true);
+    trial.why.stop_views = 4;
+    store.add_trial(id, trial);
+    EXPECT_EQ(store.trials(id)[0].why.stop_views, 4);
+  }
+  drop_version_8(file_);
+  records::Store store(file_);
+  EXPECT_EQ(store.trials(id)[0].why.stop_views, -1);
 }
 
 TEST_F(StoreTest, FamiliesAndSeedsAreKept) {

@@ -75,6 +75,7 @@ records::TrialRow recorded_trial() {
   t.why.collision_ticks = 9;
   t.why.off_navmesh_ticks = 10;
   t.why.reached_instance = 11;
+  t.why.stop_views = 12;
   return t;
 }
 
@@ -159,15 +160,16 @@ TEST(TrialColumns, CsvIsTheRecordedOne) {
           "detect_ms,policy_ms,error,cause,inevitable_tick,decisive_tick,visible_frames,"
           "detected_frames,true_detections,false_detections,first_true_tick,true_clouds,"
           "false_clouds,stopped,final_visible_px,object_m,planar_m,shortest_object_m,"
-          "collision_ticks,off_navmesh_ticks,reached_instance,images,misplaced_clouds,"
+          "collision_ticks,off_navmesh_ticks,reached_instance,images,misplaced_clouds,stop_"
+          "views,"
           "trial_id,log,picture,video,track,finished",
           "\"flat, upstairs\",flat/chair/07,chair,2,after,timeout,1,goal_reached,0.1,0.7,"
           "12.3457,4,0.333333,120.5,3.25,601,3,0.4,17,19,0.015625,fedcba9876543210,1.5,2.5,"
           "3.5,\"said \"\"no\"\"\",false_positive,590,580,21,20,22,5,23,6,7,1,1234,0.75,,3.9,"
-          "9,10,11,150,8,41,logs/a.json.gz,pictures/a.png,videos/a.mp4,tracks/a,"
+          "9,10,11,150,8,12,41,logs/a.json.gz,pictures/a.png,videos/a.mp4,tracks/a,"
           "2026-01-01T00:00:00Z",
           ",flat/chair/08,,0,before,success,0,,0,0,0,0,,0,0,0,0,0,-1,-1,0,0000000000000000,0,"
-          "0,0,,,,,,,,,,,,,,,,,,,,,,0,,,,,"));
+          "0,0,,,,,,,,,,,,,,,,,,,,,,,0,,,,,"));
 }
 
 TEST(TrialColumns, JsonLinesHaveEveryColumn) {
@@ -194,10 +196,10 @@ TEST(TrialColumns, JsonLinesHaveEveryColumn) {
 /// Trials of earlier versions: what was not counted is nothing, not less than nothing.
 TEST(TrialColumns, WhatIsNotKnownIsEmpty) {
   records::TrialRow trial = recorded_trial();
-  trial.why.images = trial.why.misplaced_clouds = -1;
+  trial.why.images = trial.why.misplaced_clouds = trial.why.stop_views = -1;
   std::ostringstream csv, jsonl;
   records::write_trials_csv(csv, {trial});
-  EXPECT_THAT(csv.str(), testing::HasSubstr(",9,10,11,,,41,"));
+  EXPECT_THAT(csv.str(), testing::HasSubstr(",9,10,11,,,,41,"));
   results::StoredRun run;
   run.trials = {trial};
   results::write_trials_jsonl(jsonl, run);

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "core/formatted.h"
 #include "tests/experiments/results/table_fixture.h"
 #include "tests/experiments/results/trained_run.h"
 
@@ -34,6 +35,27 @@ TEST(Table, TrainingViewsInTheStartRegionAreALeak) {
       results::summarise(a_run(30), kScenes, arms, ten_episodes());
   EXPECT_THAT(plain.notes, Not(Contains(HasSubstr("tart region"))));
   EXPECT_THAT(plain.notes, Not(Contains(HasSubstr("The paper reports"))));
+}
+
+TEST(Table, TrainingViewsWhereTrialsSucceedAreALeak) {
+  std::vector<records::TrialRow> trials = ten_episodes();
+  const auto notes = [&] {
+    return results::summarise(a_run(30), kScenes, kArms, trials).notes;
+  };
+  EXPECT_THAT(notes(), Not(Contains(HasSubstr("top region"))));  // Nothing is known.
+  int successes = 0;
+  for (records::TrialRow& t : trials) {
+    if (t.arm == "after" && t.success) t.why.stop_views = successes++ == 0 ? 40 : 0;
+  }
+  ASSERT_GT(successes, 1);
+  // 40 of 400 views at one of the places, none at the others.
+  EXPECT_THAT(
+      notes(),
+      Contains(AllOf(HasSubstr("LEAKAGE stop region: 1 of the " + std::to_string(successes) +
+                               " successful trials"),
+                     HasSubstr(core::print("(%.1f %% of its views", 10.0 / successes)))));
+  for (records::TrialRow& t : trials) t.why.stop_views = t.arm == "after" ? 0 : -1;
+  EXPECT_THAT(notes(), Contains(StartsWith("Stop region: 0 of the ")));
 }
 
 /// The run's two arms with what they had seen of the scene.
