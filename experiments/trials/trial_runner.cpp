@@ -194,7 +194,7 @@ Starts starts_of(const LoadedScene& scene) {
 PreparedWeights weights_of(const specs::ArmSpec& arm, const std::string& scene,
                            const PreparedDetectors& detectors) {
   if (arm.detector == specs::ArmDetector::kFile)
-    return {arm.weights, std::nullopt, std::nullopt};
+    return {arm.weights, std::nullopt, std::nullopt, nullptr};
   const auto found = detectors.find(prepared_key(arm, scene));
   return found == detectors.end() ? PreparedWeights{} : found->second;
 }

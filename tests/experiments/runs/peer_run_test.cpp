@@ -95,7 +95,9 @@ TEST_F(PeerRun, ADetectorInAProcessHasSeenNobodyKnowsWhat) {
   ASSERT_EQ(stored.arms.size(), 2U);
   EXPECT_THAT(stored.arms[0].detector, HasSubstr("blind"));
   EXPECT_EQ(records::exposure_text(stored.arms[0].exposure.value()), "unknown");
-  for (const records::TrialRow& trial : trials().at("before")) {
+  const auto by_arm = trials();
+  ASSERT_EQ(by_arm.at("before").size(), 2U);
+  for (const records::TrialRow& trial : by_arm.at("before")) {
     EXPECT_FALSE(trial.failed()) << trial.error;
     EXPECT_FALSE(trial.success);
     EXPECT_EQ(trial.first_detected_tick, -1);
@@ -112,7 +114,9 @@ TEST_F(PeerRun, TheExamplesReachTheirGoals) {
           "[" PEER_POLICY "]}}\n",
           1, 180.0);
   EXPECT_EQ(report.trials_failed, 0);
-  for (const auto& [arm, rows] : trials()) {
+  const auto by_arm = trials();
+  ASSERT_EQ(by_arm.size(), 2U);
+  for (const auto& [arm, rows] : by_arm) {
     const auto is_success = [](const records::TrialRow& trial) { return trial.success; };
     EXPECT_GE(std::count_if(rows.begin(), rows.end(), is_success), 1) << arm;
   }
@@ -158,7 +162,9 @@ class Sees:
               HasSubstr("ended with exit code 1"));
   fs::current_path(before);
   EXPECT_EQ(report.trials_failed, 0);
-  for (const records::TrialRow& trial : trials().at("after")) {
+  const auto by_arm = trials();
+  ASSERT_EQ(by_arm.at("after").size(), 2U);
+  for (const records::TrialRow& trial : by_arm.at("after")) {
     EXPECT_EQ(trial.error, "");
     EXPECT_EQ(trial.stop_reason, core::StopReason::kNothingNew);
   }
