@@ -301,6 +301,7 @@ TEST_F(StoreTest, AFileOfVersion7IsBroughtUpToDate) {
     records::Store store(file_);
     id = begin(store);
     records::TrialRow trial = a_trial("before", "b/chair/00", true);
+    trial.why.cause = records::Cause::kDidNotFail;
     trial.why.stop_views = 4;
     store.add_trial(id, trial);
     EXPECT_EQ(store.trials(id)[0].why.stop_views, 4);

@@ -136,9 +136,9 @@ TEST(TrialColumns, TheDigestLeavesOutWhatDependsOnTheMachine) {
     if (records::essence_of(other) == records::essence_of(row))
       left_out.emplace_back(column.name);
   });
-  EXPECT_THAT(left_out,
-              UnorderedElementsAre("trial_id", "wall_s", "render_ms", "detect_ms", "policy_ms",
-                                   "log", "picture", "video", "track", "finished"));
+  EXPECT_THAT(left_out, UnorderedElementsAre("trial_id", "wall_s", "render_ms", "detect_ms",
+                                             "policy_ms", "stop_views", "log", "picture",
+                                             "video", "track", "finished"));
 }
 
 std::vector<std::string> lines_of(const std::string& text) {
