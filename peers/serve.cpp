@@ -60,7 +60,7 @@ void serve(Channel& channel, const std::string& role, const Json& ready,
     } catch (const std::exception& error) {
       reply = {{"type", "error"}, {"message", error.what()}};
     }
-    channel.send(reply.dump());
+    channel.send(internal::to_text(reply));
   }
 }
 

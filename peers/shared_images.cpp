@@ -78,8 +78,11 @@ ImagePlaces SharedImages::put(const core::Observation& observation) {
   places.depth_m = place(observation.depth_m, bytes);
   if (bytes == 0) return places;
   if (!memory_.is_open()) {
-    memory_ = OwnedFd(::memfd_create("segsim-images", MFD_CLOEXEC));
-    if (!memory_.is_open()) fail("images for another program");
+    memory_ = OwnedFd(::memfd_create("segsim-images", MFD_CLOEXEC | MFD_ALLOW_SEALING));
+    // Whoever maps it cannot cut it off under the other.
+    if (!memory_.is_open() || ::fcntl(memory_.get(), F_ADD_SEALS, F_SEAL_SHRINK) != 0) {
+      fail("images for another program");
+    }
   }
   if (bytes > bytes_.size()) {
     if (::ftruncate(memory_.get(), static_cast<off_t>(bytes)) != 0) {

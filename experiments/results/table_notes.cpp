@@ -106,7 +106,7 @@ void note_start_region(ResultTable& table) {
 /// Whether the detector under test was shown what the robot sees where trials succeed.
 void note_stop_views(ResultTable& table, const std::vector<records::TrialRow>& trials) {
   int successes = 0, seen = 0;
-  double shares = 0.0;
+  double views = 0.0;
   for (const records::TrialRow& trial : trials) {
     const records::ArmRow* arm = find_arm(table.arm_rows, trial.arm);
     if (arm == nullptr || records::family_of(*arm) != table.after || !arm->start_leak)
@@ -114,15 +114,15 @@ void note_stop_views(ResultTable& table, const std::vector<records::TrialRow>& t
     if (!trial.counts() || !trial.success || trial.why.stop_views < 0) continue;
     ++successes;
     if (trial.why.stop_views > 0) ++seen;
-    shares += static_cast<double>(trial.why.stop_views) / arm->start_leak->views;
+    views += trial.why.stop_views;
   }
   if (successes == 0) return;
-  table.notes.push_back(
-      (seen > 0 ? "LEAKAGE stop region: " : "Stop region: ") + std::to_string(seen) +
-      " of the " + count_of(successes, "successful trial") + " of \"" + table.after +
-      "\" ended within " + core::print("%g", records::kStopRegion_m) +
-      " m of a view that it was fine-tuned on and that shows the goal" +
-      core::print(" (%.1f %% of its views, on average).", 100.0 * shares / successes));
+  table.notes.push_back((seen > 0 ? "LEAKAGE stop region: " : "Stop region: ") +
+                        std::to_string(seen) + " of the " +
+                        count_of(successes, "successful trial") + " of \"" + table.after +
+                        "\" ended within " + core::print("%g", records::kStopRegion_m) +
+                        " m of a view that it was fine-tuned on and that shows the goal" +
+                        core::print(" (%.1f of its views, on average).", views / successes));
 }
 
 /// Goals that the detector did not know before it was tuned.

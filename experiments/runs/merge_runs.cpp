@@ -12,6 +12,7 @@
 #include "experiments/records/results_digest.h"
 #include "experiments/results/stored_run.h"
 #include "experiments/runs/run.h"
+#include "experiments/runs/run_provenance.h"
 #include "experiments/support/folder_lock.h"
 
 namespace segsim::experiments::runs {
@@ -38,6 +39,7 @@ void check_same_run(const results::StoredRun& a, const results::StoredRun& b) {
                std::to_string(b.scenes.size()));
   expect_equal(b.folder, "arms:", std::to_string(a.arms.size()),
                std::to_string(b.arms.size()));
+  check_same_programs(a.run.provenance, b.run.provenance);
   for (std::size_t i = 0; i < a.scenes.size(); ++i) {
     const records::SceneRow &x = a.scenes[i], &y = b.scenes[i];
     expect_equal(b.folder, "scene " + x.name + ", SHA-256", x.scene_sha256, y.scene_sha256);

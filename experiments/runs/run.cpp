@@ -30,6 +30,7 @@
 #include "experiments/support/stop_signal.h"
 #include "experiments/trials/arm_detector.h"
 #include "experiments/trials/policy_models.h"
+#include "experiments/trials/python_peer.h"
 #include "experiments/trials/trial_runner.h"
 #include "reconstruction/training/geometry_training.h"
 
@@ -67,6 +68,7 @@ std::int64_t open_run(records::Store& store, const specs::ExperimentSpec& spec,
           "run " + std::to_string(last.run_id) + " in " + options.folders.work.string(),
           began->second + " kernels, with which it began (--fast says which)", kernels);
     }
+    check_same_programs(last.provenance, run_provenance(spec, options.shard));
     if (last.code_version != core::version()) {
       if (options.shard) {
         throw core::InputError::expected("shard " + options.shard->text(),
@@ -130,10 +132,19 @@ void check_goals_known(const specs::ExperimentSpec& spec, const Inputs& inputs) 
   }
 }
 
-/// Networks that policies name are read before any trial. @throws core::InputError
+/// Networks that policies name are read, and other programs started, before anything is made.
+/// @throws core::InputError
 void check_policy_models(const specs::ExperimentSpec& spec) {
   trials::LoadedPolicyModels models;
-  for (const specs::ArmSpec& arm : spec.arms) models.load(trials::policy_of(spec, arm));
+  std::vector<std::string> goals;  // Of all scenes; unknown where a file has the episodes.
+  for (const specs::SceneSpec& scene : spec.scenes) {
+    goals.insert(goals.end(), scene.goals.begin(), scene.goals.end());
+  }
+  for (const specs::ArmSpec& arm : spec.arms) {
+    models.load(trials::policy_of(spec, arm));
+    if (arm.detector != specs::ArmDetector::kProcess || goals.empty()) continue;
+    peers::Peer(trials::runnable(arm.process), "detector", goals).start();
+  }
 }
 
 /// New classes that a robot searches for by a head that no scene has taught: those of one

@@ -29,6 +29,9 @@
 namespace segsim::experiments::runs {
 namespace {
 
+/// Rows of the provenance: "program/<arm>/<file>".
+const std::string kProgram = "program/";
+
 /// What the weights of an arm were made from, as far as this run knows.
 std::string training_scenes(const specs::ExperimentSpec& spec, const specs::ArmSpec& arm) {
   const specs::DetectorSpec& detectors = spec.detectors;
@@ -103,13 +106,33 @@ records::SceneExposure exposure_of_arm(const specs::ExperimentSpec& spec,
   return exposure;
 }
 
+/// SHA-256 of the files that a command line names: scripts, above all.
+std::map<std::string, std::string> file_hashes(const core::PeerCommand& command) {
+  std::map<std::string, std::string> hashes;
+  std::vector<std::string> files = trials::runnable(command).command;
+  std::string module = command.python.substr(0, command.python.find(':'));
+  std::replace(module.begin(), module.end(), '.', '/');
+  if (!module.empty()) files.push_back(command.folder / (module + ".py"));
+  for (const std::filesystem::path file : files) {
+    if (core::can_be_read(file)) hashes[file.filename()] = core::sha256_of_file(file);
+  }
+  return hashes;
+}
+
 /// The row of an arm that has the same weights everywhere, or none.
 void add_file(const specs::ExperimentSpec& spec, const specs::ArmSpec& arm,
               const trials::PreparedDetectors& detectors,
               std::span<const detection::EvaluationScene> evaluated, records::ArmRow& row) {
   if (arm.detector == specs::ArmDetector::kProcess) {
-    row.detector = arm.process.in_words();
+    row.detector = "process " + arm.process.in_words();
+    std::string text = row.detector;
+    for (const auto& [name, sha256] : file_hashes(arm.process))
+      text += "\n" + name + " " + sha256;
+    row.weights_sha256 = core::sha256_hex(text);
     row.exposure = records::SceneExposure{.known = records::TrainingDataKnown::kNothing};
+    if (!arm.open_detector.empty()) {
+      row.detector += ", then " + arm.open_detector.filename().string();
+    }
     return;
   }
   const trials::PreparedWeights weights = trials::weights_of(arm, {}, detectors);
@@ -181,22 +204,16 @@ void add_scenes(const specs::ExperimentSpec& spec, const specs::ArmSpec& arm,
   if (leak.views > 0) row.start_leak = leak;
 }
 
-/// SHA-256 of the files that the command lines of other programs name: scripts, above all.
+/// SHA-256 of what other programs consist of that decide in place of policies.
 std::map<std::string, std::string> program_hashes(const specs::ExperimentSpec& spec) {
   std::map<std::string, std::string> hashes;
-  const auto add = [&](const core::PeerCommand& command) {
-    std::vector<std::string> files = trials::runnable(command).command;
-    std::string module = command.python.substr(0, command.python.find(':'));
-    std::replace(module.begin(), module.end(), '.', '/');
-    if (!module.empty()) files.push_back(command.folder / (module + ".py"));
-    for (const std::filesystem::path file : files) {
-      if (core::can_be_read(file)) hashes[file.filename()] = core::sha256_of_file(file);
-    }
-  };
   for (const specs::ArmSpec& arm : spec.arms) {
-    add(arm.process);
     const nav::PolicyChoice& policy = trials::policy_of(spec, arm);
-    if (const auto* other = policy.settings<nav::ProcessSettings>()) add(other->peer);
+    const auto* other = policy.settings<nav::ProcessSettings>();
+    if (other == nullptr) continue;
+    for (const auto& [name, sha256] : file_hashes(other->peer)) {
+      hashes[arm.name + "/" + name] = sha256;
+    }
   }
   return hashes;
 }
@@ -251,7 +268,7 @@ std::map<std::string, std::string> run_provenance(const specs::ExperimentSpec& s
     rows["training_scenes/" + arm.name] = training_scenes(spec, arm);
   }
   for (const auto& [name, sha256] : model_hashes(spec)) rows["model/" + name] = sha256;
-  for (const auto& [name, sha256] : program_hashes(spec)) rows["program/" + name] = sha256;
+  for (const auto& [name, sha256] : program_hashes(spec)) rows[kProgram + name] = sha256;
   if (shard) rows["shard"] = shard->text();
   return rows;
 }
@@ -314,6 +331,19 @@ std::map<std::string, std::string> generalisation_provenance(
 }
 
 /// Refuses to go on with a run whose inputs are not what they were.
+void check_same_programs(const std::map<std::string, std::string>& before,
+                         const std::map<std::string, std::string>& after) {
+  for (const auto& [name, sha256] : after) {
+    const auto began = before.find(name);
+    if (!name.starts_with(kProgram) || began == before.end() || began->second == sha256)
+      continue;
+    throw core::InputError::expected(name,
+                                     "the file that the run began with, SHA-256 " +
+                                         began->second + " (--new begins another run)",
+                                     sha256);
+  }
+}
+
 void check_same_inputs(const records::Store& store, std::int64_t run_id,
                        const std::vector<records::SceneRow>& scenes,
                        const std::vector<records::ArmRow>& arms) {

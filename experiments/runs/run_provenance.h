@@ -37,6 +37,11 @@ namespace segsim::experiments::runs {
 [[nodiscard]] std::map<std::string, std::string> generalisation_provenance(
     const specs::ExperimentSpec& spec, const trials::PreparedDetectors& detectors);
 
+/// Refuses to put together what programs that decide in place of policies made of which a file
+/// was changed in between. @throws core::InputError
+void check_same_programs(const std::map<std::string, std::string>& before,
+                         const std::map<std::string, std::string>& after);
+
 /// Refuses to go on with a run whose inputs are not what they were.
 /// @throws core::InputError naming the scene or arm.
 void check_same_inputs(const records::Store& store, std::int64_t run_id,

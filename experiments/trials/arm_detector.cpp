@@ -38,13 +38,18 @@ bool is_prompted(const specs::ArmSpec& arm) {
          perception::is_foreign_detector(arm.weights) && perception::needs_prompt(arm.weights);
 }
 
+std::shared_ptr<peers::Peer> detector_process(const specs::ArmSpec& arm,
+                                              const LoadedScene& scene) {
+  if (arm.detector != specs::ArmDetector::kProcess) return nullptr;
+  return std::make_shared<peers::Peer>(runnable(arm.process), "detector", goal_names(scene));
+}
+
 std::unique_ptr<core::Detector> load_arm_detector(const specs::ArmSpec& arm,
                                                   const PreparedDetectors& detectors,
                                                   const LoadedScene& scene,
                                                   perception::ComputeDevice device) {
-  if (arm.detector == specs::ArmDetector::kProcess) {
-    return peers::make_peer_detector(
-        std::make_shared<peers::Peer>(runnable(arm.process), "detector", goal_names(scene)));
+  if (auto process = detector_process(arm, scene)) {
+    return peers::make_peer_detector(std::move(process));
   }
   const std::filesystem::path file = weights_of(arm, scene.spec->name, detectors).file;
   std::optional<float> threshold;

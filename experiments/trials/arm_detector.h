@@ -12,6 +12,7 @@
 #include "experiments/specs/spec.h"
 #include "experiments/trials/prepared_detectors.h"
 #include "experiments/trials/trial_runner.h"
+#include "peers/peer.h"
 #include "perception/data/compute_device.h"
 
 namespace segsim::experiments::trials {
@@ -21,6 +22,10 @@ namespace segsim::experiments::trials {
 
 /// Where the experiment's networks run.
 [[nodiscard]] perception::ComputeDevice compute_device(const specs::ExperimentSpec& spec);
+
+/// The program that is the arm's detector, not yet started; null if it is none.
+[[nodiscard]] std::shared_ptr<peers::Peer> detector_process(const specs::ArmSpec& arm,
+                                                            const LoadedScene& scene);
 
 /// @param arm  Not the oracle's.
 /// @throws core::InputError if its file is missing or damaged, or its program cannot be

@@ -247,7 +247,15 @@ TrialRunner::ArmDetectorSlot& TrialRunner::detector_for(const LoadedScene& scene
   const bool per_scene = oracle || is_prompted(arm) ||
                          arm.detector == specs::ArmDetector::kProcess ||
                          !arm.open_detector.empty() || specs::is_tuned_by_scene(arm.detector);
+  if (arm.detector == specs::ArmDetector::kProcess) {
+    // Programs of other scenes need not wait with their networks in memory.
+    std::erase_if(slots_, [&](const auto& named) {
+      return named.second.process != nullptr &&
+             !named.first.starts_with(scene.spec->name + "/");
+    });
+  }
   ArmDetectorSlot& slot = slots_[per_scene ? scene.spec->name + "/" + arm.name : arm.name];
+  if (slot.process != nullptr) slot.process->start();  // Not within a time that is measured.
   if (slot.detector != nullptr) return slot;
   if (oracle) {
     std::vector<std::string> names;
@@ -262,7 +270,10 @@ TrialRunner::ArmDetectorSlot& TrialRunner::detector_for(const LoadedScene& scene
     slot.truth = detector.get();
     slot.detector = std::move(detector);
   } else {
-    slot.detector = load_arm_detector(arm, detectors_, scene, compute_device(spec_));
+    slot.process = detector_process(arm, scene);
+    slot.detector = slot.process != nullptr
+                        ? peers::make_peer_detector(slot.process)
+                        : load_arm_detector(arm, detectors_, scene, compute_device(spec_));
     if (!arm.open_detector.empty()) {
       auto routed = std::make_unique<RoutedDetector>(std::move(slot.detector),
                                                      load_open_detector(arm, scene));

@@ -25,6 +25,7 @@
 #include "experiments/trials/routed_detector.h"
 #include "experiments/trials/shared_views.h"
 #include "experiments/trials/trial_viewer.h"
+#include "peers/peer.h"
 #include "renderer/scene/panoptic_field.h"
 #include "renderer/scene/surfels.h"
 #include "sim/ground/world.h"
@@ -116,6 +117,7 @@ class TrialRunner {
     std::unique_ptr<core::Detector> detector;
     sim::GroundTruthSink* truth = nullptr;  ///< The oracle itself.
     RoutedDetector* routed = nullptr;       ///< The detector, if it is one of two.
+    std::shared_ptr<peers::Peer> process;   ///< Behind the detector; null: it is none.
   };
   core::Renderer& renderer_for(const LoadedScene& scene);
   /// What the robot sees by: views that an arm before it has seen are not drawn again.

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cerrno>
+#include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <cstring>
@@ -20,6 +21,7 @@ namespace segsim::peers::internal {
 namespace {
 
 using Clock = Channel::Clock;
+constexpr std::size_t kLongestMessage = 1000;  // It stands in every row of a failed trial.
 using std::chrono::milliseconds;
 
 Clock::time_point in(double seconds) {
@@ -27,7 +29,8 @@ Clock::time_point in(double seconds) {
          std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
 }
 
-OwnedFd connect_to(const std::filesystem::path& path) {
+/// @param within_s  A program whose queue is full lets others wait.
+OwnedFd connect_to(const std::filesystem::path& path, double within_s) {
   sockaddr_un address = {};
   address.sun_family = AF_UNIX;
   const std::string name = path.string();
@@ -38,6 +41,12 @@ OwnedFd connect_to(const std::filesystem::path& path) {
   }
   std::memcpy(address.sun_path, name.c_str(), name.size() + 1);
   OwnedFd socket(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
+  timeval limit = {};
+  limit.tv_sec = static_cast<time_t>(std::ceil(within_s));
+  if (!socket.is_open() ||
+      ::setsockopt(socket.get(), SOL_SOCKET, SO_SNDTIMEO, &limit, sizeof(limit)) != 0) {
+    throw core::InputError(name + ": " + std::strerror(errno));
+  }
   if (::connect(socket.get(), reinterpret_cast<const sockaddr*>(&address), sizeof(address)) !=
       0) {
     throw core::InputError::expected(name, "a socket on which a program listens",
@@ -69,37 +78,38 @@ ChildProcess::ChildProcess(const std::vector<std::string>& command, const OwnedF
   }
 }
 
+/// It is left to be waited for, so that its process group keeps its number.
 bool ChildProcess::wait_until(Clock::time_point deadline) {
-  while (!status_) {
-    int status = 0;
-    const pid_t ended = ::waitpid(pid_, &status, WNOHANG);
-    if (ended == pid_) status_ = status;
-    if (ended < 0 && errno != EINTR) status_ = 0;
-    if (status_ || Clock::now() >= deadline) break;
+  while (!end_) {
+    siginfo_t found = {};
+    const int error =
+        ::waitid(P_PID, static_cast<id_t>(pid_), &found, WEXITED | WNOHANG | WNOWAIT);
+    if (error == 0 && found.si_pid == pid_) end_ = found;
+    if (end_ || (error != 0 && errno != EINTR) || Clock::now() >= deadline) break;
     std::this_thread::sleep_for(milliseconds(2));
   }
-  return status_.has_value();
+  return end_.has_value();
 }
 
 ChildProcess::~ChildProcess() {
-  const bool ended = wait_until(Clock::now() + std::chrono::seconds(1));
+  (void)wait_until(Clock::now() + std::chrono::seconds(1));
   ::kill(-pid_, SIGKILL);  // Also what it started and left.
-  if (!ended) wait_until(Clock::time_point::max());
+  while (::waitpid(pid_, nullptr, 0) < 0 && errno == EINTR) {
+  }
 }
 
 std::string ChildProcess::end_in_words() {
   if (!wait_until(Clock::now() + milliseconds(200))) return {};
-  if (WIFSIGNALED(*status_)) {
-    return "was ended by signal " + std::to_string(WTERMSIG(*status_));
-  }
-  return "ended with exit code " + std::to_string(WEXITSTATUS(*status_));
+  const std::string number = std::to_string(end_->si_status);
+  return end_->si_code == CLD_EXITED ? "ended with exit code " + number
+                                     : "was ended by signal " + number;
 }
 
 Connection::Connection(const core::PeerCommand& command, const std::string& role,
                        const std::vector<std::string>& goals)
     : name_(role + " \"" + command.in_words() + "\"") {
   if (command.command.empty()) {
-    channel_.emplace(connect_to(command.socket), name_);
+    channel_.emplace(connect_to(command.socket, command.start_s), name_);
   } else {
     std::array<int, 2> ends{-1, -1};
     if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends.data()) != 0) {
@@ -125,7 +135,7 @@ Json Connection::ask(const Json& message, const char* expected, double within_s)
   };
   std::optional<std::string> text;
   try {
-    channel_->send(message.dump(), deadline);
+    channel_->send(to_text(message), deadline);
     text = channel_->receive(deadline);
   } catch (const core::InputError&) {
     // A program that has ended is the better reason.
@@ -146,7 +156,9 @@ Json Connection::ask(const Json& message, const char* expected, double within_s)
   Json answer = parse_message(*text, name_);
   const Fields fields(answer, name_);
   const std::string type = fields.text("type");
-  if (type == "error") throw core::InputError(name_ + ": " + fields.text("message"));
+  if (type == "error") {
+    throw core::InputError(name_ + ": " + fields.text("message").substr(0, kLongestMessage));
+  }
   if (type != expected) fields.fail("type", "\"" + std::string(expected) + "\"");
   return answer;
 }

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include <sys/types.h>
+#include <sys/wait.h>
 
 #include "core/process/peer_command.h"
 #include "peers/channel.h"
@@ -35,7 +36,7 @@ class ChildProcess {
   bool wait_until(Channel::Clock::time_point deadline);
 
   pid_t pid_ = -1;
-  std::optional<int> status_;
+  std::optional<siginfo_t> end_;
 };
 
 class Connection {

@@ -14,6 +14,9 @@ constexpr int kLargestImage_px = 32768;
 constexpr std::int64_t kMostBytes = std::int64_t{1} << 40;
 
 const char* const kModeKey = "mode";
+constexpr std::size_t kLongestQuote = 60;
+/// Of pixels and metres: beyond it a number is no place.
+constexpr double kFarthest = 1e6;
 
 template <class To, class From>
 Json transform_json(const core::Transform<To, From>& T) {
@@ -37,6 +40,9 @@ Json points_json(const std::vector<glm::dvec2>& points_m) {
 
 glm::dvec2 read_point(const Fields& fields, const char* key) {
   const std::vector<double> xy_m = fields.numbers(key, 2);
+  if (std::max(std::abs(xy_m[0]), std::abs(xy_m[1])) > kFarthest) {
+    fields.fail(key, "[x, y] within 1e6 m");
+  }
   return {xy_m[0], xy_m[1]};
 }
 
@@ -96,11 +102,15 @@ core::PolicyMode read_mode(const Fields& fields) {
 
 }  // namespace
 
+std::string to_text(const Json& message) {
+  return message.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
 Json parse_message(const std::string& text, const std::string& from) {
   Json message = Json::parse(text, nullptr, false);
   if (!message.is_object() || !message.contains("type") || !message["type"].is_string()) {
     throw core::InputError::expected(from, "a JSON object with a \"type\"",
-                                     text.substr(0, 60) + (text.size() > 60 ? "..." : ""));
+                                     text.substr(0, kLongestQuote));
   }
   return message;
 }
@@ -112,8 +122,11 @@ bool Fields::has(const char* key) const {
 void Fields::fail(const char* key, const std::string& expected) const {
   const bool own = key == nullptr;
   const Json* found = own ? &object_ : has(key) ? &object_[key] : nullptr;
-  std::string text = found == nullptr ? std::string("none") : found->dump();
-  if (text.size() > 60) text = text.substr(0, 60) + "...";
+  // Of lists and objects only the kind: writing them would be as deep as they are.
+  std::string text = found == nullptr         ? "none"
+                     : found->is_structured() ? found->type_name()
+                                              : to_text(*found);
+  if (text.size() > kLongestQuote) text = text.substr(0, kLongestQuote) + "...";
   throw core::InputError::expected(own ? place_ : place_ + "." + key, expected, text);
 }
 
@@ -283,12 +296,16 @@ std::vector<core::Detection> read_detections(const Fields& fields, int classes) 
   for (const Fields& found : fields.list("detections")) {
     core::Detection d;
     d.class_index = static_cast<int>(found.integer("class_index", 0, classes - 1));
-    d.score = static_cast<float>(found.number("score"));
-    if (!(d.score >= 0.0F && d.score <= 1.0F)) found.fail("score", "a number in [0, 1]");
+    const double score = found.number("score");
+    if (!(score >= 0.0 && score <= 1.0)) found.fail("score", "a number in [0, 1]");
+    d.score = static_cast<float>(score);
     const std::vector<double> box = found.numbers("box_px", 4);
+    const bool near = std::all_of(box.begin(), box.end(),
+                                  [](double px) { return std::abs(px) <= kFarthest; });
+    if (!near) found.fail("box_px", "pixels within 1e6");
     d.box = {static_cast<float>(box[0]), static_cast<float>(box[1]),
              static_cast<float>(box[2]), static_cast<float>(box[3])};
-    if (!(d.box.x0 <= d.box.x1 && d.box.y0 <= d.box.y1)) {
+    if (d.box.x0 > d.box.x1 || d.box.y0 > d.box.y1) {
       found.fail("box_px", "[x0, y0, x1, y1] with x0 <= x1 and y0 <= y1");
     }
     detections.push_back(d);
@@ -317,7 +334,9 @@ core::Decision read_decision(const Fields& fields) {
   decision.command.turn_radps = fields.number_or("turn_radps", 0.0);
   if (fields.has(kModeKey)) decision.mode = read_mode(fields);
   if (fields.has("stop")) {
-    decision.stop = core::stop_reason_from(fields.text("stop"), "decision.stop");
+    const std::string reason = fields.text("stop");
+    if (reason.empty()) fields.fail("stop", "a reason, or no such field");
+    decision.stop = core::stop_reason_from(reason, fields.place() + ".stop");
     if (!fields.has(kModeKey)) decision.mode = core::PolicyMode::kStop;
   }
   return decision;

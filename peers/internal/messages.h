@@ -20,6 +20,8 @@ using Json = nlohmann::json;
 
 inline constexpr const char* kSchema = "segsim.peer/1";
 
+/// As text; what is no UTF-8 is replaced.
+[[nodiscard]] std::string to_text(const Json& message);
 /// An object with a `type`. @param from  Who sent it, for messages about it.
 [[nodiscard]] Json parse_message(const std::string& text, const std::string& from);
 
@@ -42,6 +44,7 @@ class Fields {
   [[nodiscard]] std::vector<std::string> texts(const char* key) const;
   [[nodiscard]] Fields map(const char* key) const;
   [[nodiscard]] std::vector<Fields> list(const char* key) const;
+  [[nodiscard]] const std::string& place() const { return place_; }
   [[noreturn]] void fail(const char* key, const std::string& expected) const;
 
  private:

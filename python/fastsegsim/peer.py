@@ -215,11 +215,11 @@ def main() -> None:
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # What the class prints goes to standard error, and cannot be taken for an answer.
     sys.path[0] = arguments.path  # Instead of this file's folder.
+    # Types are imported from fastsegsim.peer, which is this file: also where the package is not installed, or another
+    # version of it is.
     if importlib.util.find_spec("fastsegsim") is None:
-        # Its types can be imported from fastsegsim.peer where the package is not installed, too.
-        package = types.ModuleType("fastsegsim")
-        package.peer = sys.modules["__main__"]  # type: ignore[attr-defined]
-        sys.modules.update({"fastsegsim": package, "fastsegsim.peer": sys.modules["__main__"]})
+        sys.modules["fastsegsim"] = types.ModuleType("fastsegsim")
+    sys.modules["fastsegsim.peer"] = sys.modules["__main__"]
     module, _, name = arguments.name.partition(":")
     try:
         make = getattr(importlib.import_module(module), name)

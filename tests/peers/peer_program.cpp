@@ -1,5 +1,5 @@
 // A program for the tests to ask: peer_program
-// policy|idle|detector|crash|abort|hang|print|wrong|throw|early
+// policy|idle|detector|crash|abort|hang|print|wrong|deep|throw|early
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
@@ -20,7 +20,7 @@ namespace {
 /// Does at its second decision what the word says.
 class BadPolicy final : public core::Policy {
  public:
-  explicit BadPolicy(std::string word) : word_(std::move(word)) {}
+  BadPolicy(std::string word, peers::Channel& raw) : word_(std::move(word)), raw_(&raw) {}
   void reset(const core::ObjectGoal& /*goal*/, std::uint64_t /*seed*/) override {}
   core::Decision decide(const core::Observation& /*seen*/,
                         std::span<const core::Detection> /*detections*/) override {
@@ -28,6 +28,12 @@ class BadPolicy final : public core::Policy {
     if (word_ == "crash") std::exit(7);
     if (word_ == "abort") std::abort();
     if (word_ == "hang") std::this_thread::sleep_for(std::chrono::hours(1));
+    if (word_ == "deep") {  // Nobody else writes such a message, so it is written here.
+      std::string text = R"({"type":"decision","turn_radps":)" + std::string(200'000, '[');
+      text += std::string(200'000, ']') + "}";
+      raw_->send(text);
+      std::this_thread::sleep_for(std::chrono::hours(1));
+    }
     if (word_ == "throw") throw std::runtime_error("the map is full");
     core::Decision decision;
     decision.command.turn_radps = std::numeric_limits<double>::infinity();
@@ -37,6 +43,7 @@ class BadPolicy final : public core::Policy {
 
  private:
   std::string word_;
+  peers::Channel* raw_;
   int decisions_ = 0;
 };
 
@@ -60,7 +67,7 @@ int main(int argc, char** argv) try {
                         [&](const peers::EpisodeStart&) -> std::unique_ptr<core::Policy> {
                           if (word == "policy")
                             return std::make_unique<tests::SummingPolicy>();
-                          return std::make_unique<BadPolicy>(word);
+                          return std::make_unique<BadPolicy>(word, channel);
                         });
   }
   return 0;

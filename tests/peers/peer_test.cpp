@@ -157,6 +157,8 @@ TEST(Peer, AFailureNamesTheProgramAndItsCause) {
   EXPECT_THAT(complaint_of("abort"), HasSubstr("found that it was ended by signal 6"));
   EXPECT_THAT(complaint_of("hang", 0.3),
               HasSubstr("expected an answer to \"decide\" within 0.3 s, found none"));
+  EXPECT_THAT(complaint_of("deep"),
+              HasSubstr("turn_radps: expected a finite number, found array"));
   EXPECT_THAT(complaint_of("throw"), HasSubstr("throw\": the map is full"));
   // JSON has no infinity.
   EXPECT_THAT(complaint_of("wrong"), HasSubstr("turn_radps: expected a finite number"));

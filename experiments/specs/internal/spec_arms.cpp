@@ -162,6 +162,9 @@ ArmSpec read_arm(const ConfigNode& node, const Variables& variables) {
   }
   if (node.has("policy")) arm.policy = read_policy(node, variables);
   if (node.has("score_threshold")) {
+    if (arm.detector == ArmDetector::kProcess) {
+      node.child("score_threshold").fail("none: a process chooses its own", "one");
+    }
     arm.score_threshold = support::number_within(node, "score_threshold", 0.5, 0.0, 1.0);
   }
   arm.clock =

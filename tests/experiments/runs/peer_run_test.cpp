@@ -93,6 +93,7 @@ TEST_F(PeerRun, ADetectorInAProcessHasSeenNobodyKnowsWhat) {
             "  - {name: after, detector: oracle}\n");
   const results::StoredRun stored = results::load_run(folder_.path() / "work");
   ASSERT_EQ(stored.arms.size(), 2U);
+  EXPECT_NE(stored.arms[0].weights_sha256, "");
   EXPECT_THAT(stored.arms[0].detector, HasSubstr("blind"));
   EXPECT_EQ(records::exposure_text(stored.arms[0].exposure.value()), "unknown");
   const auto by_arm = trials();
@@ -120,6 +121,28 @@ TEST_F(PeerRun, TheExamplesReachTheirGoals) {
     const auto is_success = [](const records::TrialRow& trial) { return trial.success; };
     EXPECT_GE(std::count_if(rows.begin(), rows.end(), is_success), 1) << arm;
   }
+}
+
+/// From the root of the repository the module that serves classes is found.
+struct InSourceFolder {
+  fs::path before = fs::current_path();
+  InSourceFolder() { fs::current_path(SEGSIM_SOURCE); }
+  ~InSourceFolder() { fs::current_path(before); }
+};
+
+TEST_F(PeerRun, AChangedScriptIsAnotherPolicy) {
+  if (std::system("python3 --version >/dev/null 2>&1") != 0) GTEST_SKIP() << "no python3";
+  const fs::path script = folder_.path() / "mine.py";
+  fs::copy_file(SEGSIM_EXAMPLES "/peer_policy.py", script);
+  const std::string arms =
+      "  - {name: before, detector: oracle}\n"
+      "  - {name: after, detector: oracle, policy: {type: process, command: "
+      "[python3, '${spec}/mine.py']}}\n";
+  EXPECT_EQ(run(arms).trials_run, 4);
+  EXPECT_EQ(run(arms).trials_run, 0);  // All is done.
+  std::ofstream(script, std::ios::app) << "# another\n";
+  EXPECT_THAT(tests::input_error_of([&] { (void)run(arms); }),
+              HasSubstr("program/after/mine.py: expected the file that the run began with"));
 }
 
 TEST_F(PeerRun, AClassOfAPythonModuleIsAPolicyOrADetector) {
@@ -150,9 +173,7 @@ class Sees:
     def detect(self, seen):
         return [Detection(0, 0.75, (1, 2, 30, 40))]
 )";
-  // The module that serves classes is found from the root of the repository.
-  const fs::path before = fs::current_path();
-  fs::current_path(SEGSIM_SOURCE);
+  const InSourceFolder here;
   const runs::RunReport report =
       run("  - {name: before, detector: oracle}\n"
           "  - {name: after, detector: 'python:mine:Sees', policy: 'python:mine:Spin'}\n");
@@ -160,7 +181,6 @@ class Sees:
                 (void)run("  - {name: after, detector: oracle, policy: 'python:mine:Jump'}\n");
               }),
               HasSubstr("ended with exit code 1"));
-  fs::current_path(before);
   EXPECT_EQ(report.trials_failed, 0);
   const auto by_arm = trials();
   ASSERT_EQ(by_arm.at("after").size(), 2U);
@@ -182,6 +202,12 @@ TEST_F(PeerRun, WhatCannotBeStartedEndsTheRunBeforeAnyTrial) {
                           ", frontier]}}\n");
               }),
               HasSubstr("it ended with exit code 2"));
+  EXPECT_THAT(tests::input_error_of([&] {
+                (void)run(
+                    "  - {name: after, score_threshold: 0.5, detector: {type: process, "
+                    "command: [" PEER_STAGE ", blind]}}\n");
+              }),
+              HasSubstr("score_threshold: expected none"));
   EXPECT_THAT(tests::input_error_of([&] {
                 (void)run("  - {name: after, detector: {type: proces, command: [a]}}\n");
               }),
