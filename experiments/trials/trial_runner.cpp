@@ -155,22 +155,6 @@ class ViewedDetector final : public core::Detector {
   TrialViewer* viewer_;  // May be null.
 };
 
-/// Of the weights' training views, those near where a trial ended that show its goal; -1 if
-/// none are known of.
-int views_of_goal_near(const PreparedWeights& weights, const TrialTask& task,
-                       const core::Pose2& end) {
-  if (weights.tuned_views == nullptr) return -1;
-  const std::string& scene = task.scene->bundle.manifest.name;
-  return static_cast<int>(std::count_if(
-      weights.tuned_views->begin(), weights.tuned_views->end(), [&](const TunedView& view) {
-        return view.scene == scene &&
-               std::hypot(view.position_m.x - end.x_m, view.position_m.y - end.y_m) <
-                   records::kStopRegion_m &&
-               std::find(view.classes.begin(), view.classes.end(), task.episode->class_name) !=
-                   view.classes.end();
-      }));
-}
-
 int index_of(const std::vector<std::string>& names, const std::string& name) {
   const auto found = std::find(names.begin(), names.end(), name);
   return found == names.end() ? -1 : static_cast<int>(found - names.begin());
@@ -394,8 +378,12 @@ void TrialRunner::run_checked(const TrialTask& task, records::TrialRow& row) {
     records::write_replay_log(log_file, records::with_result(std::move(log), result));
   std::vector<double> distance_m;
   row.why = judge_trial(task, episode, scene.goal_index, witness, result, distance_m);
-  row.why.stop_views = views_of_goal_near(
-      weights_of(*task.arm, task.scene->spec->name, detectors_), task, result.final_pose);
+  const PreparedWeights weights = weights_of(*task.arm, task.scene->spec->name, detectors_);
+  if (weights.tuned_views != nullptr) {
+    row.why.stop_views = views_showing(
+        *weights.tuned_views, task.scene->bundle.manifest.name, episode.class_name,
+        {result.final_pose.x_m, result.final_pose.y_m}, records::kStopRegion_m);
+  }
   copy_result(result, row);
   outputs.finish(result, options, witness, std::move(distance_m), row);
 }

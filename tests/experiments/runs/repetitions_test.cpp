@@ -139,6 +139,10 @@ TEST_F(Repetitions, EveryTrainingHasItsViewsWeightsAndTrials) {
   // What is recorded of an arm is recorded once.
   EXPECT_THAT(names_in(folder / "frames/tiny"),
               ElementsAre("couch-00.after", "couch-00.before", "couch-00.oracle"));
+  // Where trials end there may be views that these trainings had; others had none.
+  for (const records::TrialRow& trial : results::load_run(folder).trials) {
+    EXPECT_EQ(trial.why.stop_views >= 0, trial.arm.starts_with("after")) << trial.arm;
+  }
   // Views that judge are those of the reconstruction, whoever is trained.
   EXPECT_FALSE(fs::exists(folder / "views.s3/validation.json"));
   EXPECT_NE(core::read_file(folder / "views/train.json"),
@@ -372,6 +376,18 @@ TEST_F(Repetitions, ReconstructionsShareEpisodesAndPair) {
   EXPECT_EQ(table.scenes[0].pairs.total(), 8);
   EXPECT_THAT(results::format_table(table, support::TableFormat::kText),
               HasSubstr("4 trainings in 2 reconstructions"));
+}
+
+TEST(TunedViews, ThoseOfTheSceneThatAreNearAndShowTheClassCount) {
+  const std::vector<trials::TunedView> views{{"tiny", {1.0, 2.0}, {"chair", "couch"}},
+                                             {"tiny", {1.3, 2.3}, {"couch", "couch"}},
+                                             {"tiny", {1.0, 2.1}, {"chair"}},
+                                             {"tiny", {1.6, 2.0}, {"couch"}},
+                                             {"other", {1.0, 2.0}, {"couch"}}};
+  EXPECT_EQ(trials::views_showing(views, "tiny", "couch", {1.0, 2.0}, 0.5), 2);
+  EXPECT_EQ(trials::views_showing(views, "tiny", "chair", {1.0, 2.0}, 0.5), 2);
+  EXPECT_EQ(trials::views_showing(views, "tiny", "tv", {1.0, 2.0}, 0.5), 0);
+  EXPECT_EQ(trials::views_showing(views, "tiny", "couch", {1.0, 2.0}, 0.7), 3);
 }
 
 /// What the second reconstruction has no room for is in no rate there.
