@@ -1,5 +1,5 @@
 // A program for the tests to ask: peer_program
-// policy|idle|detector|crash|abort|hang|print|wrong|deep|throw|early
+// policy|idle|detector|blink|crash|abort|hang|print|wrong|deep|throw|early
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
@@ -16,6 +16,22 @@
 using namespace segsim;
 
 namespace {
+
+/// Ends at its second image.
+class BlinkingDetector final : public core::Detector {
+ public:
+  [[nodiscard]] const std::vector<std::string>& class_names() const override {
+    return all_.class_names();
+  }
+  std::vector<core::Detection> detect(const core::Observation& seen) override {
+    if (++images_ == 2) std::_Exit(5);
+    return all_.detect(seen);
+  }
+
+ private:
+  tests::SummingDetector all_;
+  int images_ = 0;
+};
 
 /// Does at its second decision what the word says.
 class BadPolicy final : public core::Policy {
@@ -61,6 +77,9 @@ int main(int argc, char** argv) try {
   std::puts("this goes to standard error");
   if (word == "detector") {
     tests::SummingDetector detector;
+    peers::serve_detector(channel, detector);
+  } else if (word == "blink") {
+    BlinkingDetector detector;
     peers::serve_detector(channel, detector);
   } else {
     peers::serve_policy(channel,

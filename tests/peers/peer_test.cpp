@@ -135,6 +135,17 @@ TEST(Peer, ADetectorElsewhereNamesItsClassesAndDetects) {
   }
 }
 
+TEST(Peer, ADetectorThatEndsBeginsAnewAtTheNextImage) {
+  const std::unique_ptr<core::Detector> detector =
+      make_peer_detector(std::make_shared<Peer>(program("blink"), "detector"));
+  const Seen seen(64, 48, 5);
+  for (int trial = 0; trial < 2; ++trial) {
+    EXPECT_EQ(detector->detect(seen.observation).size(), 2U);
+    EXPECT_THAT(input_error_of([&] { (void)detector->detect(seen.observation); }),
+                HasSubstr("found that it ended with exit code 5"));
+  }
+}
+
 /// What the second decision of a program complains about; the first one works.
 std::string complaint_of(const std::string& word, double answer_s = 20.0) {
   core::PeerCommand command = program(word);
