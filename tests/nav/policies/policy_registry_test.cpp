@@ -41,8 +41,9 @@ std::string refusal(const std::string& text) {
 TEST(PolicyRegistry, EveryNameMakesAPolicyThatDecides) {
   const PolicyRegistry registry;
   for (const std::string& name : registry.names()) {
-    const PolicyChoice choice =
-        name == "script" ? read("{type: script, actions: [left]}") : read(name);
+    const PolicyChoice choice = name == "script"    ? read("{type: script, actions: [left]}")
+                                : name == "process" ? read("{type: process, command: [mine]}")
+                                                    : read(name);
     EXPECT_EQ(choice.name(), name);
     PolicyContext context;
     context.class_names = {"thing"};
@@ -50,6 +51,11 @@ TEST(PolicyRegistry, EveryNameMakesAPolicyThatDecides) {
     context.camera_height_m = 1.1;
     context.oracle = [](const glm::dvec2& from) {
       return std::vector<glm::dvec2>{from, from + glm::dvec2(1.0, 0.0)};
+    };
+    context.models.process = [](const core::PeerCommand& command, const PolicyContext& of) {
+      EXPECT_EQ(command.in_words(), "mine");
+      EXPECT_EQ(of.camera_height_m, 1.1);
+      return make_random_policy();
     };
     const auto policy = choice.make(context);
     test::BoxWorld world = test::four_rooms();
@@ -153,6 +159,15 @@ TEST(PolicyRegistry, DepthMayBeInferred) {
   EXPECT_GT(obstacles_of(*inferring), 0);
   EXPECT_EQ(depth->calls, 1);
   EXPECT_EQ(obstacles_of(*measuring), 0);
+}
+
+TEST(PolicyRegistry, AProcessIsStartedByWhoeverMakesThePolicy) {
+  const PolicyChoice choice = read("python:my.module:Mine");
+  EXPECT_EQ(choice.name(), "process");
+  EXPECT_EQ(choice.settings<ProcessSettings>()->peer.python, "my.module:Mine");
+  EXPECT_THROW((void)choice.make(things()), core::InputError) << "nobody starts programs here";
+  EXPECT_THROW((void)read("'python:mine'"), core::InputError);
+  EXPECT_THROW((void)read("'python:$(rm):Mine'"), core::InputError);
 }
 
 TEST(PolicyRegistry, ModelsComeFromWhoeverMakesThePolicy) {
