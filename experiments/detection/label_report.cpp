@@ -1,7 +1,6 @@
 #include "experiments/detection/label_report.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstdio>
 #include <map>
 #include <ostream>
@@ -91,18 +90,6 @@ std::string set_line(const char* name, const CocoDataset& dataset) {
 }
 
 }  // namespace
-
-int views_near(const CocoDataset& dataset, const std::string& scene,
-               const std::vector<glm::dvec2>& starts_m, double radius_m) {
-  return static_cast<int>(std::count_if(
-      dataset.images.begin(), dataset.images.end(), [&](const LabeledImage& image) {
-        return image.scene == scene && image.view &&
-               std::any_of(starts_m.begin(), starts_m.end(), [&](const glm::dvec2& p_m) {
-                 return std::hypot(image.view->x_m - p_m.x, image.view->y_m - p_m.y) <
-                        radius_m;
-               });
-      }));
-}
 
 void write_consistency(const fs::path& file,
                        const std::vector<InstanceConsistency>& instances) {

@@ -22,10 +22,6 @@ struct LabelReport {
   std::vector<std::string> notes;
 };
 
-/// Views within `radius_m` of a start of an evaluation episode.
-[[nodiscard]] int views_near(const perception::CocoDataset& dataset, const std::string& scene,
-                             const std::vector<glm::dvec2>& starts_m, double radius_m);
-
 /// "consistency.csv", one row an instance.
 void write_consistency(const std::filesystem::path& file,
                        const std::vector<InstanceConsistency>& instances);

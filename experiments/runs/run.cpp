@@ -20,17 +20,14 @@
 #include "core/version.h"
 #include "experiments/records/results_digest.h"
 #include "experiments/reproducibility/stage_digests.h"
+#include "experiments/runs/internal/run_checks.h"
 #include "experiments/runs/internal/task_queue.h"
 #include "experiments/runs/prepare.h"
 #include "experiments/runs/run_provenance.h"
-#include "experiments/specs/tuning_set.h"
 #include "experiments/support/folder_lock.h"
 #include "experiments/support/listed.h"
 #include "experiments/support/step_record.h"
 #include "experiments/support/stop_signal.h"
-#include "experiments/trials/arm_detector.h"
-#include "experiments/trials/policy_models.h"
-#include "experiments/trials/python_peer.h"
 #include "experiments/trials/trial_runner.h"
 #include "reconstruction/training/geometry_training.h"
 
@@ -68,7 +65,7 @@ std::int64_t open_run(records::Store& store, const specs::ExperimentSpec& spec,
           "run " + std::to_string(last.run_id) + " in " + options.folders.work.string(),
           began->second + " kernels, with which it began (--fast says which)", kernels);
     }
-    check_same_programs(last.provenance, run_provenance(spec, options.shard));
+    check_same_programs(last.provenance, program_provenance(spec));
     if (last.code_version != core::version()) {
       if (options.shard) {
         throw core::InputError::expected("shard " + options.shard->text(),
@@ -98,85 +95,6 @@ std::int64_t open_run(records::Store& store, const specs::ExperimentSpec& spec,
   run.provenance = run_provenance(spec, options.shard);
   run.provenance.insert(more_provenance.begin(), more_provenance.end());
   return store.begin_run(run, scenes, arms);
-}
-
-/// A goal that no detector of an arm knows would fail every trial without a word.
-/// @throws core::InputError
-void check_goals_known(const specs::ExperimentSpec& spec, const Inputs& inputs) {
-  for (const specs::ArmSpec& arm : spec.arms) {
-    if (arm.detector == specs::ArmDetector::kOracle || trials::is_prompted(arm)) continue;
-    std::optional<std::vector<std::string>> known;
-    for (const trials::LoadedScene& scene : inputs.scenes) {
-      if (scene.spec->reconstruction != arm.reconstruction) continue;
-      if (!known || arm.detector == specs::ArmDetector::kProcess) {
-        known = trials::load_arm_detector(arm, inputs.detectors, scene,
-                                          trials::compute_device(spec))
-                    ->class_names();
-        if (arm.detector == specs::ArmDetector::kBefore) {  // That is told in the table.
-          known->insert(known->end(), inputs.new_classes.begin(), inputs.new_classes.end());
-        }
-      }
-      std::vector<std::string> names = *known;
-      if (!arm.open_detector.empty()) {
-        const auto open = trials::load_open_detector(arm, scene);
-        names.insert(names.end(), open->class_names().begin(), open->class_names().end());
-      }
-      const auto unknown = trials::unknown_goals(trials::searched_classes(scene), names);
-      if (unknown.empty()) continue;
-      throw core::InputError::expected("scene " + scene.spec->name + ", arm " + arm.name,
-                                       "goals that its detector knows (" +
-                                           support::listed(names) + "), or fine-tuning in " +
-                                           "that scene, which teaches new ones",
-                                       support::listed(unknown));
-    }
-  }
-}
-
-/// Networks that policies name are read, and other programs started, before anything is made.
-/// @throws core::InputError
-void check_policy_models(const specs::ExperimentSpec& spec) {
-  trials::LoadedPolicyModels models;
-  std::vector<std::string> goals;  // Of all scenes; unknown where a file has the episodes.
-  for (const specs::SceneSpec& scene : spec.scenes) {
-    goals.insert(goals.end(), scene.goals.begin(), scene.goals.end());
-  }
-  for (const specs::ArmSpec& arm : spec.arms) {
-    models.load(trials::policy_of(spec, arm));
-    if (arm.detector != specs::ArmDetector::kProcess || goals.empty()) continue;
-    peers::Peer(trials::runnable(arm.process), "detector", goals).start();
-  }
-}
-
-/// New classes that a robot searches for by a head that no scene has taught: those of one
-/// scene alone, where the detector is tuned on others. "Small house: wardrobe; ..."
-std::string untaught_goals(const specs::ExperimentSpec& spec, const Inputs& inputs) {
-  const bool elsewhere =
-      std::any_of(spec.arms.begin(), spec.arms.end(), [](const specs::ArmSpec& arm) {
-        return arm.detector == specs::ArmDetector::kAfterElsewhere;
-      });
-  std::string text;
-  if (!elsewhere) return text;
-  for (const trials::LoadedScene& scene : inputs.scenes) {
-    if (scene.spec->reconstruction != 1) continue;
-    const specs::TuningSet set =
-        specs::tuning_set(spec, specs::ArmDetector::kAfterElsewhere, *scene.spec);
-    std::vector<std::string> taught;
-    for (const trials::LoadedScene& other : inputs.scenes) {
-      const std::string& family = other.spec->family;
-      if (std::find(set.scenes.begin(), set.scenes.end(), family) == set.scenes.end())
-        continue;
-      for (const core::SceneClass& c : other.bundle.manifest.classes) taught.push_back(c.name);
-    }
-    std::vector<std::string> untaught =
-        trials::unknown_goals(trials::searched_classes(scene), taught);
-    std::erase_if(untaught, [&](const std::string& name) {
-      const std::vector<std::string>& added = inputs.new_classes;
-      return std::find(added.begin(), added.end(), name) == added.end();
-    });
-    if (untaught.empty()) continue;
-    text += (text.empty() ? "" : "; ") + scene.spec->title + ": " + support::listed(untaught);
-  }
-  return text;
 }
 
 /// Of an arm in its reconstruction.
@@ -433,7 +351,7 @@ RunReport run_experiment(const specs::ExperimentSpec& spec, const RunOptions& op
   const fs::path& work = options.folders.work;
   const support::StageTimes::Clock::time_point start = support::StageTimes::Clock::now();
   // Before hours of work.
-  check_policy_models(spec);
+  internal::check_policy_models(spec);
   (void)reconstruction::trains_on_gpu({.backend = spec.backend});
   support::StageTimes times;
   std::optional<support::StopOnSignal> signals(std::in_place);
@@ -452,7 +370,7 @@ RunReport run_experiment(const specs::ExperimentSpec& spec, const RunOptions& op
     preparation_of(spec, work).mark_done();
   }
 
-  check_goals_known(spec, inputs);
+  internal::check_goals_known(spec, inputs);
 
   // The run, and which of its trials are missing.
   records::Store store(results / "results.sqlite");
@@ -464,7 +382,7 @@ RunReport run_experiment(const specs::ExperimentSpec& spec, const RunOptions& op
                generalisation_provenance(spec, inputs.detectors));
   if (!inputs.new_classes.empty()) {
     store.set_provenance(report.run_id, "new_classes", support::listed(inputs.new_classes));
-    const std::string untaught = untaught_goals(spec, inputs);
+    const std::string untaught = internal::untaught_goals(spec, inputs);
     if (!untaught.empty()) store.set_provenance(report.run_id, "untaught_goals", untaught);
   }
   for (const auto& [scene, words] : inputs.masks) {

@@ -123,26 +123,24 @@ std::map<std::string, std::string> file_hashes(const core::PeerCommand& command)
 void add_file(const specs::ExperimentSpec& spec, const specs::ArmSpec& arm,
               const trials::PreparedDetectors& detectors,
               std::span<const detection::EvaluationScene> evaluated, records::ArmRow& row) {
+  const trials::PreparedWeights weights = trials::weights_of(arm, {}, detectors);
   if (arm.detector == specs::ArmDetector::kProcess) {
     row.detector = "process " + arm.process.in_words();
     std::string text = row.detector;
-    for (const auto& [name, sha256] : file_hashes(arm.process))
+    for (const auto& [name, sha256] : file_hashes(arm.process)) {
       text += "\n" + name + " " + sha256;
+    }
     row.weights_sha256 = core::sha256_hex(text);
     row.exposure = records::SceneExposure{.known = records::TrainingDataKnown::kNothing};
-    if (!arm.open_detector.empty()) {
-      row.detector += ", then " + arm.open_detector.filename().string();
-    }
-    return;
-  }
-  const trials::PreparedWeights weights = trials::weights_of(arm, {}, detectors);
-  row.detector = weights.file.empty() ? "oracle" : weights.file.filename().string();
-  if (!arm.open_detector.empty()) {
-    row.detector += ", then " + arm.open_detector.filename().string();
-  }
-  if (!weights.file.empty()) {
+  } else if (weights.file.empty()) {
+    row.detector = "oracle";
+  } else {
+    row.detector = weights.file.filename().string();
     row.weights_sha256 = core::sha256_of_file(weights.file);
     row.exposure = exposure_of_arm(spec, arm, weights.file, evaluated);
+  }
+  if (!arm.open_detector.empty()) {
+    row.detector += ", then " + arm.open_detector.filename().string();
   }
   row.held_out = weights.held_out;
   row.start_leak = weights.start_leak;
@@ -204,20 +202,6 @@ void add_scenes(const specs::ExperimentSpec& spec, const specs::ArmSpec& arm,
   if (leak.views > 0) row.start_leak = leak;
 }
 
-/// SHA-256 of what other programs consist of that decide in place of policies.
-std::map<std::string, std::string> program_hashes(const specs::ExperimentSpec& spec) {
-  std::map<std::string, std::string> hashes;
-  for (const specs::ArmSpec& arm : spec.arms) {
-    const nav::PolicyChoice& policy = trials::policy_of(spec, arm);
-    const auto* other = policy.settings<nav::ProcessSettings>();
-    if (other == nullptr) continue;
-    for (const auto& [name, sha256] : file_hashes(other->peer)) {
-      hashes[arm.name + "/" + name] = sha256;
-    }
-  }
-  return hashes;
-}
-
 /// SHA-256 of what networks of others consist of that policies and second detectors name.
 std::map<std::string, std::string> model_hashes(const specs::ExperimentSpec& spec) {
   std::map<std::string, std::string> hashes;
@@ -249,6 +233,19 @@ std::string library_versions() {
          renderer::simd_target();
 }
 
+std::map<std::string, std::string> program_provenance(const specs::ExperimentSpec& spec) {
+  std::map<std::string, std::string> rows;
+  for (const specs::ArmSpec& arm : spec.arms) {
+    const nav::PolicyChoice& policy = trials::policy_of(spec, arm);
+    const auto* other = policy.settings<nav::ProcessSettings>();
+    if (other == nullptr) continue;
+    for (const auto& [name, sha256] : file_hashes(other->peer)) {
+      rows[kProgram + arm.name + "/" + name] = sha256;
+    }
+  }
+  return rows;
+}
+
 std::map<std::string, std::string> run_provenance(const specs::ExperimentSpec& spec,
                                                   const std::optional<Shard>& shard) {
   std::map<std::string, std::string> rows;
@@ -268,7 +265,7 @@ std::map<std::string, std::string> run_provenance(const specs::ExperimentSpec& s
     rows["training_scenes/" + arm.name] = training_scenes(spec, arm);
   }
   for (const auto& [name, sha256] : model_hashes(spec)) rows["model/" + name] = sha256;
-  for (const auto& [name, sha256] : program_hashes(spec)) rows[kProgram + name] = sha256;
+  rows.merge(program_provenance(spec));
   if (shard) rows["shard"] = shard->text();
   return rows;
 }

@@ -25,6 +25,11 @@ namespace segsim::experiments::runs {
 [[nodiscard]] std::map<std::string, std::string> run_provenance(
     const specs::ExperimentSpec& spec, const std::optional<Shard>& shard);
 
+/// The part of it that is SHA-256 of files of other programs that decide in place of policies:
+/// "program/<arm>/<file>".
+[[nodiscard]] std::map<std::string, std::string> program_provenance(
+    const specs::ExperimentSpec& spec);
+
 [[nodiscard]] std::vector<records::SceneRow> scene_rows(
     const std::vector<trials::LoadedScene>& scenes);
 /// @param scenes  That the arms are evaluated in: what an arm has seen of them is looked up.

@@ -379,10 +379,11 @@ void TrialRunner::run_checked(const TrialTask& task, records::TrialRow& row) {
   std::vector<double> distance_m;
   row.why = judge_trial(task, episode, scene.goal_index, witness, result, distance_m);
   const PreparedWeights weights = weights_of(*task.arm, task.scene->spec->name, detectors_);
-  if (weights.tuned_views != nullptr) {
-    row.why.stop_views = views_showing(
-        *weights.tuned_views, task.scene->bundle.manifest.name, episode.class_name,
-        {result.final_pose.x_m, result.final_pose.y_m}, records::kStopRegion_m);
+  if (weights.tuned_on != nullptr) {
+    row.why.stop_views =
+        perception::views_near(*weights.tuned_on, task.scene->bundle.manifest.name,
+                               {{result.final_pose.x_m, result.final_pose.y_m}},
+                               records::kStopRegion_m, episode.class_name);
   }
   copy_result(result, row);
   outputs.finish(result, options, witness, std::move(distance_m), row);

@@ -1,6 +1,7 @@
 #include "perception/data/dataset.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <map>
 #include <set>
@@ -189,6 +190,26 @@ void write_coco(const std::filesystem::path& json_file, const CocoDataset& datas
   if (dataset.scenes) json[kScenes] = scenes_json(*dataset.scenes);
   core::write_file_atomically(json_file,
                               [&json](std::ostream& out) { out << json.dump() << '\n'; });
+}
+
+int views_near(const CocoDataset& dataset, const std::string& scene,
+               const std::vector<glm::dvec2>& places_m, double radius_m,
+               const std::string& showing) {
+  const auto is_near = [&](const LabeledImage& image) {
+    return std::any_of(places_m.begin(), places_m.end(), [&](const glm::dvec2& p_m) {
+      return std::hypot(image.view->x_m - p_m.x, image.view->y_m - p_m.y) < radius_m;
+    });
+  };
+  const auto shows = [&](const LabeledImage& image) {
+    return showing.empty() ||
+           std::any_of(image.boxes.begin(), image.boxes.end(), [&](const auto& box) {
+             return dataset.class_names[static_cast<std::size_t>(box.class_index)] == showing;
+           });
+  };
+  return static_cast<int>(std::count_if(
+      dataset.images.begin(), dataset.images.end(), [&](const LabeledImage& image) {
+        return image.scene == scene && image.view && is_near(image) && shows(image);
+      }));
 }
 
 }  // namespace segsim::perception

@@ -14,6 +14,8 @@
 #include <string>
 #include <vector>
 
+#include <glm/vec2.hpp>
+
 #include "core/frames.h"
 #include "perception/data/labeled_box.h"
 
@@ -65,5 +67,11 @@ struct CocoDataset {
 /// Writes `dataset` (its `folder` and `sha256` are not used) with categories 1, 2, ... and
 /// annotations numbered in order.
 void write_coco(const std::filesystem::path& json_file, const CocoDataset& dataset);
+
+/// Counts views of a scene that were taken within `radius_m` of one of the places.
+/// @param showing  Only views with a box of this class; empty: all.
+[[nodiscard]] int views_near(const CocoDataset& dataset, const std::string& scene,
+                             const std::vector<glm::dvec2>& places_m, double radius_m,
+                             const std::string& showing = {});
 
 }  // namespace segsim::perception

@@ -10,7 +10,6 @@
 #include "core/file_io.h"
 #include "experiments/commands/detectors/detector_commands.h"
 #include "experiments/detection/comparison_files.h"
-#include "experiments/detection/label_report.h"
 #include "experiments/detection/photo_dataset.h"
 #include "experiments/detection/seen_data.h"
 #include "experiments/detection/source_dataset.h"
@@ -105,7 +104,7 @@ std::vector<std::string> leak_notes(const CompareFlags& flags) {
       std::snprintf(text, sizeof text,
                     "%d of %zu training views lie within %.2f m of a start of the %zu "
                     "evaluation episodes in %s",
-                    detection::views_near(train, set.scene, starts_m, flags.leak_radius_m),
+                    perception::views_near(train, set.scene, starts_m, flags.leak_radius_m),
                     train.images.size(), flags.leak_radius_m, starts_m.size(),
                     set.scene.c_str());
     }

@@ -278,10 +278,11 @@ trials::PreparedDetectors DetectorPreparation::tuned(int workers) {
                     steps[k].output(),
                     {views[k].validation, views[k].test, {}, {}, {}}});
     arms.back().judged_elsewhere = trainings_[k].set.name.empty();  // Of many it takes hours.
-    arms.back().prepared.tuned_views =
-        std::make_shared<const std::vector<trials::TunedView>>(tuned_views(views[k].train));
-    arms.back().prepared.start_leak = start_leak(views[k].train, views[k].run_in,
-                                                 spec_.detectors.finetune->start_clearance_m);
+    trials::PreparedWeights& prepared = arms.back().prepared;
+    prepared.tuned_on =
+        std::make_shared<const perception::CocoDataset>(perception::read_coco(views[k].train));
+    prepared.start_leak = start_leak(*prepared.tuned_on, views[k].run_in,
+                                     spec_.detectors.finetune->start_clearance_m);
   }
   choose_thresholds(arms, spec_, class_names_, work_, workers, times_);
 

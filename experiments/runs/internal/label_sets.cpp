@@ -7,7 +7,6 @@
 #include "core/file_io.h"
 #include "core/random.h"
 #include "core/scene_bundle.h"
-#include "experiments/detection/label_report.h"
 #include "experiments/detection/view_labels.h"
 #include "sim/ground/robot.h"
 
@@ -163,30 +162,15 @@ support::StepRecord LabelSet::record(const LabelWork& work) const {
   return {folder_ / (rule_.purpose + ".step"), text.str()};
 }
 
-std::vector<trials::TunedView> tuned_views(const fs::path& train_json) {
-  const perception::CocoDataset train = perception::read_coco(train_json);
-  std::vector<trials::TunedView> views;
-  for (const perception::LabeledImage& image : train.images) {
-    if (!image.view) continue;
-    trials::TunedView& view =
-        views.emplace_back(image.scene, glm::dvec2(image.view->x_m, image.view->y_m));
-    for (const perception::LabeledBox& box : image.boxes) {
-      view.classes.push_back(train.class_names[static_cast<std::size_t>(box.class_index)]);
-    }
-  }
-  return views;
-}
-
-records::StartLeak start_leak(const fs::path& train_json,
+records::StartLeak start_leak(const perception::CocoDataset& train,
                               const std::vector<const SceneTask*>& scenes,
                               double clearance_m) {
-  const perception::CocoDataset train = perception::read_coco(train_json);
   records::StartLeak leak{static_cast<int>(train.images.size()), 0,
                           std::max(kStartRegion_m, clearance_m)};
   for (const SceneTask* scene : scenes) {
     leak.near_starts +=
-        detection::views_near(train, scene->loaded->bundle.manifest.name,
-                              trials::starts_of(*scene->loaded), leak.radius_m);
+        perception::views_near(train, scene->loaded->bundle.manifest.name,
+                               trials::starts_of(*scene->loaded), leak.radius_m);
   }
   return leak;
 }

@@ -100,12 +100,8 @@ class LabelSet {
   std::vector<perception::CocoDataset> drawn_;  ///< By scene.
 };
 
-/// Where the views of a data set were taken, and what they show.
-[[nodiscard]] std::vector<trials::TunedView> tuned_views(
-    const std::filesystem::path& train_json);
-
 /// How many views of a data set lie near a start.
-[[nodiscard]] records::StartLeak start_leak(const std::filesystem::path& train_json,
+[[nodiscard]] records::StartLeak start_leak(const perception::CocoDataset& train,
                                             const std::vector<const SceneTask*>& scenes,
                                             double clearance_m);
 

@@ -107,8 +107,8 @@ TEST_F(ViewLabelsTest, AvoidedPlacesStayEmpty) {
   careful.avoid_radius_m = 1.2;
   const detection::ViewLabels labels = label(careful);
   ASSERT_FALSE(labels.dataset.images.empty());
-  EXPECT_EQ(detection::views_near(labels.dataset, "tiny", careful.avoid_m, 1.2), 0);
-  EXPECT_GT(detection::views_near(labels.dataset, "tiny", careful.avoid_m, 3.0), 0);
+  EXPECT_EQ(perception::views_near(labels.dataset, "tiny", careful.avoid_m, 1.2), 0);
+  EXPECT_GT(perception::views_near(labels.dataset, "tiny", careful.avoid_m, 3.0), 0);
   careful.avoid_radius_m = 50.0;
   EXPECT_THROW((void)label(careful), core::InputError);
 }

@@ -23,6 +23,10 @@ namespace {
 namespace fs = std::filesystem;
 using testing::HasSubstr;
 
+bool python_does(const std::string& statement) {
+  return std::system(("python3 -c '" + statement + "' >/dev/null 2>&1").c_str()) == 0;
+}
+
 class PeerRun : public testing::Test {
  protected:
   void SetUp() override { TinyScene().write(folder_.path() / "tiny"); }
@@ -106,7 +110,7 @@ TEST_F(PeerRun, ADetectorInAProcessHasSeenNobodyKnowsWhat) {
 }
 
 TEST_F(PeerRun, TheExamplesReachTheirGoals) {
-  if (std::system("python3 --version >/dev/null 2>&1") != 0) GTEST_SKIP() << "no python3";
+  if (!python_does("pass")) GTEST_SKIP() << "no python3";
   const runs::RunReport report =
       run("  - {name: before, detector: oracle, policy: {type: process, command: "
           "[python3, " SEGSIM_EXAMPLES
@@ -131,7 +135,7 @@ struct InSourceFolder {
 };
 
 TEST_F(PeerRun, AChangedScriptIsAnotherPolicy) {
-  if (std::system("python3 --version >/dev/null 2>&1") != 0) GTEST_SKIP() << "no python3";
+  if (!python_does("pass")) GTEST_SKIP() << "no python3";
   const fs::path script = folder_.path() / "mine.py";
   fs::copy_file(SEGSIM_EXAMPLES "/peer_policy.py", script);
   const std::string arms =
@@ -146,7 +150,7 @@ TEST_F(PeerRun, AChangedScriptIsAnotherPolicy) {
 }
 
 TEST_F(PeerRun, AClassOfAPythonModuleIsAPolicyOrADetector) {
-  if (std::system("python3 -c 'import numpy' >/dev/null 2>&1") != 0) {
+  if (!python_does("import numpy")) {
     GTEST_SKIP() << "python3 has no NumPy";
   }
   std::ofstream(folder_.path() / "mine.py") <<

@@ -378,18 +378,6 @@ TEST_F(Repetitions, ReconstructionsShareEpisodesAndPair) {
               HasSubstr("4 trainings in 2 reconstructions"));
 }
 
-TEST(TunedViews, ThoseOfTheSceneThatAreNearAndShowTheClassCount) {
-  const std::vector<trials::TunedView> views{{"tiny", {1.0, 2.0}, {"chair", "couch"}},
-                                             {"tiny", {1.3, 2.3}, {"couch", "couch"}},
-                                             {"tiny", {1.0, 2.1}, {"chair"}},
-                                             {"tiny", {1.6, 2.0}, {"couch"}},
-                                             {"other", {1.0, 2.0}, {"couch"}}};
-  EXPECT_EQ(trials::views_showing(views, "tiny", "couch", {1.0, 2.0}, 0.5), 2);
-  EXPECT_EQ(trials::views_showing(views, "tiny", "chair", {1.0, 2.0}, 0.5), 2);
-  EXPECT_EQ(trials::views_showing(views, "tiny", "tv", {1.0, 2.0}, 0.5), 0);
-  EXPECT_EQ(trials::views_showing(views, "tiny", "couch", {1.0, 2.0}, 0.7), 3);
-}
-
 /// What the second reconstruction has no room for is in no rate there.
 TEST_F(Repetitions, EpisodesThatDoNotFitASecondReconstructionAreInNoRate) {
   runs::RunOptions options;

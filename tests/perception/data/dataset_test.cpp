@@ -223,4 +223,30 @@ TEST(MatchClasses, MapsByNameRenamesAndDrops) {
 }
 
 }  // namespace
+TEST(ViewsNear, ThoseOfTheSceneThatAreNearAndShowTheClassCount) {
+  CocoDataset views;
+  views.class_names = {"chair", "couch"};
+  const auto add = [&](const std::string& scene, double x_m, double y_m,
+                       const std::vector<int>& classes) {
+    LabeledImage& image = views.images.emplace_back();
+    image.scene = scene;
+    image.view = core::Pose2{x_m, y_m, 0.0};
+    for (const int index : classes) image.boxes.emplace_back().class_index = index;
+  };
+  add("tiny", 1.0, 2.0, {0, 1});
+  add("tiny", 1.3, 2.3, {1, 1});
+  add("tiny", 1.0, 2.1, {0});
+  add("tiny", 1.6, 2.0, {1});
+  add("other", 1.0, 2.0, {1});
+  views.images.emplace_back().scene = "tiny";  // Nobody knows where.
+  const auto count = [&](const std::string& showing, double radius_m) {
+    return views_near(views, "tiny", {{1.0, 2.0}}, radius_m, showing);
+  };
+  EXPECT_EQ(count("couch", 0.5), 2);
+  EXPECT_EQ(count("chair", 0.5), 2);
+  EXPECT_EQ(count("tv", 0.5), 0);
+  EXPECT_EQ(count("couch", 0.7), 3);
+  EXPECT_EQ(count("", 0.5), 3);
+}
+
 }  // namespace segsim::perception
