@@ -92,6 +92,14 @@ struct TrainingSummary {
   PairedCounts pairs;
 };
 
+/// Leakage by view: successful trials of the arm under test that ended near a view that it was
+/// fine-tuned on and that shows the goal.
+struct StopRegion {
+  int successes = 0;      ///< Of trials where this is known.
+  int near_views = 0;     ///< Of these, ended within records::kStopRegion_m of such a view.
+  double mean_views = 0;  ///< Such views of a successful trial.
+};
+
 struct ResultTable {
   records::RunRow run;
   std::vector<records::SceneRow> scene_rows;
@@ -110,7 +118,8 @@ struct ResultTable {
   std::vector<Generalisation> generalisation;
   std::vector<GroupSummary> classes;
   int finished_trials = 0;
-  std::vector<std::string> notes;  ///< Printed below the table, in order.
+  std::optional<StopRegion> stop_region{};  ///< None if nothing was fine-tuned here.
+  std::vector<std::string> notes;           ///< Printed below the table, in order.
 };
 
 /// @param before, after Arms to compare, with all their trainings, or one row of an arm

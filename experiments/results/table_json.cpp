@@ -146,6 +146,12 @@ std::string as_json(const ResultTable& table) {
   json["trainings"] = json_trainings(table);
   json["training_rate_sd"] = training_rate_sd(table.trainings);
   json["success_rule"] = profile_name(table);
+  if (const auto& region = table.stop_region) {
+    json["stop_region"] = {{"radius_m", records::kStopRegion_m},
+                           {"successes", region->successes},
+                           {"near_views", region->near_views},
+                           {"mean_views", region->mean_views}};
+  }
   json["scenes"] = nlohmann::ordered_json::array();
   for (const GroupSummary& group : table.scenes) {
     json["scenes"].push_back(json_group(table, group, group.name));

@@ -104,25 +104,34 @@ void note_start_region(ResultTable& table) {
 }
 
 /// Whether the detector under test was shown what the robot sees where trials succeed.
-void note_stop_views(ResultTable& table, const std::vector<records::TrialRow>& trials) {
-  int successes = 0, seen = 0;
-  double views = 0.0;
+std::optional<StopRegion> stop_region(const ResultTable& table,
+                                      const std::vector<records::TrialRow>& trials) {
+  StopRegion region;
+  int views = 0;
   for (const records::TrialRow& trial : trials) {
     const records::ArmRow* arm = find_arm(table.arm_rows, trial.arm);
     if (arm == nullptr || records::family_of(*arm) != table.after || !arm->start_leak)
       continue;
     if (!trial.counts() || !trial.success || trial.why.stop_views < 0) continue;
-    ++successes;
-    if (trial.why.stop_views > 0) ++seen;
+    ++region.successes;
+    if (trial.why.stop_views > 0) ++region.near_views;
     views += trial.why.stop_views;
   }
-  if (successes == 0) return;
-  table.notes.push_back((seen > 0 ? "LEAKAGE stop region: " : "Stop region: ") +
-                        std::to_string(seen) + " of the " +
-                        count_of(successes, "successful trial") + " of \"" + table.after +
-                        "\" ended within " + core::print("%g", records::kStopRegion_m) +
+  if (region.successes == 0) return std::nullopt;
+  region.mean_views = static_cast<double>(views) / region.successes;
+  return region;
+}
+
+void note_stop_region(ResultTable& table) {
+  if (!table.stop_region) return;
+  const StopRegion& region = *table.stop_region;
+  table.notes.push_back((region.near_views > 0 ? "LEAKAGE stop region: " : "Stop region: ") +
+                        std::to_string(region.near_views) + " of the " +
+                        count_of(region.successes, "successful trial") + " of \"" +
+                        table.after + "\" ended within " +
+                        core::print("%g", records::kStopRegion_m) +
                         " m of a view that it was fine-tuned on and that shows the goal" +
-                        core::print(" (%.1f of its views, on average).", views / successes));
+                        core::print(" (%.1f of its views, on average).", region.mean_views));
 }
 
 /// Goals that the detector did not know before it was tuned.
@@ -315,7 +324,8 @@ const records::ArmRow* find_arm(const std::vector<records::ArmRow>& arms,
 void add_notes(ResultTable& table, const std::vector<records::TrialRow>& trials) {
   note_state_of_run(table);
   note_excluded(table, trials);
-  note_stop_views(table, trials);
+  table.stop_region = stop_region(table, trials);
+  note_stop_region(table);
   note_validation(table);
   note_comparison(table);
   note_any_stop(table);

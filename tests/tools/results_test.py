@@ -298,7 +298,7 @@ def run_table():
              "arms": {"before": arm(4, 10), "after": arm(16, 20, 2), "oracle": arm(10, 10)}}
     training = {"before": "before", "episodes": 10, "only_before": 1}
     return {"title": "A run", "before": "before", "after": "after", "oracle": "oracle", "scenes": [group], "classes": [group],
-            "training_rate_sd": 0.05,
+            "training_rate_sd": 0.05, "stop_region": {"radius_m": 0.5, "successes": 16, "near_views": 9, "mean_views": 3.14159},
             "trainings": [{**training, "arm": "after", "seed": 2, "successes": 7, "sr": 0.7, "only_after": 4},
                           {**training, "arm": "after.s3", "seed": 3, "successes": 9, "sr": 0.9, "only_after": 6}],
             "provenance": {"arms": {"before": detector(1), "after": detector(2), "after.s3": detector(3)},
@@ -328,6 +328,8 @@ class Runs(Files):
         self.assertEqual((after["count"], after["interval95"]), ([16, 20], [25, 75]))
         self.assertEqual(float(self.value("Success", "Flat 9", "p")["value"]), 0.012)
         self.assertEqual(float(self.value("By goal class", "Flat 9", "p (Holm)")["value"]), 0.5)
+        leakage = [float(v["value"]) for v in self.record["values"] if v.get("table") == "Leakage by view"]
+        self.assertEqual(leakage, [9, 16, 3.14])
         self.assertEqual(self.value("Why trials failed", "Flat 9, before", "stuck")["value"], 6)
         self.assertEqual(self.value("How the trials went", "Flat 9, after", "outcomes")["value"], "success 16, timeout 4")
         self.assertEqual(self.record["facts"]["SHA-256 of all trials"], "cd" * 32)

@@ -138,6 +138,14 @@ def spread_values(table):
     yield value("median gain of a training", "points", hundredths(100 * statistics.median(gains)), **place)
 
 
+def stop_region_values(region):
+    place = {"table": "Leakage by view"}
+    near = f"successful trials that ended within {region['radius_m']:g} m of a training view of the goal"
+    yield value(near, "trials", region["near_views"], **place)
+    yield value("successful trials", "trials", region["successes"], **place)
+    yield value("such views of a successful trial, mean", "views", figures(region["mean_views"]), **place)
+
+
 def values_of(table):
     scenes = table["scenes"]
     groups = scenes + ([table["all"]] if table.get("all") else [])
@@ -147,6 +155,8 @@ def values_of(table):
     for training in table["trainings"]:
         yield from training_values(table, training)
     yield from spread_values(table)
+    if "stop_region" in table:
+        yield from stop_region_values(table["stop_region"])
     for group in table["classes"]:
         yield from success_values(table, group, CLASSES)
     arms = arms_of(table, scenes)

@@ -39,9 +39,8 @@ TEST(Table, TrainingViewsInTheStartRegionAreALeak) {
 
 TEST(Table, TrainingViewsWhereTrialsSucceedAreALeak) {
   std::vector<records::TrialRow> trials = ten_episodes();
-  const auto notes = [&] {
-    return results::summarise(a_run(30), kScenes, kArms, trials).notes;
-  };
+  const auto table = [&] { return results::summarise(a_run(30), kScenes, kArms, trials); };
+  const auto notes = [&] { return table().notes; };
   EXPECT_THAT(notes(), Not(Contains(HasSubstr("top region"))));  // Nothing is known.
   int successes = 0;
   for (records::TrialRow& t : trials) {
@@ -53,6 +52,8 @@ TEST(Table, TrainingViewsWhereTrialsSucceedAreALeak) {
               Contains(AllOf(HasSubstr("LEAKAGE stop region: 1 of the " +
                                        std::to_string(successes) + " successful trials"),
                              HasSubstr(core::print("(%.1f of its views", 40.0 / successes)))));
+  EXPECT_THAT(results::format_table(table(), support::TableFormat::kJson),
+              HasSubstr("\"near_views\": 1"));
   for (records::TrialRow& t : trials) t.why.stop_views = t.arm == "after" ? 0 : -1;
   EXPECT_THAT(notes(), Contains(StartsWith("Stop region: 0 of the ")));
 }
