@@ -1,7 +1,6 @@
 #include "experiments/specs/spec.h"
 
 #include <algorithm>
-#include <fstream>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -10,7 +9,6 @@
 #include "core/file_io.h"
 #include "experiments/specs/home_spec.h"
 #include "nav/policies/built_in_policies.h"
-#include "tests/temporary_folder.h"
 
 namespace segsim::experiments {
 namespace {
@@ -494,59 +492,6 @@ TEST(Spec, TheSpecsOfTheRepositoryAreValid) {
     ++found;
   }
   EXPECT_GE(found, 3);
-}
-
-/// A spec whose first scene has these goals. @param more  Further keys of the root.
-std::string with_goals(const std::string& goals, const std::string& more = "") {
-  return with(kSpec, "goals: [chair, couch]", "goals: " + goals) + more;
-}
-
-TEST(Spec, AGoalMayBeAPhrase) {
-  const tests::TemporaryFolder folder("phrases");
-  std::ofstream(folder / "clip.yaml") << "schema: segsim.model/1\n";
-  specs::SpecFolders folders{folder.path(), ""};
-  const specs::ExperimentSpec spec = specs::parse_spec(
-      with_goals(R"([{phrase: "a red chair"}, couch, {phrase: seats, instances: 2}])",
-                 "phrases: {model: \"${data}/clip.yaml\", views: 6}\n"),
-      "phrases.yaml", folders);
-  const specs::SceneSpec& scene = spec.scenes[0];
-  EXPECT_THAT(scene.goals, ElementsAre("couch"));
-  ASSERT_EQ(scene.phrases.size(), 2U);
-  EXPECT_EQ(scene.phrases[0].text, "a red chair");
-  EXPECT_EQ(scene.phrases[0].instances, 1);
-  EXPECT_EQ(scene.phrases[1].text, "seats");
-  EXPECT_EQ(scene.phrases[1].instances, 2);
-  EXPECT_EQ(spec.phrases.model, folder / "clip.yaml");
-  EXPECT_EQ(spec.phrases.views, 6);
-  EXPECT_TRUE(spec.scenes[1].phrases.empty());
-}
-
-TEST(Spec, APhraseNeedsAModelAndWordsOfItsOwn) {
-  const tests::TemporaryFolder folder("phrases");
-  std::ofstream(folder / "clip.yaml") << "schema: segsim.model/1\n";
-  const std::string model = "phrases: {model: \"${data}/clip.yaml\"}\n";
-  const auto error = [&](const std::string& goals, const std::string& more) {
-    return error_of(with_goals(goals, more), {folder.path(), ""});
-  };
-  const std::string good = R"([{phrase: "a red chair"}])";
-  EXPECT_EQ(error(good, model), "");
-  EXPECT_THAT(error(good, ""), AllOf(HasSubstr("phrases: {model: FILE}"), HasSubstr("flat-1"),
-                                     HasSubstr("a red chair")));
-  EXPECT_THAT(error(good, "phrases: {views: 3}\n"), HasSubstr("model"));
-  EXPECT_THAT(error(good, "phrases: {model: none.yaml}\n"),
-              AllOf(HasSubstr("docs/models.md"), HasSubstr("no file none.yaml")));
-  EXPECT_THAT(error(good, "phrases: {model: \"${data}/clip.yaml\", view: 3}\n"),
-              HasSubstr("views"));
-  EXPECT_THAT(error("[chair]", model), HasSubstr("a goal {phrase: ...}"));
-  EXPECT_THAT(error("[]", model), HasSubstr("at least one class name or phrase"));
-  EXPECT_THAT(error(R"([{phrase: "?"}])", model), HasSubstr("words on one line"));
-  EXPECT_THAT(error(R"([{phrase: "a\nchair"}])", model), HasSubstr("words on one line"));
-  EXPECT_THAT(error("[{instances: 2}]", model), HasSubstr("phrase"));
-  EXPECT_THAT(error("[{phrase: seats, instances: 0}]", model), HasSubstr("[1, 1000]"));
-  EXPECT_THAT(error("[{phrase: seats, instance: 2}]", model), HasSubstr("instances"));
-  EXPECT_THAT(error(R"([{phrase: "red chair"}, {phrase: "Red chair!"}])", model),
-              HasSubstr("differs from others"));
-  EXPECT_THAT(error("[{phrase: Couch}, couch]", model), HasSubstr("the name of a class"));
 }
 
 }  // namespace
