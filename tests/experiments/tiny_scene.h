@@ -23,10 +23,11 @@ class TinyScene {
  public:
   static constexpr std::uint16_t kFloor = 1, kWall = 2, kCouch = 3, kChair = 4;
 
-  static constexpr std::uint16_t kRedChair = 2, kBlueChair = 3;  ///< Instances.
+  static constexpr std::uint16_t kCouch1 = 1, kRedChair = 2, kBlueChair = 3;  ///< Instances.
   enum class Chairs { kOne, kTwo };
 
-  /// @param chairs  The second one is blue and stands in the couch's room.
+  /// @param chairs  The second one is blue and stands in the room of the couch, which is green
+  /// then.
   explicit TinyScene(Chairs chairs = Chairs::kOne) : chairs_(chairs) {
     // Rooms of 4 m x 5 m on both sides of a wall that leaves a passage of 1.7 m.
     sim::append_floor(mesh_, -4.2F, -2.7F, 4.2F, 2.7F);
@@ -41,11 +42,9 @@ class TinyScene {
     add_box({2.0F, -2.4F, 0.0F}, {3.9F, -1.5F, 0.8F}, kCouch, 1);
     add_box({-3.4F, 1.6F, 0.0F}, {-2.9F, 2.1F, 0.9F}, kChair, kRedChair);
     if (chairs == Chairs::kTwo) {
-      const std::size_t begin = surfels_.size();
       add_box({2.9F, 1.6F, 0.0F}, {3.4F, 2.1F, 0.9F}, kChair, kBlueChair);
-      for (std::size_t i = begin; i < surfels_.size(); ++i) {
-        surfels_.sh[i] = (glm::vec3(0.03F, 0.03F, 0.9F) - 0.5F) / renderer::kShC0;
-      }
+      paint(kBlueChair, {0.03F, 0.03F, 0.9F});
+      paint(kCouch1, {0.1F, 0.6F, 0.1F});  // Nothing else is blue.
     }
   }
 
@@ -79,6 +78,13 @@ class TinyScene {
 
  private:
   static constexpr float kStep = 0.06F;
+
+  void paint(std::uint16_t instance_id, const glm::vec3& colour) {
+    for (std::size_t i = 0; i < surfels_.size(); ++i) {
+      if (surfels_.instance_id[i] != instance_id) continue;
+      surfels_.sh[i] = (colour - 0.5F) / renderer::kShC0;
+    }
+  }
 
   /// A disc whose normal is the given axis.
   void add_disc(const glm::vec3& p_m, int normal_axis, std::uint16_t class_id,

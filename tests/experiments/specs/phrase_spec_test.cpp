@@ -24,7 +24,7 @@ class PhraseSpecTest : public testing::Test {
     specs::SpecFolders folders{folder_.path(), ""};
     return specs::parse_spec(text, "phrases.yaml", folders);
   }
-  /// The message with which a spec of these goals is refused; empty if it is not.
+  /// The message with which a spec of these goals is refused; "no error" if it is not.
   std::string error(const std::string& goals, const std::string& more) const {
     const std::string text = TinySpec{.goals = goals, .more = more}.text();
     return tests::input_error_of([&] { (void)parse(text); });
@@ -52,7 +52,7 @@ TEST_F(PhraseSpecTest, AGoalMayBeAPhrase) {
 
 TEST_F(PhraseSpecTest, APhraseNeedsAModel) {
   const std::string red = R"({phrase: "a red chair"})";
-  EXPECT_EQ(error(red, model_), "");
+  EXPECT_EQ(error(red, model_), "no error");
   EXPECT_THAT(error(red, ""), AllOf(HasSubstr("phrases: {model: FILE}"), HasSubstr("tiny"),
                                     HasSubstr("a red chair")));
   EXPECT_THAT(error(red, "phrases: {views: 3}\n"), HasSubstr("model"));
