@@ -105,6 +105,12 @@ struct Decision {
 struct ObjectGoal {
   std::string class_name;
   int class_index = -1;  ///< Into Detector::class_names(); -1 if the detector cannot name it.
+  /// "a red chair": which objects of the class are meant; empty: any.
+  std::string phrase{};
+  /// What a model of images and texts is asked for.
+  [[nodiscard]] const std::string& text() const {
+    return phrase.empty() ? class_name : phrase;
+  }
 };
 
 /// A policy's own picture of the world, for debugging views and trial pictures (frame Odom).

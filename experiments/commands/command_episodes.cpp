@@ -56,15 +56,19 @@ struct ViewerFlags {
   }
 };
 
-std::string counts_by_class(const episodes::EpisodeSet& set) {
+std::string counts_by_goal(const episodes::EpisodeSet& set) {
   std::map<std::string, int> counts;
-  for (const sim::Episode& episode : set.episodes) ++counts[episode.class_name];
+  bool phrases = false;
+  for (const sim::Episode& episode : set.episodes) {
+    ++counts[episode.goal_name()];
+    phrases = phrases || !episode.phrase.empty();
+  }
   std::string text;
   for (const auto& [name, count] : counts) {
     text += (text.empty() ? "" : ", ") + name + " " + std::to_string(count);
   }
   return std::to_string(set.episodes.size()) + " episodes over " +
-         std::to_string(counts.size()) + " classes: " + text;
+         std::to_string(counts.size()) + (phrases ? " goals: " : " classes: ") + text;
 }
 
 // --- generate ---
@@ -125,7 +129,7 @@ void generate(GenerateFlags& flags) {
   const episodes::EpisodeSet set =
       episodes::generate_episodes(name, bundle, world, *eye, rules);
   episodes::write_episodes(flags.out, set);
-  std::printf("%s\n", counts_by_class(set).c_str());
+  std::printf("%s\n", counts_by_goal(set).c_str());
   print_rejections(set.rejections);
   if (static_cast<int>(set.episodes.size()) < rules.count) {
     std::printf("note          the scene has room for %zu of %d episodes\n",
@@ -278,7 +282,7 @@ void print_scene(const episodes::HabitatScene& scene, const episodes::EpisodeSet
                  const episodes::HabitatImportCounts& counts) {
   std::size_t goals = 0;
   for (const auto& [category, list] : scene.goals) goals += list.size();
-  std::printf("%-16s %s\n", scene.name.c_str(), counts_by_class(set).c_str());
+  std::printf("%-16s %s\n", scene.name.c_str(), counts_by_goal(set).c_str());
   std::printf(
       "%-16s %zu goal objects with %d view points, of which %d lie on no start's floor; %d "
       "sets of them are searched; episodes without a way on the start's floor: %d, "
@@ -375,7 +379,7 @@ void export_set(const ExportFlags& flags) {
       flags.scene_id.empty() ? bundle.manifest.name + ".glb" : flags.scene_id;
   const fs::path content =
       episodes::write_habitat(flags.out, flags.split, scene_id, set, bundle, parts.levelling);
-  std::printf("%s\nwritten to    %s, %s\n", counts_by_class(set).c_str(),
+  std::printf("%s\nwritten to    %s, %s\n", counts_by_goal(set).c_str(),
               (flags.out / (flags.split + ".json.gz")).c_str(), content.c_str());
 }
 

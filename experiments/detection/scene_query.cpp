@@ -161,6 +161,16 @@ std::vector<std::size_t> ranking(const std::vector<QueriedInstance>& instances,
   return order;
 }
 
+std::vector<std::size_t> meant_by(const std::vector<QueriedInstance>& instances,
+                                  std::size_t phrase, int count) {
+  std::vector<std::size_t> meant = ranking(instances, phrase);
+  if (meant.empty()) return meant;
+  const std::string& class_name = instances[meant.front()].class_name;
+  std::erase_if(meant, [&](std::size_t i) { return instances[i].class_name != class_name; });
+  meant.resize(std::min(meant.size(), static_cast<std::size_t>(count)));
+  return meant;
+}
+
 Picture query_picture(const std::vector<QueriedInstance>& instances,
                       const std::vector<std::string>& phrases, int most) {
   std::vector<drawing::SheetPicture> pictures;

@@ -5,6 +5,7 @@
 /// several rendered views of each.
 
 #include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <string>
 #include <vector>
@@ -51,6 +52,26 @@ struct QueriedInstance {
 /// left out.
 [[nodiscard]] std::vector<std::size_t> ranking(const std::vector<QueriedInstance>& instances,
                                                std::size_t phrase);
+
+/// What a phrase means: the `count` things that fit it best among those of one class, which is
+/// that of the best of all. Fewer if the scene has no more; none if no thing has a score.
+[[nodiscard]] std::vector<std::size_t> meant_by(const std::vector<QueriedInstance>& instances,
+                                                std::size_t phrase, int count);
+
+/// For each phrase a table of the best things. @param most  Of each phrase.
+[[nodiscard]] std::string query_text(const std::vector<QueriedInstance>& instances,
+                                     const std::vector<std::string>& phrases, int most);
+
+/// What was asked of a scene, and the answers (without their pictures).
+struct SceneQuery {
+  std::string model;  ///< File name of its description.
+  std::vector<std::string> phrases;
+  std::vector<QueriedInstance> instances;
+};
+/// As JSON, `segsim.scene_query/1`.
+void write_query(const std::filesystem::path& file, const SceneQuery& query);
+/// @throws core::InputError if it is no such file.
+[[nodiscard]] SceneQuery read_query(const std::filesystem::path& file);
 
 /// The best of each phrase in a row, with their scores. @param most  Of each phrase.
 [[nodiscard]] core::Image<core::Rgb8> query_picture(

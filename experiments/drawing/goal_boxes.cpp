@@ -11,11 +11,11 @@ constexpr double kSmallestDrawn_px = 10.0;  // Less is a crumb at the edge of an
 }  // namespace
 
 std::vector<perception::LabeledBox> goal_boxes(const core::Frame& frame,
-                                               std::uint16_t class_id) {
+                                               const sim::GoalObjects& goal) {
   std::map<std::uint16_t, perception::LabeledBox> boxes;
   for (int j = 0; j < frame.semantic.height_px(); ++j) {
     for (int i = 0; i < frame.semantic.width_px(); ++i) {
-      if (class_id == 0 || frame.semantic(i, j) != class_id) continue;
+      if (!goal.holds(frame.semantic(i, j), frame.instance(i, j))) continue;
       const auto x = static_cast<float>(i), y = static_cast<float>(j);
       const auto [at, fresh] = boxes.try_emplace(frame.instance(i, j));
       core::BoxPx& box = at->second.box;

@@ -167,10 +167,9 @@ void MapCanvas::draw_frontiers(const core::PolicyView& view) {
   }
 }
 
-void MapCanvas::draw_goals(const core::SceneManifest& manifest,
-                           const std::string& goal_class) {
+void MapCanvas::draw_goals(const core::SceneManifest& manifest, const sim::GoalObjects& goal) {
   for (const core::SceneInstance& instance : manifest.instances) {
-    if (manifest.class_name(instance.class_id) != goal_class) continue;
+    if (!goal.holds(instance)) continue;
     const cv::Point2d a = px({instance.box_min_m.x, instance.box_max_m.y});
     const cv::Point2d b = px({instance.box_max_m.x, instance.box_min_m.y});
     const std::vector<cv::Point> corners{fixed(a), fixed({b.x, a.y}), fixed(b),

@@ -14,6 +14,7 @@
 #include "core/stages.h"
 #include "experiments/drawing/floor_plan.h"
 #include "experiments/drawing/odom_placement.h"
+#include "sim/trial/goal_objects.h"
 #include "sim/trial/trial.h"
 
 namespace segsim::experiments::drawing {
@@ -54,7 +55,7 @@ class MapCanvas {
   void draw_knowledge(const core::PolicyView& view);
   void draw_frontiers(const core::PolicyView& view);
   /// Goal instances as outlined boxes.
-  void draw_goals(const core::SceneManifest& manifest, const std::string& goal_class);
+  void draw_goals(const core::SceneManifest& manifest, const sim::GoalObjects& goal);
   void draw_view_points(std::span<const glm::dvec2> view_points_m);
   void draw_shortest_path(std::span<const glm::dvec2> path_m);
   /// The driven path, each piece in the colour of its mode; a cross at each contact.

@@ -40,7 +40,7 @@ void draw_header(cv::Mat& image, const TrialScene& scene, const sim::TrialResult
   const double title_px = 19.0 * kOversampling, text_px = 12.0 * kOversampling;
   const double base_1 = kMargin + title_px;
   const double base_2 = base_1 + 40.0 * kOversampling;
-  const std::string title = "Find a " + scene.episode->class_name;
+  const std::string title = "Find " + sim::with_article(scene.episode->goal_name());
   draw_text(image, title, {1.0 * kMargin, base_1}, title_px, ink::kText, true);
   draw_text(image, scene.scene_title + "  /  " + scene.episode->id,
             {kMargin + text_width_px(title, title_px, true) + 18.0 * kOversampling, base_1},
@@ -65,7 +65,7 @@ core::Image<core::Rgb8> draw_trial(const TrialScene& scene, const sim::TrialResu
   MapCanvas map(plan, static_cast<double>(kOversampling) * long_side_px / plan_side);
   map.place_views(OdomPlacement(result.final_pose, result.final_estimate));
   map.draw_knowledge(result.final_view);
-  map.draw_goals(*scene.manifest, scene.episode->class_name);
+  map.draw_goals(*scene.manifest, {*scene.manifest, *scene.episode});
   map.draw_view_points(scene.episode->view_points_m);
   map.draw_shortest_path(scene.shortest_path_m);
   map.draw_frontiers(result.final_view);

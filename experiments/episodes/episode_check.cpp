@@ -8,6 +8,7 @@
 
 #include "core/config.h"
 #include "core/error.h"
+#include "sim/trial/goal_objects.h"
 
 namespace segsim::experiments::episodes {
 namespace {
@@ -15,12 +16,33 @@ namespace {
 constexpr double kSameLength_m = 0.05, kSameLengthShare = 0.01;
 constexpr double kSnap_m = sim::DistanceField::kSnap_m;
 
+/// Things that a phrase means are in the bundle, and of the class that the episode names.
+void check_instances(const sim::Episode& episode, const std::string& place,
+                     const core::SceneBundle& bundle) {
+  const sim::GoalObjects goal(bundle.manifest, episode);
+  for (const std::uint16_t id : episode.goal_instances) {
+    const bool found =
+        std::any_of(bundle.manifest.instances.begin(), bundle.manifest.instances.end(),
+                    [&](const core::SceneInstance& instance) {
+                      return instance.id == id && goal.holds(instance);
+                    });
+    if (found) continue;
+    throw core::InputError::expected(
+        place + ": " + episode.id + ": goal_instances",
+        "things of class " + episode.class_name + " of " + bundle.folder.string(),
+        std::to_string(id));
+  }
+}
+
 void check_classes(const EpisodeSet& set, const std::string& place,
                    const core::SceneBundle& bundle) {
   std::vector<std::string> names;
   for (const core::SceneClass& c : bundle.manifest.classes) names.push_back(c.name);
   for (const sim::Episode& episode : set.episodes) {
-    if (std::find(names.begin(), names.end(), episode.class_name) != names.end()) continue;
+    if (std::find(names.begin(), names.end(), episode.class_name) != names.end()) {
+      check_instances(episode, place, bundle);
+      continue;
+    }
     const std::string near = core::nearest_word(episode.class_name, names);
     throw core::InputError::expected(
         place + ": " + episode.id, "a class of " + bundle.folder.string(),

@@ -1,4 +1,5 @@
 // JSON Lines form of an EpisodeSet.
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -75,8 +76,24 @@ Json json_of(const sim::Episode& episode) {
     json["view_point_instances"] = episode.view_point_instance;
   }
   if (!episode.view_point_iou.empty()) json["view_point_ious"] = episode.view_point_iou;
+  if (!episode.phrase.empty()) {
+    json["phrase"] = episode.phrase;
+    json["goal_instances"] = episode.goal_instances;
+  }
   if (!episode.source.empty()) json["source"] = episode.source;
   return json;
+}
+
+/// Both keys or neither: a phrase alone does not say what success is judged by.
+void read_phrase(const JsonNode& node, sim::Episode& episode) {
+  if (!node.json().contains("phrase") && !node.json().contains("goal_instances")) return;
+  episode.phrase = node.at("phrase").text();
+  for (const JsonNode& id : node.at("goal_instances").items()) {
+    episode.goal_instances.push_back(static_cast<std::uint16_t>(id.integer(1, 65535)));
+  }
+  if (episode.phrase.empty() || episode.goal_instances.empty()) {
+    throw std::runtime_error("\"phrase\" must have words and \"goal_instances\" ids");
+  }
 }
 
 sim::Episode episode_from(const Json& json) {
@@ -119,6 +136,7 @@ sim::Episode episode_from(const Json& json) {
                                " view points, or none, not " + std::to_string(n));
     }
   }
+  read_phrase(node, episode);
   episode.source = json.value("source", std::string());
   return episode;
 }
@@ -169,7 +187,10 @@ OracleRecord oracle_from(const JsonNode& node) {
 }
 
 Json header_of(const EpisodeSet& set) {
-  Json header{{"schema", EpisodeSet::kSchema},
+  const bool phrases =
+      std::any_of(set.episodes.begin(), set.episodes.end(),
+                  [](const sim::Episode& episode) { return !episode.phrase.empty(); });
+  Json header{{"schema", phrases ? EpisodeSet::kPhraseSchema : EpisodeSet::kSchema},
               {"scene", set.scene},
               {"scene_sha256", set.scene_sha256},
               {"robot", set.robot},
@@ -187,7 +208,8 @@ Json header_of(const EpisodeSet& set) {
 /// Everything but the episodes. @param announced  How many there should be.
 EpisodeSet read_header(const Json& json, std::size_t& announced) {
   const std::string schema = json.at("schema");
-  if (schema != EpisodeSet::kSchema && schema != EpisodeSet::kFirstSchema) {
+  if (schema != EpisodeSet::kSchema && schema != EpisodeSet::kFirstSchema &&
+      schema != EpisodeSet::kPhraseSchema) {
     throw std::runtime_error("schema \"" + schema + "\"");
   }
   EpisodeSet set;
@@ -231,10 +253,12 @@ EpisodeSet read_episodes(const std::filesystem::path& file) {
         set.episodes.push_back(episode_from(json));
       }
     } catch (const std::exception& error) {
-      throw core::InputError::expected(
-          file.string() + ":" + std::to_string(line),
-          line == 1 ? std::string("a header of schema ") + EpisodeSet::kSchema : "an episode",
-          error.what());
+      throw core::InputError::expected(file.string() + ":" + std::to_string(line),
+                                       line == 1 ? std::string("a header of schema ") +
+                                                       EpisodeSet::kSchema + " or " +
+                                                       EpisodeSet::kPhraseSchema
+                                                 : "an episode",
+                                       error.what());
     }
     start = end + 1;
   }

@@ -10,6 +10,7 @@
 #include "core/progress.h"
 #include "core/random.h"
 #include "core/version.h"
+#include "sim/trial/goal_objects.h"
 
 namespace segsim::experiments::episodes {
 namespace {
@@ -48,9 +49,12 @@ class RobotEye {
     }
     return either > 0 ? static_cast<float>(both) / static_cast<float>(either) : 0.0F;
   }
-  [[nodiscard]] int pixels_of_class(std::uint16_t id) const {
-    return static_cast<int>(
-        std::count(frame_.semantic.pixels().begin(), frame_.semantic.pixels().end(), id));
+  [[nodiscard]] int pixels_of(const sim::GoalObjects& goal) const {
+    int pixels = 0;
+    for (std::size_t k = 0; k < frame_.semantic.size(); ++k) {
+      pixels += goal.holds(frame_.semantic.pixels()[k], frame_.instance.pixels()[k]) ? 1 : 0;
+    }
+    return pixels;
   }
 
  private:
@@ -98,9 +102,10 @@ int add_view_points(const sim::World& world, const core::SceneInstance& instance
   return kept;
 }
 
-/// One goal class that can be searched: where it is seen from, and starts in random order.
+/// One goal that can be searched: where it is seen from, and starts in random order.
 struct Search {
-  std::string class_name;
+  PhraseGoal goal;   ///< Without a phrase and instances: all objects of the class.
+  std::string name;  ///< In ids.
   ViewPoints seen_from;
   std::vector<sim::SampledStart> starts;
 };
@@ -115,7 +120,7 @@ void add(const sim::StartRejections& more, sim::StartRejections& total) {
 
 /// Draws starts until `count` are left after the goal-in-view rule, or the scene has no more.
 std::vector<sim::SampledStart> draw_starts(const sim::World& world, const Search& search,
-                                           std::uint16_t class_id, int count,
+                                           const sim::GoalObjects& goal, int count,
                                            const EpisodeRules& rules, RobotEye& eye,
                                            EpisodeRejections& rejections) {
   constexpr int kRounds = 6;
@@ -126,7 +131,7 @@ std::vector<sim::SampledStart> draw_starts(const sim::World& world, const Search
   std::vector<sim::SampledStart> starts;
   for (int round = 0; round < kRounds && static_cast<int>(starts.size()) < count; ++round) {
     const std::uint64_t seed =
-        core::hash64(search.class_name + "/" + std::to_string(round), rules.seed);
+        core::hash64(search.name + "/" + std::to_string(round), rules.seed);
     sim::StartRejections refused;
     const std::vector<sim::SampledStart> drawn = sim::sample_starts(
         world, search.seen_from.place_m, 2 * count, seed, start_rules, &refused);
@@ -135,7 +140,7 @@ std::vector<sim::SampledStart> draw_starts(const sim::World& world, const Search
       if (static_cast<int>(starts.size()) == count) break;
       if (!rules.allow_visible_start) {
         eye.look(start.pose);
-        if (eye.pixels_of_class(class_id) >= rules.visible_start_pixels) {
+        if (eye.pixels_of(goal) >= rules.visible_start_pixels) {
           ++rejections.starts_goal_visible;
           continue;
         }
@@ -153,11 +158,10 @@ std::string number_text(double number) {
   return text;
 }
 
-std::string episode_id(const std::string& scene, const std::string& class_name,
-                       std::size_t n) {
+std::string episode_id(const std::string& scene, const std::string& goal, std::size_t n) {
   char number[32];
   std::snprintf(number, sizeof number, "%02zu", n);
-  return scene + "/" + class_name + "/" + number;
+  return scene + "/" + goal + "/" + number;
 }
 
 /// Takes a start of each class in turn until there are enough, so that classes stay balanced.
@@ -172,8 +176,10 @@ std::vector<sim::Episode> deal(const std::string& scene_name,
       if (static_cast<int>(episodes.size()) == rules.count) return episodes;
       any = true;
       sim::Episode episode;
-      episode.id = episode_id(scene_name, search.class_name, turn);
-      episode.class_name = search.class_name;
+      episode.id = episode_id(scene_name, search.name, turn);
+      episode.class_name = search.goal.class_name;
+      episode.phrase = search.goal.phrase;
+      episode.goal_instances = search.goal.instances;
       episode.start = search.starts[turn].pose;
       episode.view_points_m = search.seen_from.place_m;
       episode.view_point_instance = search.seen_from.instance;
@@ -200,20 +206,31 @@ void check_island(const core::SceneBundle& bundle, const sim::World& world,
   throw core::InputError::expected(bundle.folder.string(), expected, found);
 }
 
-/// What the searched classes of a scene have to offer, class by class.
+/// The goals of the rules, without what is known of them yet.
+std::vector<Search> searches_of(const EpisodeRules& rules) {
+  std::vector<Search> searches;
+  for (const std::string& name : rules.goals)
+    searches.push_back({{{}, name, {}}, name, {}, {}});
+  for (const PhraseGoal& goal : rules.phrases) {
+    searches.push_back({goal, sim::phrase_word(goal.phrase), {}, {}});
+  }
+  return searches;
+}
+
+/// What the goals have to offer in the scene, one after another.
 std::vector<Search> find_searches(const core::SceneBundle& bundle, const sim::World& world,
                                   const EpisodeRules& rules, RobotEye& eye,
                                   EpisodeRejections& rejections) {
-  std::vector<Search> searches;
-  core::Progress progress("episodes", static_cast<std::int64_t>(rules.goals.size()));
+  std::vector<Search> wanted = searches_of(rules), searches;
+  core::Progress progress("episodes", static_cast<std::int64_t>(wanted.size()));
   std::int64_t done = 0;
-  for (const std::string& goal : rules.goals) {
-    progress.update(done++, goal);
-    const core::SceneClass* scene_class = bundle.manifest.find_class(goal);
-    Search search{goal, {}, {}};
+  for (Search& search : wanted) {
+    progress.update(done++, search.name);
+    const sim::GoalObjects goal(bundle.manifest, search.goal.class_name,
+                                search.goal.instances);
     bool any_instance = false;
     for (const core::SceneInstance& instance : bundle.manifest.instances) {
-      if (scene_class == nullptr || instance.class_id != scene_class->id) continue;
+      if (!goal.holds(instance)) continue;
       any_instance = true;
       if (add_view_points(world, instance, rules, eye, rejections, search.seen_from) == 0) {
         ++rejections.instances_not_visible;
@@ -221,8 +238,7 @@ std::vector<Search> find_searches(const core::SceneBundle& bundle, const sim::Wo
     }
     if (!any_instance) ++rejections.goals_without_instance;
     if (search.seen_from.place_m.empty()) continue;
-    search.starts =
-        draw_starts(world, search, scene_class->id, rules.count, rules, eye, rejections);
+    search.starts = draw_starts(world, search, goal, rules.count, rules, eye, rejections);
     searches.push_back(std::move(search));
   }
   progress.update(done);
@@ -274,6 +290,10 @@ std::string rules_hash(const EpisodeRules& r, const std::string& robot) {
   add("view_lattice_m", r.view_lattice_m, plain.view_lattice_m);
   add("min_ratio", r.min_ratio, plain.min_ratio);
   add("min_island_radius_m", r.min_island_radius_m, plain.min_island_radius_m);
+  for (const PhraseGoal& goal : r.phrases) {
+    text += "|phrase=" + goal.phrase + "|" + goal.class_name;
+    for (const std::uint16_t id : goal.instances) text += "," + std::to_string(id);
+  }
   return core::sha256_hex(text + "|" + std::to_string(r.seed));
 }
 

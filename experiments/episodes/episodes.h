@@ -19,10 +19,18 @@
 
 namespace segsim::experiments::episodes {
 
+/// A goal in words, and the things of the scene that it means.
+struct PhraseGoal {
+  std::string phrase;      ///< "a red chair".
+  std::string class_name;  ///< Of all of them.
+  std::vector<std::uint16_t> instances;
+};
+
 /// What makes a place a view point and a pose a start.
 struct EpisodeRules {
-  std::vector<std::string> goals;  ///< Class names.
-  int count = 20;                  ///< Episodes over all goals, balanced between them.
+  std::vector<std::string> goals;   ///< Class names.
+  std::vector<PhraseGoal> phrases;  ///< Goals as well, after these.
+  int count = 20;                   ///< Episodes over all goals, balanced between them.
   std::uint64_t seed = 1;
   core::CameraIntrinsics camera;
   double camera_height_m = 1.2, camera_pitch_down_rad = 0.0;
@@ -76,6 +84,8 @@ struct OracleRecord {
 struct EpisodeSet {
   static constexpr const char* kSchema = "segsim.episodes/2";
   static constexpr const char* kFirstSchema = "segsim.episodes/1";  ///< Read as well.
+  /// With goals that are phrases: who cannot read them must not take them for classes.
+  static constexpr const char* kPhraseSchema = "segsim.episodes/3";
 
   std::string scene;         ///< Name; it begins every episode's id.
   std::string scene_sha256;  ///< Of the bundle they belong to; empty if imported without one.

@@ -373,6 +373,10 @@ fs::path write_habitat(const fs::path& folder, const std::string& split,
   Json category_ids = Json::object(), goals = Json::object(), episodes = Json::array();
   std::map<std::string, ClassGoals> goals_of;  // By category.
   for (const sim::Episode& episode : set.episodes) {
+    if (!episode.phrase.empty()) {
+      throw core::InputError::expected(episode.id, "goals that are classes, as ObjectNav has",
+                                       "the phrase \"" + episode.phrase + "\"");
+    }
     if (episode.view_point_instance.size() != episode.view_points_m.size()) {
       throw core::InputError::expected(episode.id, "view points that name their instance",
                                        "none (generate the set again)");

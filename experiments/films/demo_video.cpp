@@ -13,6 +13,7 @@
 #include "experiments/films/internal/pair_film.h"
 #include "experiments/films/internal/title_card.h"
 #include "experiments/video/video_file.h"
+#include "sim/trial/goal_objects.h"
 
 namespace segsim::experiments::films {
 namespace {
@@ -156,8 +157,8 @@ VideoSummary write_demo_video(const results::StoredRun& stored, const DemoOption
   show(internal::reading_card(table.before, table.after), kReading_s);
   TrialPlayer player(stored, options.video.data);
   for (const DemoPair& pair : pairs) {
-    const std::string title =
-        title_of(stored, pair.before->scene) + ": find a " + pair.before->goal_class;
+    const std::string title = title_of(stored, pair.before->scene) + ": find " +
+                              sim::with_article(pair.before->goal_class);
     const double speed = speed_for(pair, options.video.speed);
     show(internal::title_card(
              title, {pair.reason, "Episode " + pair.before->episode +

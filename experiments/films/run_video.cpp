@@ -13,6 +13,7 @@
 #include "experiments/records/trial_log.h"
 #include "experiments/runs/trial_replay.h"
 #include "experiments/video/video_file.h"
+#include "sim/trial/goal_objects.h"
 
 namespace segsim::experiments::films {
 namespace {
@@ -145,7 +146,7 @@ VideoSummary write_pair_video(const results::StoredRun& stored, const records::T
   std::int64_t done = 0;
   TrialPlayer player(stored, options.data);
   internal::append_pair(
-      player, left, right, "Find a " + left.goal_class + ",  " + left.episode,
+      player, left, right, "Find " + sim::with_article(left.goal_class) + ",  " + left.episode,
       core::print("%g x real time", options.speed), options.speed / rate,
       [&] { progress.update(std::min(++done, ticks)); }, file);
   file.hold(kHold_s);

@@ -195,11 +195,11 @@ Verdict judge(const FailureFacts& facts) {
   return verdict;
 }
 
-double distance_to_goal_box_m(const core::SceneManifest& manifest, std::uint16_t class_id,
-                              const glm::dvec2& p_m) {
+double distance_to_goal_box_m(const core::SceneManifest& manifest,
+                              const sim::GoalObjects& goal, const glm::dvec2& p_m) {
   double best_m = std::numeric_limits<double>::infinity();
   for (const core::SceneInstance& instance : manifest.instances) {
-    if (instance.class_id != class_id) continue;
+    if (!goal.holds(instance)) continue;
     const glm::dvec2 nearest =
         glm::clamp(p_m, glm::dvec2(instance.box_min_m), glm::dvec2(instance.box_max_m));
     best_m = std::min(best_m, glm::distance(p_m, nearest));

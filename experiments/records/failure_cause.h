@@ -44,6 +44,7 @@
 
 #include "core/scene_bundle.h"
 #include "core/stop_reason.h"
+#include "sim/trial/goal_objects.h"
 #include "sim/trial/trial.h"
 
 namespace segsim::experiments::records {
@@ -119,6 +120,7 @@ struct Verdict {
 
 /// Distance in plan from a place to the nearest goal object's box; infinity without one.
 [[nodiscard]] double distance_to_goal_box_m(const core::SceneManifest& manifest,
-                                            std::uint16_t class_id, const glm::dvec2& p_m);
+                                            const sim::GoalObjects& goal,
+                                            const glm::dvec2& p_m);
 
 }  // namespace segsim::experiments::records

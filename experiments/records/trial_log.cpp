@@ -117,6 +117,10 @@ Json json_of(const TrialLog& log) {
   for (const core::PolicyView::Object& o : log.objects) {
     json["objects"].push_back({rounded(o.position_m.x), rounded(o.position_m.y), o.score});
   }
+  if (!log.episode.phrase.empty()) {
+    json["phrase"] = log.episode.phrase;
+    json["goal_instances"] = log.episode.goal_instances;
+  }
   if (log.target_m) json["target"] = json_point(*log.target_m);
   return json;
 }
@@ -139,6 +143,10 @@ TrialLog log_from(const Json& json, const std::string& file) {
                                            file + ": stop_reason");
   log.episode.id = json.at("episode");
   log.episode.class_name = json.at("class");
+  if (json.contains("phrase")) {
+    log.episode.phrase = json["phrase"];
+    log.episode.goal_instances = json.at("goal_instances").get<std::vector<std::uint16_t>>();
+  }
   const Json& start = json.at("start");
   log.episode.start = {start.at(0), start.at(1), start.at(2)};
   log.episode.shortest_path_m = json.at("shortest_path_m");

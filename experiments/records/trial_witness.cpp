@@ -21,7 +21,7 @@ std::optional<double> finite(double value) {
 
 /// Centres of the free cells within kObjectReach_m of a goal's box.
 std::vector<glm::dvec2> places_at_goal(const AttributionContext& context,
-                                       std::uint16_t class_id) {
+                                       const sim::GoalObjects& goal) {
   const sim::FreeSpace& space = context.world->free_space();
   std::vector<glm::dvec2> places;
   for (int j = 0; j < space.frame.height; ++j) {
@@ -29,7 +29,7 @@ std::vector<glm::dvec2> places_at_goal(const AttributionContext& context,
       if (space.free(i, j) == 0) continue;
       const glm::dvec2 p_m =
           space.frame.origin_m + space.frame.cell_m * (glm::dvec2(i, j) + 0.5);
-      if (distance_to_goal_box_m(*context.manifest, class_id, p_m) <= kObjectReach_m) {
+      if (distance_to_goal_box_m(*context.manifest, goal, p_m) <= kObjectReach_m) {
         places.push_back(p_m);
       }
     }
@@ -103,13 +103,13 @@ bool same_box(const core::BoxPx& a, const core::BoxPx& b) {
   return a.x0 == b.x0 && a.y0 == b.y0 && a.x1 == b.x1 && a.y1 == b.y1;
 }
 
-void count_objects(const AttributionContext& context, std::uint16_t class_id,
+void count_objects(const AttributionContext& context, const sim::GoalObjects& goal,
                    const sim::TrialResult& result, const TrialWitness& witness,
                    Attribution& why) {
   why.misplaced_clouds = 0;
   for (const core::PolicyView::Object& object : result.final_view.objects) {
     if (object.class_index != context.goal_index) continue;
-    const double off_m = distance_to_goal_box_m(*context.manifest, class_id,
+    const double off_m = distance_to_goal_box_m(*context.manifest, goal,
                                                 world_from_odom(result, object.position_m));
     if (off_m <= kCloudReach_m) {
       ++why.true_clouds;
@@ -123,18 +123,15 @@ void count_objects(const AttributionContext& context, std::uint16_t class_id,
 
 TrialWitness::TrialWitness(const core::SceneManifest& manifest, const sim::Episode& episode,
                            int goal_index)
-    : goal_index_(goal_index) {
-  const core::SceneClass* goal = manifest.find_class(episode.class_name);
-  if (goal != nullptr) class_id_ = goal->id;
-}
+    : goal_(manifest, episode), goal_index_(goal_index) {}
 
 std::vector<TrialWitness::Seen> TrialWitness::goals_in(const core::Frame& frame) const {
   std::vector<Seen> goals;
-  if (class_id_ == 0) return goals;
+  if (goal_.empty()) return goals;
   for (int j = 0; j < frame.semantic.height_px(); ++j) {
     for (int i = 0; i < frame.semantic.width_px(); ++i) {
-      if (frame.semantic(i, j) != class_id_) continue;
       const std::uint16_t id = frame.instance(i, j);
+      if (!goal_.holds(frame.semantic(i, j), id)) continue;
       auto found = std::find_if(goals.begin(), goals.end(),
                                 [id](const Seen& seen) { return seen.instance == id; });
       const auto x = static_cast<float>(i), y = static_cast<float>(j);
@@ -160,7 +157,9 @@ bool TrialWitness::is_goal(const core::BoxPx& box, const core::Frame& frame,
             y1 = std::min(frame.semantic.height_px(), static_cast<int>(std::ceil(box.y1)));
   int goal_pixels = 0;
   for (int j = y0; j < y1; ++j) {
-    for (int i = x0; i < x1; ++i) goal_pixels += frame.semantic(i, j) == class_id_ ? 1 : 0;
+    for (int i = x0; i < x1; ++i) {
+      goal_pixels += goal_.holds(frame.semantic(i, j), frame.instance(i, j)) ? 1 : 0;
+    }
   }
   const double area = static_cast<double>(std::max(0, x1 - x0)) * std::max(0, y1 - y0);
   return !goals.empty() && area > 0.0 && goal_pixels >= kTrueShare * area;
@@ -218,8 +217,8 @@ bool TrialWitness::mostly_true(std::span<const core::DetectionRef> made_of) cons
   return known > 0 && 2 * right >= known;
 }
 
-void WitnessedDetector::begin_episode(std::uint64_t episode_seed) {
-  if (truth_ != nullptr) truth_->begin_episode(episode_seed);
+void WitnessedDetector::begin_episode(const sim::Episode& episode) {
+  if (truth_ != nullptr) truth_->begin_episode(episode);
 }
 
 void WitnessedDetector::set_truth(const core::Frame& frame) {
@@ -242,8 +241,7 @@ glm::dvec2 world_from_odom(const sim::TrialResult& result, const glm::dvec2& p_o
 Attribution attribute(const AttributionContext& context, const sim::TrialResult& result,
                       const TrialWitness& witness, std::vector<double>* distance_m) {
   const sim::Episode& episode = *context.episode;
-  const core::SceneClass* goal = context.manifest->find_class(episode.class_name);
-  const std::uint16_t class_id = goal != nullptr ? goal->id : std::uint16_t{0};
+  const sim::GoalObjects goal(*context.manifest, episode);
   Attribution why;
   count_perception(witness, context.profile->visible_px, why);
 
@@ -255,7 +253,7 @@ Attribution attribute(const AttributionContext& context, const sim::TrialResult&
     why.off_navmesh_ticks += std::isfinite(distances.back()) ? 0 : 1;
     why.collision_ticks += tick.in_contact ? 1 : 0;
   }
-  count_objects(context, class_id, result, witness, why);
+  count_objects(context, goal, result, witness, why);
 
   FailureFacts facts;
   facts.outcome = result.outcome;
@@ -266,7 +264,7 @@ Attribution attribute(const AttributionContext& context, const sim::TrialResult&
   facts.target_m = final_target(result, context.goal_index);
   facts.target_is_goal =
       facts.target_m &&
-      distance_to_goal_box_m(*context.manifest, class_id, *facts.target_m) <= kTargetReach_m;
+      distance_to_goal_box_m(*context.manifest, goal, *facts.target_m) <= kTargetReach_m;
   facts.visible_px = context.profile->visible_px;
   facts.time_limit_s = context.time_limit_s;
   facts.max_speed_mps = context.world->robot().max_forward_mps;
@@ -285,9 +283,9 @@ Attribution attribute(const AttributionContext& context, const sim::TrialResult&
     why.final_visible_px = result.final_goal_pixels;
     why.planar_m = finite(planar_to_view_point_m(episode, end_m));
     const sim::DistanceField to_object =
-        context.world->distance_to(places_at_goal(context, class_id));
+        context.world->distance_to(places_at_goal(context, goal));
     // Beside the object there is no way left, free cell or not.
-    why.object_m = distance_to_goal_box_m(*context.manifest, class_id, end_m) <= kObjectReach_m
+    why.object_m = distance_to_goal_box_m(*context.manifest, goal, end_m) <= kObjectReach_m
                        ? 0.0
                        : finite(to_object.at(end_m, sim::DistanceField::kBaseSnap_m));
     why.shortest_object_m = finite(to_object.at({episode.start.x_m, episode.start.y_m}));

@@ -17,6 +17,7 @@
 #include "core/stages.h"
 #include "experiments/records/failure_cause.h"
 #include "sim/ground/world.h"
+#include "sim/trial/goal_objects.h"
 #include "sim/trial/success_profile.h"
 #include "sim/trial/trial.h"
 
@@ -110,7 +111,7 @@ class TrialWitness {
   [[nodiscard]] bool is_goal(const core::BoxPx& box, const core::Frame& frame,
                              std::span<const Seen> goals) const;
 
-  std::uint16_t class_id_ = 0;
+  sim::GoalObjects goal_;
   int goal_index_;
   std::vector<TickEvidence> evidence_;
   std::vector<JudgedDetection> detections_;
@@ -128,7 +129,7 @@ class WitnessedDetector final : public core::Detector, public sim::GroundTruthSi
   [[nodiscard]] const std::vector<std::string>& class_names() const override {
     return inner_.class_names();
   }
-  void begin_episode(std::uint64_t episode_seed) override;
+  void begin_episode(const sim::Episode& episode) override;
   void set_truth(const core::Frame& frame) override;
   [[nodiscard]] std::vector<core::Detection> detect(const core::Observation& seen) override;
 

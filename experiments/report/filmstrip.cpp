@@ -61,7 +61,7 @@ cv::Mat map_pane(const records::TrialLog& log, const core::SceneManifest& manife
       std::min(kOversampling * kPaneWidth / (extent.size_m.x * plan.px_per_m),
                kMostPixels / std::max(plan.rgb.width_px(), plan.rgb.height_px()));
   drawing::MapCanvas map(plan, scale);
-  map.draw_goals(manifest, log.episode.class_name);
+  map.draw_goals(manifest, {manifest, log.episode});
   map.draw_shortest_path(log.shortest_path_m);
   map.draw_track(std::span(log.track).first(static_cast<std::size_t>(tick) + 1));
   map.draw_start(log.episode.start);
@@ -109,7 +109,7 @@ core::Image<core::Rgb8> draw_filmstrip(const records::TrialRow& trial,
                                        const drawing::FloorPlan& plan,
                                        core::Renderer& renderer) {
   SEGSIM_CHECK(!log.track.empty(), trial.episode);
-  const core::SceneClass* goal = manifest.find_class(log.episode.class_name);
+  const sim::GoalObjects goal(manifest, log.episode);
   const auto T_robot_camera =
       core::mast_camera(log.camera_height_m, log.camera_pitch_down_rad);
   const std::vector<results::KeyMoment> moments = moments_of(trial, log);
@@ -127,9 +127,9 @@ core::Image<core::Rgb8> draw_filmstrip(const records::TrialRow& trial,
       if (d.tick == moment.tick) detections.push_back({0, d.score, d.box});
     }
     const double scale = static_cast<double>(kPaneWidth) / log.camera.width_px;
-    const core::Image<core::Rgb8> seen = drawing::draw_boxes(
-        frame.rgb, drawing::goal_boxes(frame, goal != nullptr ? goal->id : std::uint16_t{0}),
-        detections, {log.episode.class_name}, scale);
+    const core::Image<core::Rgb8> seen =
+        drawing::draw_boxes(frame.rgb, drawing::goal_boxes(frame, goal), detections,
+                            {log.episode.goal_name()}, scale);
     draw_caption(page, x, core::print("%.1f s", core::seconds(tick.time_ns)), moment.what);
     const cv::Mat panes[] = {to_pane(drawing::to_bgr(seen)),
                              to_pane(drawing::to_bgr(drawing::panoptic_picture(frame))),

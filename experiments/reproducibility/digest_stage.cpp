@@ -6,7 +6,8 @@ namespace segsim::experiments::reproducibility {
 namespace {
 
 constexpr core::NameTable<DigestStage, DigestStage::kTrials> kNames(
-    "a stage", {"capture", "reconstruction", "episodes", "labels", "weights", "trials"});
+    "a stage",
+    {"capture", "reconstruction", "phrases", "episodes", "labels", "weights", "trials"});
 
 }  // namespace
 

@@ -12,6 +12,7 @@ namespace segsim::experiments::reproducibility {
 enum class DigestStage : std::uint8_t {
   kCapture,         ///< The frames of a mesh world.
   kReconstruction,  ///< A bundle.
+  kPhrases,         ///< What those of one scene mean.
   kEpisodes,        ///< Of one scene.
   kLabels,          ///< A set of views.
   kWeights,         ///< Of one arm.

@@ -163,6 +163,7 @@ std::vector<StageDigest> digest_stages(const fs::path& work,
       stages.push_back({stage, subject.parent_path() / subject.stem(), digest(file)});
     }
   };
+  add_files(DigestStage::kPhrases, work / "phrases", ".json", core::sha256_of_file);
   add_files(DigestStage::kEpisodes, work / "episodes", ".jsonl", digest_of_episodes);
   for (const fs::path& folder : folders_in(work)) {  // "views", and one for each further seed.
     if (folder.filename().string().starts_with("views")) {

@@ -8,6 +8,7 @@
 
 #include "core/frames.h"
 #include "experiments/records/failure_cause.h"
+#include "sim/trial/goal_objects.h"
 
 namespace segsim::experiments::results {
 namespace {
@@ -127,7 +128,7 @@ void add_contacts(const records::TrialLog& log, Timeline& timeline) {
 void add_sightings(const records::TrialRow& trial, const records::TrialLog& log,
                    Timeline& timeline) {
   const int visible = first_visible(log);
-  const std::string& goal = log.episode.class_name;
+  const std::string& goal = log.episode.goal_name();
   if (visible >= 0) {
     const records::TickEvidence& e = log.evidence[static_cast<std::size_t>(visible)];
     timeline.add(visible, goal + " first in view (" + std::to_string(e.largest_px) +
@@ -220,9 +221,10 @@ std::vector<std::string> tell_story(const records::TrialRow& trial,
       "Trial " + std::to_string(trial.trial_id) + ": " + trial.episode + ", arm " + trial.arm +
       ": " +
       (trial.success ? "SUCCESS" : std::string("FAILED (") + to_string(trial.outcome) + ")"));
-  lines.push_back("  task        find a " + log.episode.class_name + " in " + log.scene_title +
-                  " from (" + print("%.2f", start.x_m) + ", " + print("%.2f", start.y_m) +
-                  ") m, heading " + print("%.0f", start.yaw_rad * 180.0 / std::numbers::pi) +
+  lines.push_back("  task        find " + sim::with_article(log.episode.goal_name()) + " in " +
+                  log.scene_title + " from (" + print("%.2f", start.x_m) + ", " +
+                  print("%.2f", start.y_m) + ") m, heading " +
+                  print("%.0f", start.yaw_rad * 180.0 / std::numbers::pi) +
                   " deg; the shortest way to a view point is " +
                   print("%.1f", trial.shortest_path_m) + " m");
   if (!trial.success && trial.why.cause) {

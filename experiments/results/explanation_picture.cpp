@@ -70,7 +70,7 @@ core::Image<core::Rgb8> draw_story_frames(const records::TrialRow& trial,
                                           const core::SceneManifest& manifest,
                                           core::Renderer& renderer) {
   constexpr int kColumns = 3;
-  const core::SceneClass* goal = manifest.find_class(log.episode.class_name);
+  const sim::GoalObjects goal(manifest, log.episode);
   const auto T_robot_camera =
       core::mast_camera(log.camera_height_m, log.camera_pitch_down_rad);
   core::Frame frame;
@@ -84,17 +84,16 @@ core::Image<core::Rgb8> draw_story_frames(const records::TrialRow& trial,
       if (d.tick == moment.tick) detections.push_back({0, d.score, d.box});
     }
     const double scale = std::max(1.0, 480.0 / log.camera.width_px);
-    pictures.push_back(
-        {drawing::draw_boxes(frame.rgb,
-                             drawing::goal_boxes(frame, goal != nullptr ? goal->id : 0),
-                             detections, {log.episode.class_name}, scale),
-         moment_caption(log, pictures.size() + 1, moment)});
+    pictures.push_back({drawing::draw_boxes(frame.rgb, drawing::goal_boxes(frame, goal),
+                                            detections, {log.episode.goal_name()}, scale),
+                        moment_caption(log, pictures.size() + 1, moment)});
   }
   const int columns = std::clamp(static_cast<int>(pictures.size()), 1, kColumns);
   return drawing::picture_sheet(
       pictures, columns,
-      "Find a " + log.episode.class_name + "  /  " + trial.episode + "  /  arm " + trial.arm +
-          "  /  " + (trial.success ? "success" : records::word_of(trial.why.cause)));
+      "Find " + sim::with_article(log.episode.goal_name()) + "  /  " + trial.episode +
+          "  /  arm " + trial.arm + "  /  " +
+          (trial.success ? "success" : records::word_of(trial.why.cause)));
 }
 
 }  // namespace segsim::experiments::results

@@ -202,20 +202,25 @@ void add_scenes(const specs::ExperimentSpec& spec, const specs::ArmSpec& arm,
   if (leak.views > 0) row.start_leak = leak;
 }
 
-/// SHA-256 of what networks of others consist of that policies and second detectors name.
+/// Adds the SHA-256 of what a network of others consists of.
+void add_hashes(const std::filesystem::path& model,
+                std::map<std::string, std::string>& hashes) {
+  hashes[model.filename()] = core::sha256_of_file(model);
+  for (const auto& [role, file] : perception::read_model_description(model).files) {
+    hashes[file.filename()] = core::sha256_of_file(file);
+  }
+}
+
+/// Of those that policies, second detectors and phrases name.
 std::map<std::string, std::string> model_hashes(const specs::ExperimentSpec& spec) {
   std::map<std::string, std::string> hashes;
   for (const specs::ArmSpec& arm : spec.arms) {
-    std::vector<std::filesystem::path> models =
-        trials::model_files(trials::policy_of(spec, arm));
-    if (!arm.open_detector.empty()) models.push_back(arm.open_detector);
-    for (const std::filesystem::path& model : models) {
-      hashes[model.filename()] = core::sha256_of_file(model);
-      for (const auto& [role, file] : perception::read_model_description(model).files) {
-        hashes[file.filename()] = core::sha256_of_file(file);
-      }
+    for (const auto& model : trials::model_files(trials::policy_of(spec, arm))) {
+      add_hashes(model, hashes);
     }
+    if (!arm.open_detector.empty()) add_hashes(arm.open_detector, hashes);
   }
+  if (!spec.phrases.model.empty()) add_hashes(spec.phrases.model, hashes);
   return hashes;
 }
 

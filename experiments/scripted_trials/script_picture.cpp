@@ -112,7 +112,8 @@ void draw_map(drawing::MapCanvas& map, const BoundScript& bound,
   for (std::size_t k = 0; k < script.steps.size(); ++k) {
     if (script.steps[k].kind == StepKind::kFollow) map.draw_shortest_path(bound.places_m[k]);
     if (script.steps[k].kind == StepKind::kFind) {
-      map.draw_goals(bound.bundle.manifest, script.steps[k].category);
+      map.draw_goals(bound.bundle.manifest,
+                     sim::GoalObjects(bound.bundle.manifest, script.steps[k].category));
     }
   }
   draw_drive(map, result);

@@ -270,6 +270,7 @@ ExperimentSpec parse_spec(const std::string& text, const fs::path& origin,
   spec.time_limit_s =
       support::number_within(root, "time_limit_s", spec.time_limit_s, 1.0, 100000.0);
   internal::read_repetitions(root, spec);
+  internal::read_phrase_model(root, variables, spec);
   if (root.has("backend")) {
     spec.backend = core::choice(root, "backend", {"cpu", "cuda"}) == 1
                        ? renderer::Backend::kCuda

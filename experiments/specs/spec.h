@@ -105,6 +105,12 @@ struct SourceSpec {
   std::optional<MaskSpec> masks;  ///< Only with `reconstruct`: by training masks agree.
 };
 
+/// A goal in words, which an image-text model finds in the scene (docs/episodes.md).
+struct PhraseSpec {
+  std::string text;   ///< "a red chair".
+  int instances = 1;  ///< How many things of the scene it means.
+};
+
 struct SceneSpec {
   std::string name;        ///< Unique; letters, digits, '-', '_', '.': it names folders.
   std::string family;      ///< The name in the spec: of all reconstructions of the scene.
@@ -114,6 +120,7 @@ struct SceneSpec {
   std::filesystem::path bundle;      ///< Default: ${work}/scenes/<name>.
   std::optional<SourceSpec> source;  ///< None: the bundle must exist.
   std::vector<std::string> goals;    ///< Class names to search for.
+  std::vector<PhraseSpec> phrases;   ///< To search for as well.
   int episodes = 20;                 ///< Over all goals.
   /// A set to run instead of generated episodes (docs/episodes.md); empty: generate.
   std::filesystem::path episode_file;
@@ -236,6 +243,12 @@ struct ReplaysSpec {
   bool images = false;  ///< Also depth and labels of every image: replays need no renderer.
 };
 
+/// What finds the things that phrases mean.
+struct PhraseModelSpec {
+  std::filesystem::path model;  ///< Description of an image-text model; empty: no phrases.
+  int views = 4;                ///< Of each thing.
+};
+
 /// How often what is random is drawn again (docs/simulation.md, "Repetitions").
 struct RepetitionsSpec {
   int trials = 1;             ///< Of each episode by each arm.
@@ -252,6 +265,7 @@ struct ExperimentSpec {
   std::string title;
   std::uint64_t seed = 1;
   std::vector<SceneSpec> scenes;
+  PhraseModelSpec phrases;
   DetectorSpec detectors;
   std::vector<ArmSpec> arms;
   /// Of arms without one of their own.

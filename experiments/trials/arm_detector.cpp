@@ -12,9 +12,15 @@
 namespace segsim::experiments::trials {
 namespace {
 
-/// What is searched for in a scene, by the spec or by its episodes.
+/// Classes that are searched for in a scene, by the spec or by its episodes: those of phrases
+/// are known to these alone.
 std::vector<std::string> goal_names(const LoadedScene& scene) {
-  return scene.spec->goals.empty() ? searched_classes(scene) : scene.spec->goals;
+  std::vector<std::string> names = scene.spec->goals;
+  if (!names.empty() && scene.spec->phrases.empty()) return names;
+  for (const std::string& name : unknown_goals(searched_classes(scene), names)) {
+    names.push_back(name);
+  }
+  return names;
 }
 
 std::unique_ptr<core::Detector> load_foreign(const std::filesystem::path& file,

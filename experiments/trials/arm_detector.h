@@ -39,7 +39,7 @@ namespace segsim::experiments::trials {
 [[nodiscard]] std::unique_ptr<core::Detector> load_open_detector(const specs::ArmSpec& arm,
                                                                  const LoadedScene& scene);
 
-/// Goals of the scene's episodes, sorted.
+/// Classes of the goals of the scene's episodes, sorted.
 [[nodiscard]] std::vector<std::string> searched_classes(const LoadedScene& scene);
 
 /// Those of `goals` that are not among `known`: a robot could never find them.

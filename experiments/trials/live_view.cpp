@@ -168,6 +168,7 @@ std::string LiveView::header(
               {"arm", trial_.arm},
               {"episode", trial_.episode},
               {"goal_class", trial_.goal_class},
+              {"goal_instances", trial_.goal_instances},
               {"repetition", trial_.repetition},
               {"time_limit_s", trial_.time_limit_s},
               {"start", {trial_.start.x_m, trial_.start.y_m, trial_.start.yaw_rad}},

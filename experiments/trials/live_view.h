@@ -46,6 +46,7 @@ struct LiveTrial {
   double time_limit_s = 0.0;
   core::Pose2 start;
   std::vector<glm::dvec2> shortest_path_m;
+  std::vector<std::uint16_t> goal_instances{};  ///< If only some objects of the class are.
 };
 
 /// Writes the file of one worker. One object per thread.

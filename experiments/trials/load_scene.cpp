@@ -6,6 +6,7 @@
 #include "core/file_io.h"
 #include "experiments/episodes/episode_check.h"
 #include "experiments/scenes/scene_surfels.h"
+#include "experiments/trials/internal/scene_phrases.h"
 #include "experiments/trials/trial_runner.h"
 #include "renderer/cpu_renderer.h"
 #include "sim/ground/robot.h"
@@ -85,6 +86,12 @@ SceneEpisodes shared_episodes(const fs::path& first, const fs::path& file,
   set.scene_sha256 = bundle.scene_sha256;
   set.oracle.reset();
   for (sim::Episode& episode : set.episodes) {  // Ids of instances are the first one's.
+    if (!episode.phrase.empty()) {
+      throw core::InputError::expected(
+          first.string() + ": " + episode.id,
+          "goals that are classes, because things of another reconstruction have other ids",
+          "the phrase \"" + episode.phrase + "\"");
+    }
     episode.view_point_instance.clear();
     episode.view_point_iou.clear();
   }
@@ -107,8 +114,9 @@ SceneEpisodes episodes_of(const specs::ExperimentSpec& spec, const specs::SceneS
     const fs::path& file = scene.episode_file;
     return {bound_episodes(episodes::read_episodes(file), file, bundle, world), file};
   }
-  return generated_episodes(own, scene.name, bundle, world, episode_rules(spec, scene),
-                            make_eye);
+  episodes::EpisodeRules rules = episode_rules(spec, scene);
+  rules.phrases = scene_phrases(spec, scene, bundle, work, make_eye);
+  return generated_episodes(own, scene.name, bundle, world, rules, make_eye);
 }
 
 }  // namespace

@@ -25,10 +25,10 @@ class ModelScorer final : public nav::ImageTextScorer {
 
   double score(const core::Observation& observation,
                std::span<const core::Detection> /*detections*/,
-               const std::string& target) override {
+               const core::ObjectGoal& target) override {
     SEGSIM_CHECK(observation.rgb != nullptr, "a model scores colours");
     std::string text = prompt_;
-    text.replace(text.find("{}"), 2, target);
+    text.replace(text.find("{}"), 2, target.text());
     return std::clamp(static_cast<double>(model_->scores(*observation.rgb, {text}).front()),
                       0.0, 1.0);
   }

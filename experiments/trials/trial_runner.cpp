@@ -118,14 +118,15 @@ LiveTrial live_trial(const TrialTask& task, const drawing::TrialScene& scene,
           scene.scene_title,
           scene.arm,
           task.episode->id,
-          task.episode->class_name,
+          task.episode->goal_name(),
           task.repetition,
           scene.goal_index,
           detector_classes,
           fs::absolute(task.scene->bundle.folder).lexically_normal(),
           time_limit_s,
           task.episode->start,
-          scene.shortest_path_m};
+          scene.shortest_path_m,
+          task.episode->goal_instances};
 }
 
 /// By the rules of the policy, if it is one that has them.
@@ -291,7 +292,7 @@ records::TrialRow TrialRunner::run(const TrialTask& task) {
   row.arm = task.arm->name;
   row.scene = task.scene->spec->name;
   row.episode = task.episode->id;
-  row.goal_class = task.episode->class_name;
+  row.goal_class = task.episode->goal_name();
   row.repetition = task.repetition;
   row.shortest_path_m = task.episode->shortest_path_m;
   if (!std::isfinite(row.shortest_path_m)) {

@@ -49,7 +49,7 @@ struct LoadedScene {
   std::shared_ptr<const sim::SensorSettings> sensors;
 };
 
-/// Rules of the spec for one scene's episodes.
+/// Rules of the spec for one scene's episodes, without its phrases.
 [[nodiscard]] episodes::EpisodeRules episode_rules(const specs::ExperimentSpec& spec,
                                                    const specs::SceneSpec& scene);
 

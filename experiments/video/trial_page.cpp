@@ -101,7 +101,7 @@ cv::Mat TrialPage::map_pane(const core::PolicyView& view, const cv::Size& size) 
   drawing::MapCanvas map(*scene_.plan, kOversampling * fitted);
   map.place_views(drawing::OdomPlacement(track_.back().pose, track_.back().estimate));
   map.draw_knowledge(view);
-  map.draw_goals(*scene_.manifest, scene_.episode->class_name);
+  map.draw_goals(*scene_.manifest, {*scene_.manifest, *scene_.episode});
   map.draw_view_points(scene_.episode->view_points_m);
   map.draw_shortest_path(scene_.shortest_path_m);
   map.draw_frontiers(view);
@@ -184,7 +184,7 @@ cv::Mat TrialPage::draw(const sim::TickRecord& tick, const core::Frame& frame,
       page(cv::Rect(wide ? cv::Point(x, kCaption) : cv::Point(0, status_y + kStatus), map)));
   const std::string arm = "detector: " + scene_.arm;
   if (wide) {
-    const std::string title = "Find a " + scene_.episode->class_name;
+    const std::string title = "Find " + sim::with_article(scene_.episode->goal_name());
     drawing::draw_text(page, title, {12.0, 29.0}, kTitle, drawing::ink::kText, true);
     drawing::draw_text(page, scene_.scene_title + "  /  " + scene_.episode->id,
                        {30.0 + drawing::text_width_px(title, kTitle, true), 29.0}, kLetter,

@@ -27,8 +27,7 @@ class ValueSearch final : public core::Policy {
   }
   core::Decision decide(const core::Observation& observation,
                         std::span<const core::Detection> detections) override {
-    values_->update(observation,
-                    options_.scorer->score(observation, detections, goal_.class_name));
+    values_->update(observation, options_.scorer->score(observation, detections, goal_));
     return search_->decide(observation, detections);
   }
   [[nodiscard]] core::PolicyView view() const override { return search_->view(); }

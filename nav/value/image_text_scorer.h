@@ -16,11 +16,11 @@ namespace segsim::nav {
 class ImageTextScorer {
  public:
   virtual ~ImageTextScorer() = default;
-  /// Promise of the image for a target class, in [0, 1].
+  /// Promise of the image for a target, in [0, 1]: its class, or its text for those that read.
   /// @param detections  Of this image, all classes.
   [[nodiscard]] virtual double score(const core::Observation& observation,
                                      std::span<const core::Detection> detections,
-                                     const std::string& target) = 0;
+                                     const core::ObjectGoal& target) = 0;
 };
 
 /// The same promise for every image: frontiers then differ by their distance only.

@@ -15,7 +15,7 @@ class ConstantScorer final : public ImageTextScorer {
     SEGSIM_CHECK(value >= 0.0 && value <= 1.0, "value " + std::to_string(value));
   }
   double score(const core::Observation&, std::span<const core::Detection>,
-               const std::string&) override {
+               const core::ObjectGoal&) override {
     return value_;
   }
 
@@ -29,7 +29,7 @@ class OpenSpaceScorer final : public ImageTextScorer {
     SEGSIM_CHECK(range_m > 0.0, "range_m");
   }
   double score(const core::Observation& observation, std::span<const core::Detection>,
-               const std::string&) override {
+               const core::ObjectGoal&) override {
     SEGSIM_CHECK(observation.depth_m != nullptr, "observation without depth");
     const core::Image<float>& depth_m = *observation.depth_m;
     const int first = depth_m.height_px() / 4, last = depth_m.height_px() - first;
@@ -53,7 +53,7 @@ class SemanticScorer final : public ImageTextScorer {
   SemanticScorer(SemanticPrior prior, std::vector<std::string> class_names)
       : prior_(std::move(prior)), class_names_(std::move(class_names)) {}
   double score(const core::Observation&, std::span<const core::Detection> detections,
-               const std::string& target) override {
+               const core::ObjectGoal& target) override {
     std::map<std::string, double> seen;
     for (const core::Detection& detection : detections) {
       const auto index = static_cast<std::size_t>(detection.class_index);
@@ -61,7 +61,7 @@ class SemanticScorer final : public ImageTextScorer {
       double& best = seen[class_names_[index]];
       best = std::max(best, static_cast<double>(detection.score));
     }
-    return prior_.score(seen, target);
+    return prior_.score(seen, target.class_name);
   }
 
  private:

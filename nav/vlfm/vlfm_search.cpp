@@ -129,7 +129,7 @@ core::Observation VlfmSearch::with_depth(const core::Observation& observation) {
 void VlfmSearch::update_maps(const Now& now) {
   obstacles_.update(*now.observation);
   values_.update(*now.observation,
-                 options_.scorer->score(*now.observation, now.detections, goal_.class_name));
+                 options_.scorer->score(*now.observation, now.detections, goal_));
   if (options_.sweep.most_places > 0) seen_near_.add(now, values_.last_limits_m());
   std::vector<core::BoxPx> boxes;
   for (const core::Detection& detection : now.detections) {

@@ -215,13 +215,11 @@ std::vector<Fields> Fields::list(const char* key) const {
 Json to_json(const EpisodeStart& start) {
   Json robot = Json::object();
   visit_robot(start.robot, [&](const char* key, double value) { robot[key] = value; });
-  return {{"type", "reset"},
-          {"goal",
-           {{"class_name", start.goal.class_name}, {"class_index", start.goal.class_index}}},
-          {"seed", start.seed},
-          {"class_names", start.class_names},
-          {"robot", robot},
-          {"camera_height_m", start.camera_height_m}};
+  Json goal = {{"class_name", start.goal.class_name}, {"class_index", start.goal.class_index}};
+  if (!start.goal.phrase.empty()) goal["phrase"] = start.goal.phrase;
+  return {{"type", "reset"},    {"goal", std::move(goal)},
+          {"seed", start.seed}, {"class_names", start.class_names},
+          {"robot", robot},     {"camera_height_m", start.camera_height_m}};
 }
 
 EpisodeStart read_start(const Fields& fields) {
@@ -229,6 +227,7 @@ EpisodeStart read_start(const Fields& fields) {
   const Fields goal = fields.map("goal");
   start.goal.class_name = goal.text("class_name");
   start.goal.class_index = static_cast<int>(goal.integer("class_index", -1, 1'000'000));
+  if (goal.has("phrase")) start.goal.phrase = goal.text("phrase");
   start.seed = fields.unsigned_number("seed");
   start.class_names = fields.texts("class_names");
   const Fields robot = fields.map("robot");

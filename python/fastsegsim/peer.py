@@ -41,6 +41,7 @@ class Episode:
     class_names: list[str]  # Of the detector.
     robot: dict[str, float]  # length_m, width_m, max_forward_mps, max_turn_radps, ...
     camera_height_m: float
+    phrase: str = ""  # "a red chair": which objects of the class are meant; empty: any.
 
 
 @dataclasses.dataclass
@@ -163,7 +164,8 @@ class _Server:
         if kind == "reset":
             self._class_names = message["class_names"]
             episode = Episode(message["goal"]["class_name"], message["goal"]["class_index"], message["seed"],
-                              self._class_names, message["robot"], message["camera_height_m"])
+                              self._class_names, message["robot"], message["camera_height_m"],
+                              message["goal"].get("phrase", ""))
             if hasattr(self._stage, "reset"):
                 self._stage.reset(episode)
             return {"type": "ok"}

@@ -22,6 +22,14 @@ OracleDetector::OracleDetector(const std::vector<core::SceneClass>& classes,
   }
 }
 
+void OracleDetector::begin_episode(const Episode& episode) {
+  episode_seed_ = episode.seed;
+  phrase_instances_ = episode.goal_instances;
+  const auto found = std::find(class_names_.begin(), class_names_.end(), episode.class_name);
+  const bool named = !phrase_instances_.empty() && found != class_names_.end();
+  phrase_class_ = named ? static_cast<int>(found - class_names_.begin()) : -1;
+}
+
 void OracleDetector::set_truth(const core::Frame& frame) {
   SEGSIM_CHECK(frame.semantic.size() == frame.instance.size() && !frame.instance.empty(),
                "frame without labels");
@@ -54,6 +62,11 @@ std::vector<core::Detection> OracleDetector::detect(const core::Observation& obs
   std::vector<core::Detection> detections;
   for (const Seen& seen : seen_) {
     if (seen.pixels < options_.min_pixels) continue;
+    if (class_index_[seen.semantic] == phrase_class_ &&
+        std::find(phrase_instances_.begin(), phrase_instances_.end(), seen.instance) ==
+            phrase_instances_.end()) {
+      continue;
+    }
     // One stream per capture and instance: what else is in view does not shift the draws.
     core::RandomStream random(options_.seed ^ episode_seed_, "oracle_detector",
                               observation.capture_index * 65536U + seen.instance);

@@ -35,7 +35,8 @@ class OracleDetector final : public core::Detector, public GroundTruthSink {
   /// Boxes of the frame that `set_truth` was last given; ordered by score, then instance id.
   [[nodiscard]] std::vector<core::Detection> detect(
       const core::Observation& observation) override;
-  void begin_episode(std::uint64_t episode_seed) override { episode_seed_ = episode_seed; }
+  /// Where a phrase says which objects of a class are meant, it reports no others of it.
+  void begin_episode(const Episode& episode) override;
   void set_truth(const core::Frame& frame) override;
 
  private:
@@ -49,6 +50,8 @@ class OracleDetector final : public core::Detector, public GroundTruthSink {
   std::vector<int> class_index_;  ///< By scene class id; -1 = not reported.
   OracleDetectorOptions options_;
   std::uint64_t episode_seed_ = 0;
+  int phrase_class_ = -1;  ///< Index of the class that the phrase is about; -1: no phrase.
+  std::vector<std::uint16_t> phrase_instances_;
   int width_px_ = 0, height_px_ = 0;
   std::vector<Seen> seen_;  ///< Ascending instance id.
 };

@@ -41,13 +41,15 @@
 
 namespace segsim::sim {
 
-/// One task: start here, find one object of this class.
+/// One task: start here, find one object of this class, or one of those that a phrase means.
 struct Episode {
   std::string id;  ///< Unique in its set, for example "flat-3/couch/07".
   std::string class_name;
-  core::Pose2 start;                      ///< World frame.
-  std::vector<glm::dvec2> view_points_m;  ///< Places from which a goal object is visible;
-                                          ///< success is measured to the nearest one.
+  std::string phrase;  ///< "a red chair"; empty: any object of the class will do.
+  std::vector<std::uint16_t> goal_instances;  ///< That the phrase means; empty without one.
+  core::Pose2 start;                          ///< World frame.
+  std::vector<glm::dvec2> view_points_m;      ///< Places from which a goal object is visible;
+                                              ///< success is measured to the nearest one.
   /// Of each view point, if known: the instance that is seen, and how well (IoU of its pixels
   /// with a centred box of half the image's width and height). Same order, or empty.
   std::vector<std::uint16_t> view_point_instance;
@@ -56,6 +58,10 @@ struct Episode {
       0;  ///< l of SPL: from start to the nearest view point, for this robot.
   std::uint64_t seed = 0;
   std::string source;  ///< Of an imported episode: data set, scene, index and hash.
+  /// What rows, tables and pictures call the goal.
+  [[nodiscard]] const std::string& goal_name() const {
+    return phrase.empty() ? class_name : phrase;
+  }
 };
 
 /// What the robot's motion is checked against.
@@ -158,8 +164,8 @@ using TickObserver =
 class GroundTruthSink {
  public:
   virtual ~GroundTruthSink() = default;
-  /// All randomness of the detector in this episode derives from that.
-  virtual void begin_episode(std::uint64_t /*episode_seed*/) {}
+  /// All randomness of the detector derives from the seed of the episode.
+  virtual void begin_episode(const Episode& /*episode*/) {}
   virtual void set_truth(const core::Frame& frame) = 0;
 };
 

@@ -23,7 +23,12 @@ class TinyScene {
  public:
   static constexpr std::uint16_t kFloor = 1, kWall = 2, kCouch = 3, kChair = 4;
 
-  TinyScene() {
+  static constexpr std::uint16_t kCouch1 = 1, kRedChair = 2, kBlueChair = 3;  ///< Instances.
+  enum class Chairs { kOne, kTwo };
+
+  /// @param chairs  The second one is blue and stands in the room of the couch, which is green
+  /// then.
+  explicit TinyScene(Chairs chairs = Chairs::kOne) : chairs_(chairs) {
     // Rooms of 4 m x 5 m on both sides of a wall that leaves a passage of 1.7 m.
     sim::append_floor(mesh_, -4.2F, -2.7F, 4.2F, 2.7F);
     for (float y = -2.5F; y < 2.5F; y += kStep) {
@@ -35,7 +40,12 @@ class TinyScene {
     add_box({-4.0F, 2.5F, 0.0F}, {4.0F, 2.7F, 2.2F}, kWall, 0);
     add_box({-0.1F, -2.5F, 0.0F}, {0.1F, 0.8F, 2.2F}, kWall, 0);
     add_box({2.0F, -2.4F, 0.0F}, {3.9F, -1.5F, 0.8F}, kCouch, 1);
-    add_box({-3.4F, 1.6F, 0.0F}, {-2.9F, 2.1F, 0.9F}, kChair, 2);
+    add_box({-3.4F, 1.6F, 0.0F}, {-2.9F, 2.1F, 0.9F}, kChair, kRedChair);
+    if (chairs == Chairs::kTwo) {
+      add_box({2.9F, 1.6F, 0.0F}, {3.4F, 2.1F, 0.9F}, kChair, kBlueChair);
+      paint(kBlueChair, {0.03F, 0.03F, 0.9F});
+      paint(kCouch1, {0.1F, 0.6F, 0.1F});  // Nothing else is blue.
+    }
   }
 
   /// Writes the bundle. @return  Its folder.
@@ -54,6 +64,10 @@ class TinyScene {
                         {kChair, "chair", true}};
     manifest.instances = {{1, kCouch, "couch_1", {2.0, -2.4, 0.0}, {3.9, -1.5, 0.8}},
                           {2, kChair, "chair_1", {-3.4, 1.6, 0.0}, {-2.9, 2.1, 0.9}}};
+    if (chairs_ == Chairs::kTwo) {
+      manifest.instances.push_back(
+          {kBlueChair, kChair, "chair_2", {2.9, 1.6, 0.0}, {3.4, 2.1, 0.9}});
+    }
     manifest.surfels.name = "surfels.ply";
     worlds::write_collision_files(folder, mesh_, sim::RobotModel::jackal_gentle(), manifest);
     core::write_bundle_manifest(folder, manifest);
@@ -64,6 +78,13 @@ class TinyScene {
 
  private:
   static constexpr float kStep = 0.06F;
+
+  void paint(std::uint16_t instance_id, const glm::vec3& colour) {
+    for (std::size_t i = 0; i < surfels_.size(); ++i) {
+      if (surfels_.instance_id[i] != instance_id) continue;
+      surfels_.sh[i] = (colour - 0.5F) / renderer::kShC0;
+    }
+  }
 
   /// A disc whose normal is the given axis.
   void add_disc(const glm::vec3& p_m, int normal_axis, std::uint16_t class_id,
@@ -106,6 +127,7 @@ class TinyScene {
     }
   }
 
+  Chairs chairs_;
   renderer::SurfelCloud surfels_;
   sim::TriangleMesh mesh_;
 };

@@ -87,8 +87,8 @@ TEST(Peer, APolicyElsewhereAnswersToTheBit) {
   const std::unique_ptr<core::Policy> there =
       make_peer_policy(policy_of("policy"), some_start());
   tests::SummingPolicy here;
-  const core::ObjectGoal goal{"couch", 1};
   for (std::uint64_t episode = 0; episode < 2; ++episode) {
+    const core::ObjectGoal goal{"couch", 1, episode == 0 ? "" : "a red couch"};
     there->reset(goal, 18446744073709551615ULL - episode);
     here.reset(goal, 18446744073709551615ULL - episode);
     for (std::uint64_t k = 1; k <= 3; ++k) {

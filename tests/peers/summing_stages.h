@@ -21,7 +21,7 @@ class SummingPolicy final : public core::Policy {
   }
   core::Decision decide(const core::Observation& seen,
                         std::span<const core::Detection> detections) override {
-    double sum = static_cast<double>(seed_ % 1000) + goal_.class_index;
+    double sum = static_cast<double>(seed_ % 1000 + goal_.phrase.size()) + goal_.class_index;
     if (seen.rgb != nullptr) {
       for (const core::Rgb8& p : seen.rgb->pixels()) sum = 0.999 * sum + p.r + 2 * p.g + p.b;
     }

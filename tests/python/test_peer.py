@@ -75,6 +75,19 @@ def test_a_policy_sees_and_decides(observation):
     assert answers[3]["stop"] == "goal_reached"
 
 
+def test_a_policy_is_told_the_phrase():
+    told = []
+
+    class Listener(Policy):
+        def reset(self, episode):
+            told.append(episode.phrase)
+
+    fields = json.loads(RESET[4:])
+    fields["goal"]["phrase"] = "an old tv"
+    ask(Listener, HELLO_POLICY, RESET, message(fields.pop("type"), **fields))
+    assert told == ["", "an old tv"]
+
+
 def test_a_detector_gets_the_goals(observation):
     class Detector:
         def __init__(self, goals):

@@ -2,14 +2,11 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
-#include <ostream>
 #include <string>
 #include <vector>
 
 #include <CLI/CLI.hpp>
-#include <nlohmann/json.hpp>
 
-#include "core/file_io.h"
 #include "core/progress.h"
 #include "core/scene_bundle.h"
 #include "experiments/commands/scene/scene_commands.h"
@@ -22,7 +19,6 @@ namespace segsim::experiments::commands::scene {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;
 
 struct Flags {
   fs::path bundle, model, picture, json;
@@ -32,38 +28,6 @@ struct Flags {
   double height_m = 0.0;  ///< 0: the bundle's.
   detection::SceneQueryOptions options;
 };
-
-void print(const std::vector<detection::QueriedInstance>& instances,
-           const std::vector<std::string>& phrases, int most) {
-  for (std::size_t p = 0; p < phrases.size(); ++p) {
-    std::printf("\n%s\n%8s  %5s  %-28s %-16s %7s %7s %7s\n", phrases[p].c_str(), "score", "id",
-                "name", "class", "x [m]", "y [m]", "z [m]");
-    int printed = 0;
-    for (const std::size_t i : detection::ranking(instances, p)) {
-      if (printed++ == most) break;
-      const detection::QueriedInstance& q = instances[i];
-      std::printf("%8.4f  %5d  %-28s %-16s %7.2f %7.2f %7.2f\n", q.scores[p], q.id,
-                  q.name.c_str(), q.class_name.c_str(), q.centre_m.x, q.centre_m.y,
-                  q.centre_m.z);
-    }
-  }
-}
-
-Json json_of(const std::vector<detection::QueriedInstance>& instances, const Flags& flags) {
-  Json all = Json::array();
-  for (const detection::QueriedInstance& q : instances) {
-    all.push_back({{"id", q.id},
-                   {"name", q.name},
-                   {"class", q.class_name},
-                   {"centre_m", {q.centre_m.x, q.centre_m.y, q.centre_m.z}},
-                   {"views", q.views},
-                   {"scores", q.scores}});
-  }
-  return {{"schema", "segsim.scene_query/1"},
-          {"model", flags.model.filename().string()},
-          {"phrases", flags.phrases},
-          {"instances", all}};
-}
 
 void run(Flags& flags) {
   const auto scorer = perception::load_image_text_scorer(flags.model);
@@ -78,7 +42,7 @@ void run(Flags& flags) {
   const std::vector<detection::QueriedInstance> instances =
       detection::query_scene(*renderer, bundle.manifest, *scorer, flags.phrases, flags.options,
                              [&](int done, int) { progress.update(done); });
-  print(instances, flags.phrases, flags.most);
+  std::fputs(detection::query_text(instances, flags.phrases, flags.most).c_str(), stdout);
   int unseen = 0;
   for (const detection::QueriedInstance& q : instances) unseen += q.views == 0 ? 1 : 0;
   if (unseen > 0) std::printf("\n%d things are seen from nowhere and have no score\n", unseen);
@@ -88,9 +52,8 @@ void run(Flags& flags) {
     std::printf("picture: %s\n", flags.picture.c_str());
   }
   if (!flags.json.empty()) {
-    core::write_file_atomically(flags.json, [&](std::ostream& out) {
-      out << json_of(instances, flags).dump(1) << "\n";
-    });
+    detection::write_query(flags.json,
+                           {flags.model.filename().string(), flags.phrases, instances});
   }
 }
 

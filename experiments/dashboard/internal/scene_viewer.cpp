@@ -126,7 +126,8 @@ std::string SceneViewer::floor_json(const fs::path& bundle) {
             {"surfels", of.surfels.surfels->size()},
             {"objects", Json::array()}};
   for (const core::SceneInstance& i : of.bundle.manifest.instances) {
-    json["objects"].push_back({{"name", i.name},
+    json["objects"].push_back({{"id", i.id},
+                               {"name", i.name},
                                {"class", of.bundle.manifest.class_name(i.class_id)},
                                {"low", {i.box_min_m.x, i.box_min_m.y, i.box_min_m.z}},
                                {"high", {i.box_max_m.x, i.box_max_m.y, i.box_max_m.z}}});
@@ -179,11 +180,10 @@ std::string SceneViewer::trial_image(const results::StoredRun& stored,
   place.renderer->render(core::transform_from_pose2<core::frame::World>(of->track[tick].pose) *
                              core::mast_camera(of->camera_height_m, of->camera_pitch_down_rad),
                          of->camera, core::Channels::kRgb | core::Channels::kLabels, frame);
-  const core::SceneClass* goal = place.bundle.manifest.find_class(of->episode.class_name);
+  const sim::GoalObjects goal(place.bundle.manifest, of->episode);
   const double scale = static_cast<double>(kImageWidth_px) / of->camera.width_px;
   const core::Image<core::Rgb8> seen = drawing::draw_boxes(
-      frame.rgb, drawing::goal_boxes(frame, goal != nullptr ? goal->id : std::uint16_t{0}), {},
-      {of->episode.class_name}, scale);
+      frame.rgb, drawing::goal_boxes(frame, goal), {}, {of->episode.goal_name()}, scale);
   remember(images_, key(TrialImage::kCamera), jpeg(drawing::to_bgr(seen)), kImages);
   remember(images_, key(TrialImage::kPanoptic),
            jpeg(fitted(drawing::to_bgr(drawing::panoptic_picture(frame)), cv::INTER_NEAREST)),

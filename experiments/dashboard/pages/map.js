@@ -26,7 +26,7 @@ const floor_map = (() => {
     return canvas;
   };
 
-  // Draws `what`: {floor, cells, cells_place, goal_class, way, view_points, path, frontiers, objects, target, start, pose}.
+  // Draws `what`: {floor, cells, cells_place, goal_class, goal_instances, way, view_points, path, frontiers, objects, target, start, pose}.
   // Positions in metres, y up; path entries are [x, y, mode].
   const draw = (canvas, what) => {
     const ratio = window.devicePixelRatio || 1;
@@ -94,7 +94,7 @@ const floor_map = (() => {
       }
     };
     for (const object of what.floor ? what.floor.objects : []) {
-      if (object.class !== what.goal_class) continue;
+      if (!segsim.is_goal(object, what)) continue;
       const [x0, y0] = at(object.low[0], object.high[1]), [x1, y1] = at(object.high[0], object.low[1]);
       context.fillStyle = "rgba(10, 150, 70, 0.18)";
       context.fillRect(x0, y0, x1 - x0, y1 - y0);

@@ -48,7 +48,7 @@
     const { trial, tick } = live;
     const stamp = `${live.worker} ${trial.episode} ${trial.arm} ${trial.repetition} ${tick.index}`;
     segsim.fill(node("state"),
-      element("b", {}, `find a ${trial.goal_class}`), element("span", {}, trial.scene_title), element("span", {}, trial.episode),
+      element("b", {}, `find ${segsim.with_article(trial.goal_class)}`), element("span", {}, trial.scene_title), element("span", {}, trial.episode),
       element("span", {}, `arm: ${trial.arm}`), element("b", { class: `mode-${mode_number(tick.mode)}` }, segsim.modes[mode_number(tick.mode)]),
       element("span", {}, `tick ${tick.index}, ${fixed(tick.time_s, 1)} of ${fixed(trial.time_limit_s, 0)} s`),
       element("span", {}, `${fixed(tick.command[0], 2)} m/s, ${fixed(tick.command[1], 2)} rad/s`),
@@ -65,7 +65,7 @@
     floor_map.draw_boxes(node("boxes"), live.camera, live.detections);
     floor_map.draw(node("map"), {
       floor: floor_of(run.scenes, trial.scene), cells: cells ? floor_map.tint(cells) : null, cells_place: live.cells,
-      goal_class: trial.goal_class, way: trial.way, path: live.path, frontiers: live.frontiers,
+      goal_class: trial.goal_class, goal_instances: trial.goal_instances, way: trial.way, path: live.path, frontiers: live.frontiers,
       objects: live.objects, target: live.target, start: trial.start, pose: tick.pose });
     draw_strip(live.stages);
     shown_tick = stamp;

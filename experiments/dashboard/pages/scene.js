@@ -110,7 +110,7 @@
     robot.rotation.set(0, 0, end[3] - Math.PI / 2);
     robot.position.set(end[1], end[2], 0.25);
     world.add(robot);
-    for (const object of geometry.objects.filter((candidate) => candidate.class === trial.goal_class)) {
+    for (const object of geometry.objects.filter((candidate) => segsim.is_goal(candidate, trial))) {
       const box = new THREE.Box3(new THREE.Vector3(...object.low), new THREE.Vector3(...object.high));
       goals.add(new THREE.Box3Helper(box, 0x30e080));
     }

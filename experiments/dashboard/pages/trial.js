@@ -28,7 +28,7 @@
   const show_map = () => {
     const k = tick(), t = trial.ticks[k];
     floor_map.draw(node("map"), {
-      floor, goal_class: trial.goal_class, way: trial.way, view_points: trial.view_points,
+      floor, goal_class: trial.goal_class, goal_instances: trial.goal_instances, way: trial.way, view_points: trial.view_points,
       path: trial.ticks.slice(0, k + 1).map((row) => [row[kX], row[kY], row[kMode]]),
       start: trial.start, pose: [t[kX], t[kY], t[kYaw]] });
   };
@@ -124,7 +124,7 @@
     const t = trial.trial;
     const pages = `run=${encodeURIComponent(key)}`;
     document.title = `${t.episode}, ${t.arm}`;
-    node("title").textContent = `Find a ${trial.goal_class} in ${trial.scene_title}`;
+    node("title").textContent = `Find ${segsim.with_article(trial.goal_class)} in ${trial.scene_title}`;
     node("result").replaceChildren(
       element("b", { class: t.success ? "success" : "failure" }, segsim.words(t.outcome)), t.success || !t.cause ? "" : ` (${segsim.words(t.cause)})`,
       ` · ${t.episode} · arm ${t.arm} · SPL ${fixed(t.spl, 2)} · path ${fixed(t.path_m, 1)} m`);

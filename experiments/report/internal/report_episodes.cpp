@@ -2,6 +2,7 @@
 #include "core/formatted.h"
 #include "experiments/report/internal/html.h"
 #include "experiments/report/internal/report_model.h"
+#include "sim/trial/goal_objects.h"
 
 namespace segsim::experiments::report::internal {
 namespace {
@@ -146,7 +147,7 @@ std::string episode_body(const ReportModel& model,
   for (const TrialView* view : trials) {
     if (!view->change.empty()) change = view->change;
   }
-  std::string html = "<header><h1>Find a " + html_escaped(first.goal_class) +
+  std::string html = "<header><h1>Find " + html_escaped(sim::with_article(first.goal_class)) +
                      " <span class=\"faint\">" + html_escaped(first.episode) +
                      "</span></h1></header>\n<nav><a href=\"../index.html\">"
                      "Report</a><a href=\"" +

@@ -202,7 +202,8 @@ bool DetectorPreparation::knows_all_goals() const {
       perception::read_weights(spec_.detectors.before).class_names;
   const std::vector<const SceneTask*> tuned = learnt_scenes();
   return std::all_of(tuned.begin(), tuned.end(), [&](const SceneTask* scene) {
-    return !scene->spec->goals.empty() &&
+    // Which class a phrase is about is known when its scene is loaded.
+    return !scene->spec->goals.empty() && scene->spec->phrases.empty() &&
            trials::unknown_goals(scene->spec->goals, known).empty();
   });
 }

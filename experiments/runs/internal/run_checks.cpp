@@ -11,6 +11,7 @@
 #include "experiments/trials/policy_models.h"
 #include "experiments/trials/python_peer.h"
 #include "peers/peer.h"
+#include "perception/models/image_text_scorer.h"
 
 namespace segsim::experiments::runs::internal {
 
@@ -45,6 +46,9 @@ void check_goals_known(const specs::ExperimentSpec& spec, const Inputs& inputs) 
 }
 
 void check_policy_models(const specs::ExperimentSpec& spec) {
+  if (!spec.phrases.model.empty()) {
+    (void)perception::load_image_text_scorer(spec.phrases.model);
+  }
   trials::LoadedPolicyModels models;
   std::vector<std::string> goals;  // Of all scenes; unknown where a file has the episodes.
   for (const specs::SceneSpec& scene : spec.scenes) {

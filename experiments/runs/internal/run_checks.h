@@ -14,7 +14,8 @@ namespace segsim::experiments::runs::internal {
 /// @throws core::InputError
 void check_goals_known(const specs::ExperimentSpec& spec, const Inputs& inputs);
 
-/// Networks that policies name are read, and other programs started, before anything is made.
+/// Networks that policies and phrases name are read, and other programs started, before
+/// anything is made.
 /// @throws core::InputError
 void check_policy_models(const specs::ExperimentSpec& spec);
 

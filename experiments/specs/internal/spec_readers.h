@@ -40,6 +40,13 @@ class Variables {
 [[nodiscard]] SceneSpec read_scene(const core::ConfigNode& node, const Variables& variables,
                                    const SpecFolders& folders, const sim::RobotModel& robot);
 
+/// The key `goals` of a scene: class names and phrases.
+void read_goals(const core::ConfigNode& node, SceneSpec& scene);
+/// The key `phrases` of the root, which must be there if, and only if, a goal is a phrase. To
+/// be called when scenes and repetitions are in.
+void read_phrase_model(const core::ConfigNode& root, const Variables& variables,
+                       ExperimentSpec& spec);
+
 /// The key `detectors` of the root. @param scenes  That fine-tuning may name.
 [[nodiscard]] DetectorSpec read_detectors(const core::ConfigNode& root,
                                           const Variables& variables,

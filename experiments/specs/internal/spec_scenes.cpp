@@ -229,8 +229,7 @@ SceneSpec read_scene(const ConfigNode& node, const Variables& variables,
       if (node.has(key)) node.child(key).fail("no rule beside episode_file", key);
     }
   } else {
-    scene.goals = node.texts("goals");
-    if (scene.goals.empty()) node.child("goals").fail("at least one class name", "none");
+    read_goals(node, scene);
   }
   scene.allow_trivial = node.boolean_or("allow_trivial", false);
   scene.episodes = support::count_within(node, "episodes", scene.episodes, 1, 100000);

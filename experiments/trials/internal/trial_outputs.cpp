@@ -29,7 +29,7 @@ std::string write_track(const fs::path& work, const std::string& name, const Tri
   const std::vector<glm::dvec2> way =
       to_goal.path_from({task.episode->start.x_m, task.episode->start.y_m});
   if (!way.empty()) track.goal_m = way.back();
-  track.properties = {{"goal", task.episode->class_name},
+  track.properties = {{"goal", task.episode->goal_name()},
                       {"arm", task.arm->name},
                       {"outcome", sim::to_string(result.outcome)}};
   const std::string stem = "tracks/" + name;

@@ -138,6 +138,11 @@ const segsim = (() => {
 
   const ready = () => { document.documentElement.dataset.ready = "1"; };
 
+  // Of a trial: all objects of its class, or those that its phrase means.
+  const is_goal = (object, trial) => (trial.goal_instances && trial.goal_instances.length
+    ? trial.goal_instances.includes(object.id) : object.class === trial.goal_class);
+  const with_article = (goal) => (/^(a|an|the) /.test(goal) ? goal : `a ${goal}`);
+
   return { parameters, element, fill, get, get_json, image, run_address, repeat, percent, fixed, duration, words, modes, arm_rows,
-    pair_line, badges, progress_block, ready };
+    pair_line, badges, progress_block, ready, is_goal, with_article };
 })();

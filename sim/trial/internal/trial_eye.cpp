@@ -15,15 +15,15 @@ namespace {
 /// What a tick needs: images for the detector and the map, labels for the judge.
 constexpr core::Channels kTickChannels = core::Channels::kRgbd | core::Channels::kLabels;
 
-GoalView look_for_goal(const core::Frame& frame, std::uint16_t class_id) {
+GoalView look_for_goal(const core::Frame& frame, const GoalObjects& goal) {
   GoalView view;
-  if (class_id == 0) return view;
+  if (goal.empty()) return view;
   std::vector<std::pair<std::uint16_t, int>>
       counts;  // Few instances of one class are in view.
   for (std::size_t k = 0; k < frame.semantic.size(); ++k) {
-    if (frame.semantic.pixels()[k] != class_id) continue;
-    ++view.pixels;
     const std::uint16_t id = frame.instance.pixels()[k];
+    if (!goal.holds(frame.semantic.pixels()[k], id)) continue;
+    ++view.pixels;
     auto found = std::find_if(counts.begin(), counts.end(),
                               [id](const auto& entry) { return entry.first == id; });
     if (found == counts.end()) found = counts.insert(counts.end(), {id, 0});
@@ -73,16 +73,15 @@ TrialEye::TrialEye(const TrialParts& parts)
       renderer_(parts.renderer),
       detector_(parts.detector),
       truth_(parts.truth),
-      goal_{parts.episode.class_name,
-            index_of_class(parts.detector, parts.episode.class_name)},
+      goal_{parts.episode.class_name, index_of_class(parts.detector, parts.episode.class_name),
+            parts.episode.phrase},
+      goal_objects_(parts.world.manifest(), parts.episode),
       T_robot_camera_(core::mast_camera(parts.options.camera_height_m,
                                         parts.options.camera_pitch_down_rad)),
       seed_(parts.episode.seed) {
   if (options_.sensors) depth_model_ = options_.sensors->camera.depth;
   depth_model_.max_range_m = options_.depth_range_m;
-  const core::SceneClass* scene_class = parts.world.manifest().find_class(goal_.class_name);
-  goal_class_id_ = scene_class != nullptr ? scene_class->id : std::uint16_t{0};
-  if (truth_ != nullptr) truth_->begin_episode(seed_);
+  if (truth_ != nullptr) truth_->begin_episode(parts.episode);
 }
 
 void TrialEye::render(const core::Pose2& pose, core::Channels channels,
@@ -116,7 +115,7 @@ Capture& TrialEye::take(core::TimeNs time_ns, const core::Pose2& pose,
   // What it took when it was drawn: a renderer may know the view from an earlier trial.
   render_ms_ += capture.frame.stats.render_ms;
   sense(capture, velocity);
-  capture.goal = look_for_goal(capture.frame, goal_class_id_);
+  capture.goal = look_for_goal(capture.frame, goal_objects_);
   invalid_share_ += invalid_share(capture.frame.alpha);
   newest_ = &capture;
   captures_[capture.index] = std::move(made);
@@ -223,7 +222,7 @@ void TrialEye::recycle() {
 
 GoalView TrialEye::look(const core::Pose2& pose) {
   render(pose, kTickChannels, look_frame_);
-  return look_for_goal(look_frame_, goal_class_id_);
+  return look_for_goal(look_frame_, goal_objects_);
 }
 
 void TrialEye::report(TrialResult& result) const {

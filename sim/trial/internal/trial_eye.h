@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "sim/trial/goal_objects.h"
 #include "sim/trial/trial.h"
 
 namespace segsim::sim::internal {
@@ -92,7 +93,7 @@ class TrialEye {
   core::Detector& detector_;
   GroundTruthSink* truth_;
   core::ObjectGoal goal_;
-  std::uint16_t goal_class_id_ = 0;
+  GoalObjects goal_objects_;
   core::Transform<core::frame::Robot, core::frame::Camera> T_robot_camera_;
   std::map<std::uint64_t, std::unique_ptr<Capture>> captures_;
   std::vector<std::unique_ptr<Capture>> spare_;

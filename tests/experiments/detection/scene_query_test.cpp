@@ -1,9 +1,12 @@
 #include "experiments/detection/scene_query.h"
 
+#include <fstream>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "core/error.h"
+#include "core/file_io.h"
 #include "renderer/cpu_renderer.h"
 #include "tests/experiments/surfel_room.h"
 #include "tests/perception/clip_model.h"
@@ -84,6 +87,57 @@ TEST(SceneQuery, ThingsAreRankedByHowTheyLook) {
   EXPECT_GT(middle.r, 150);
   EXPECT_LT(middle.b, 80);
   EXPECT_GT(detection::query_picture(things, phrases, 2).width_px(), 100);
+}
+
+/// Three chairs and a table, scored for two phrases; one chair was never seen.
+std::vector<QueriedInstance> scored_things() {
+  std::vector<QueriedInstance> things(5);
+  const char* classes[] = {"chair", "table", "chair", "chair", "chair"};
+  const double scores[][2] = {{0.1, 0.3}, {0.9, 0.4}, {0.7, 0.6}, {}, {0.2, 0.5}};
+  for (std::size_t i = 0; i < things.size(); ++i) {
+    things[i].id = static_cast<std::uint16_t>(i + 1);
+    things[i].name = "thing " + std::to_string(i + 1);
+    things[i].class_name = classes[i];
+    things[i].centre_m = {0.1 * static_cast<double>(i), 1.0 / 3.0, 0.5};
+    if (i == 3) continue;
+    things[i].views = 2;
+    things[i].scores = {scores[i][0], scores[i][1]};
+  }
+  return things;
+}
+
+TEST(SceneQuery, APhraseMeansTheBestThingsOfTheClassOfTheBest) {
+  const std::vector<QueriedInstance> things = scored_things();
+  EXPECT_THAT(detection::meant_by(things, 1, 1), ElementsAre(2));
+  EXPECT_THAT(detection::meant_by(things, 1, 2), ElementsAre(2, 4)) << "the table is third";
+  EXPECT_THAT(detection::meant_by(things, 1, 9), ElementsAre(2, 4, 0)) << "one was not seen";
+  EXPECT_THAT(detection::meant_by(things, 0, 3), ElementsAre(1)) << "there is one table";
+  EXPECT_TRUE(detection::meant_by({}, 0, 1).empty());
+}
+
+TEST(SceneQuery, AnswersAreReadBackAsTheyWereWritten) {
+  const tests::TemporaryFolder folder;
+  const auto file = folder / "query.json";
+  const detection::SceneQuery query{"clip.yaml", {"a red chair", "a table"}, scored_things()};
+  detection::write_query(file, query);
+  const detection::SceneQuery read = detection::read_query(file);
+  EXPECT_EQ(read.model, query.model);
+  EXPECT_EQ(read.phrases, query.phrases);
+  ASSERT_EQ(read.instances.size(), query.instances.size());
+  for (std::size_t i = 0; i < read.instances.size(); ++i) {
+    EXPECT_EQ(read.instances[i].id, query.instances[i].id);
+    EXPECT_EQ(read.instances[i].name, query.instances[i].name);
+    EXPECT_EQ(read.instances[i].class_name, query.instances[i].class_name);
+    EXPECT_EQ(read.instances[i].centre_m, query.instances[i].centre_m);
+    EXPECT_EQ(read.instances[i].views, query.instances[i].views);
+    EXPECT_EQ(read.instances[i].scores, query.instances[i].scores);
+  }
+  std::string text = core::read_file(file);
+  text.replace(text.find("0.9"), 3, "\"?\"");
+  std::ofstream(file) << text;
+  EXPECT_THROW((void)detection::read_query(file), core::InputError);
+  std::ofstream(file) << text.substr(0, text.size() / 2);
+  EXPECT_THROW((void)detection::read_query(file), core::InputError);
 }
 
 TEST(SceneQuery, ASceneWithoutThingsIsRefused) {

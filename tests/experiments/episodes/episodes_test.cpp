@@ -16,6 +16,9 @@
 namespace segsim::experiments {
 namespace {
 
+using testing::Contains;
+using testing::Each;
+using testing::ElementsAre;
 using testing::HasSubstr;
 
 /// The bundle is made once for all tests of this file.
@@ -221,6 +224,66 @@ TEST_F(EpisodesTest, AFileOfTheFirstSchemaIsRead) {
   EXPECT_EQ(set.generator, "");
 }
 
+TEST_F(EpisodesTest, APhraseIsSearchedAtItsThingsAlone) {
+  const TemporaryFolder folder("phrases");
+  const TinyScene scene(TinyScene::Chairs::kTwo);
+  const core::SceneBundle bundle = core::load_bundle(scene.write(folder / "tiny"));
+  const sim::World world = sim::World::load(bundle, sim::RobotModel::jackal_gentle());
+  const auto renderer = renderer::make_cpu_renderer(
+      std::make_shared<renderer::SurfelCloud>(scene.surfels()), {});
+  episodes::EpisodeRules with = rules();
+  with.goals = {"chair"};
+  with.phrases = {{"A blue chair!", "chair", {TinyScene::kBlueChair}}};
+  with.count = 4;
+  const episodes::EpisodeSet set =
+      episodes::generate_episodes("tiny", bundle, world, *renderer, with);
+  ASSERT_EQ(set.episodes.size(), 4U);
+  const sim::Episode &any = set.episodes[0], &blue = set.episodes[1];
+  EXPECT_EQ(any.id, "tiny/chair/00");
+  EXPECT_EQ(any.goal_name(), "chair");
+  EXPECT_TRUE(any.goal_instances.empty());
+  EXPECT_THAT(any.view_point_instance, Contains(TinyScene::kRedChair));
+  EXPECT_THAT(any.view_point_instance, Contains(TinyScene::kBlueChair));
+  EXPECT_EQ(blue.id, "tiny/a-blue-chair/00");
+  EXPECT_EQ(blue.class_name, "chair");
+  EXPECT_EQ(blue.goal_name(), "A blue chair!");
+  EXPECT_THAT(blue.view_point_instance, Each(TinyScene::kBlueChair));
+  EXPECT_LT(blue.view_points_m.size(), any.view_points_m.size());
+
+  const auto file = folder / "set.jsonl";
+  episodes::write_episodes(file, set);
+  const std::string text = core::read_file(file);
+  EXPECT_THAT(text, HasSubstr("segsim.episodes/3"));
+  episodes::EpisodeSet read = episodes::read_episodes(file);
+  EXPECT_EQ(read.episodes[1].phrase, "A blue chair!");
+  EXPECT_THAT(read.episodes[1].goal_instances, ElementsAre(TinyScene::kBlueChair));
+  EXPECT_TRUE(read.episodes[0].phrase.empty());
+  episodes::write_episodes(folder / "again.jsonl", read);
+  EXPECT_EQ(core::read_file(folder / "again.jsonl"), text);
+
+  const auto bind = [&] { (void)episodes::bind_episodes(read, "set.jsonl", bundle, world); };
+  EXPECT_NO_THROW(bind());
+  read.episodes[1].goal_instances = {1};  // The couch.
+  EXPECT_THROW(bind(), core::InputError);
+}
+
+TEST_F(EpisodesTest, APhraseWithoutItsThingsIsRefused) {
+  episodes::EpisodeSet set = generate(rules());
+  EXPECT_THAT(text_of(set), HasSubstr("segsim.episodes/2")) << "classes need no new version";
+  set.episodes[0].phrase = "a red chair";
+  const std::string no_things = text_of(set);
+  set.episodes[0].goal_instances = {2};
+  std::string no_phrase = text_of(set);
+  const auto file = folder_->path() / "phrase.jsonl";
+  std::ofstream(file) << no_phrase;
+  EXPECT_NO_THROW((void)episodes::read_episodes(file));
+  no_phrase.erase(no_phrase.find("\"phrase\":"), 23);
+  for (const std::string& text : {no_things, no_phrase}) {
+    std::ofstream(file) << text;
+    EXPECT_THROW((void)episodes::read_episodes(file), core::InputError) << text;
+  }
+}
+
 TEST_F(EpisodesTest, AnIslandThatIsTooSmallIsRefused) {
   episodes::EpisodeRules wide = rules();
   wide.min_island_radius_m = 1.5;
@@ -307,7 +370,10 @@ TEST_F(EpisodesTest, EveryRuleIsInTheHash) {
   vary([](episodes::EpisodeRules& r) { r.view_lattice_m = 0.1; });
   vary([](episodes::EpisodeRules& r) { r.min_ratio = 1.05; });
   vary([](episodes::EpisodeRules& r) { r.min_island_radius_m = 1.5; });
-  EXPECT_EQ(hashes.size(), 14U);
+  vary([](episodes::EpisodeRules& r) { r.phrases = {{"a red chair", "chair", {2}}}; });
+  vary([](episodes::EpisodeRules& r) { r.phrases = {{"a red chair", "chair", {3}}}; });
+  vary([](episodes::EpisodeRules& r) { r.phrases = {{"the red chair", "chair", {2}}}; });
+  EXPECT_EQ(hashes.size(), 17U);
 }
 
 /// The message with which a file of this text is refused.
@@ -355,8 +421,8 @@ TEST_F(EpisodesTest, BrokenFilesAreRefusedWithTheirLine) {
     EXPECT_THAT(refusal(file, with(key, value)), HasSubstr("broken.jsonl:2")) << key << value;
   }
   std::string newer = good;
-  newer.replace(newer.find("episodes/2"), 10, "episodes/3");
-  EXPECT_THAT(refusal(file, newer), HasSubstr("segsim.episodes/3"));
+  newer.replace(newer.find("episodes/2"), 10, "episodes/4");
+  EXPECT_THAT(refusal(file, newer), HasSubstr("segsim.episodes/4"));
   std::string no_places = good;
   no_places.replace(no_places.find("\"start\"", second), 7, "\"stort\"");
   EXPECT_THAT(refusal(file, no_places), HasSubstr("broken.jsonl:2"));

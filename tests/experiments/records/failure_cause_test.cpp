@@ -219,10 +219,12 @@ TEST(FailureCause, DistanceToTheNearestGoalBox) {
   core::SceneManifest manifest;
   manifest.classes = {{1, "chair", true}, {2, "bed", true}};
   manifest.instances = {{1, 1, "a", {0, 0, 0}, {1, 1, 1}}, {2, 2, "b", {5, 0, 0}, {6, 1, 1}}};
-  EXPECT_DOUBLE_EQ(records::distance_to_goal_box_m(manifest, 1, {4.0, 5.0}), 5.0);
-  EXPECT_DOUBLE_EQ(records::distance_to_goal_box_m(manifest, 1, {0.5, 0.5}), 0.0);
-  EXPECT_DOUBLE_EQ(records::distance_to_goal_box_m(manifest, 2, {4.0, 0.5}), 1.0);
-  EXPECT_EQ(records::distance_to_goal_box_m(manifest, 3, {0, 0}),
+  const sim::GoalObjects chairs(manifest, "chair"), beds(manifest, "bed"),
+      desks(manifest, "desk");
+  EXPECT_DOUBLE_EQ(records::distance_to_goal_box_m(manifest, chairs, {4.0, 5.0}), 5.0);
+  EXPECT_DOUBLE_EQ(records::distance_to_goal_box_m(manifest, chairs, {0.5, 0.5}), 0.0);
+  EXPECT_DOUBLE_EQ(records::distance_to_goal_box_m(manifest, beds, {4.0, 0.5}), 1.0);
+  EXPECT_EQ(records::distance_to_goal_box_m(manifest, desks, {0, 0}),
             std::numeric_limits<double>::infinity());
 }
 

@@ -116,6 +116,12 @@ TEST(StageDigests, WhatNamesProgramOrFolderDoesNotCount) {
   EXPECT_NE(first[1].sha256, digests("b")[1].sha256);
   EXPECT_EQ(reproducibility::digest_stages(folder.path() / "a", {}, "").size(),
             1U);  // No trials yet.
+  folder.write("a/phrases/room.json", "{}");
+  folder.write("a/phrases/room.json.step", "recipe");
+  const auto with_phrases = digests("a");
+  ASSERT_EQ(with_phrases.size(), 4U);
+  EXPECT_EQ(with_phrases[1].stage, reproducibility::DigestStage::kPhrases);
+  EXPECT_EQ(with_phrases[1].subject, "phrases/room");
 }
 
 TEST(StageDigests, AnotherFileIsRefused) {
@@ -134,14 +140,15 @@ TEST(StageDigests, AnUnknownStageIsRefusedWithItsFile) {
   folder.write("d.json", text);
   EXPECT_EQ(tests::input_error_of([&] { (void)reproducibility::read_digests(file); }),
             file.string() +
-                ": stages: expected a stage (capture, reconstruction, episodes, "
-                "labels, weights, trials), found \"weihgts\"");
+                ": stages: expected a stage (capture, reconstruction, phrases, "
+                "episodes, labels, weights, trials), found \"weihgts\"");
 }
 
 TEST(DigestStage, NamesInRecordsStay) {
   const std::pair<reproducibility::DigestStage, const char*> names[] = {
       {reproducibility::DigestStage::kCapture, "capture"},
       {reproducibility::DigestStage::kReconstruction, "reconstruction"},
+      {reproducibility::DigestStage::kPhrases, "phrases"},
       {reproducibility::DigestStage::kEpisodes, "episodes"},
       {reproducibility::DigestStage::kLabels, "labels"},
       {reproducibility::DigestStage::kWeights, "weights"},

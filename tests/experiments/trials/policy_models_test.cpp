@@ -33,10 +33,11 @@ TEST(PolicyModels, AnImageTextModelScoresTheTarget) {
   trials::LoadedPolicyModels models;
   const auto scorer = models.loaders().scorer(clip, "{}");
   const Image<Rgb8> red(40, 30, {255, 0, 0}), blue(40, 30, {0, 0, 255});
-  const double chair = scorer->score(seen(red), {}, "chair");
-  EXPECT_GT(chair, scorer->score(seen(blue), {}, "chair"));
+  const double chair = scorer->score(seen(red), {}, {"chair"});
+  EXPECT_GT(chair, scorer->score(seen(blue), {}, {"chair"}));
   EXPECT_LE(chair, 1.0);
-  EXPECT_EQ(scorer->score(seen(red), {}, "table"), 0.0) << "a cosine below 0 promises nothing";
+  EXPECT_EQ(scorer->score(seen(red), {}, {"table"}), 0.0)
+      << "a cosine below 0 promises nothing";
   EXPECT_EQ(models.loaders().scorer(clip, "{}"), scorer) << "loaded once";
   EXPECT_NE(models.loaders().scorer(clip, "a {}"), scorer);
 }

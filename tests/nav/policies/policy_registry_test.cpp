@@ -119,8 +119,8 @@ PolicyContext things() {
 class FakeScorer final : public ImageTextScorer {
  public:
   double score(const core::Observation&, std::span<const core::Detection>,
-               const std::string& target) override {
-    targets.push_back(target);
+               const core::ObjectGoal& target) override {
+    targets.push_back(target.text());
     return 0.9;
   }
   std::vector<std::string> targets;

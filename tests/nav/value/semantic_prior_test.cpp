@@ -73,16 +73,16 @@ TEST(SemanticPrior, ScorerTakesTheBestBoxOfAClass) {
   const test::TestView view;
   const std::vector<core::Detection> detections{
       {1, 0.2F, {}}, {1, 0.5F, {}}, {7, 0.9F, {}}, {-1, 0.9F, {}}};
-  EXPECT_NEAR(scorer->score(view.observation, detections, "x"), prior.score({{"x", 0.5}}, "x"),
-              1e-9);
+  EXPECT_NEAR(scorer->score(view.observation, detections, {"x"}),
+              prior.score({{"x", 0.5}}, "x"), 1e-9);
 }
 
 TEST(SemanticPrior, OtherScorers) {
   test::TestView view({}, 2.5F);
-  EXPECT_EQ(make_constant_scorer(0.4)->score(view.observation, {}, "x"), 0.4);
-  EXPECT_NEAR(make_open_space_scorer(5.0)->score(view.observation, {}, "x"), 0.5, 1e-6);
+  EXPECT_EQ(make_constant_scorer(0.4)->score(view.observation, {}, {"x"}), 0.4);
+  EXPECT_NEAR(make_open_space_scorer(5.0)->score(view.observation, {}, {"x"}), 0.5, 1e-6);
   test::TestView nothing({}, test::kNan);
-  EXPECT_EQ(make_open_space_scorer(5.0)->score(nothing.observation, {}, "x"), 0.0);
+  EXPECT_EQ(make_open_space_scorer(5.0)->score(nothing.observation, {}, {"x"}), 0.0);
 }
 
 }  // namespace

@@ -57,6 +57,27 @@ TEST(OracleDetector, TightBoxesOfListedClasses) {
   EXPECT_EQ(found[1].box.y1, 15.0F);
 }
 
+TEST(OracleDetector, APhraseLeavesOutOtherThingsOfItsClass) {
+  core::Frame frame = blank_frame();
+  paint(frame, 0, 0, 20, 20, 7, 12);
+  paint(frame, 30, 0, 50, 20, 7, 13);
+  paint(frame, 0, 30, 20, 48, 4, 3);
+  OracleDetector detector(kClasses, {"chair", "couch"});
+  Episode episode;
+  episode.class_name = "chair";
+  episode.phrase = "a red chair";
+  episode.goal_instances = {13};
+  detector.begin_episode(episode);
+  detector.set_truth(frame);
+  const auto found = detector.detect(capture(0));
+  ASSERT_EQ(found.size(), 2U) << "the couch is of another class";
+  EXPECT_EQ(found[0].class_index, 1);
+  EXPECT_EQ(found[1].class_index, 0);
+  EXPECT_EQ(found[1].box.x0, 30.0F);
+  detector.begin_episode({});
+  EXPECT_EQ(detector.detect(capture(0)).size(), 3U);
+}
+
 TEST(OracleDetector, RecallIsAFrequencyAndRepeats) {
   core::Frame frame = blank_frame();
   paint(frame, 10, 5, 20, 15, 7, 12);
