@@ -104,6 +104,15 @@ int domain_of(const ServeFlags& flags) {
   return domain;
 }
 
+/// Control periods are whole steps of the simulation.
+void check_rate(double rate_hz) {
+  const double steps = 200.0 / rate_hz;
+  if (std::abs(steps - std::round(steps)) > 1e-6) {
+    throw core::InputError::expected("--rate", "200 divided by a whole number",
+                                     core::print("%g", rate_hz));
+  }
+}
+
 void check_goal(const ServeFlags& flags, const core::SceneManifest& scene) {
   std::vector<std::string> goals;
   for (const core::SceneClass& c : scene.classes) {
@@ -183,6 +192,7 @@ void print_outcome(const records::TrialRow& row, int images) {
 void serve(ServeFlags flags) {
   if (!ros::dds::has_transport()) (void)ros::dds::open_transport({});  // Says what is missing.
   flags.domain = domain_of(flags);
+  check_rate(flags.rate_hz);
   const core::SceneBundle bundle = core::load_bundle(flags.bundle);
   core::require_drivable(bundle);
   check_goal(flags, bundle.manifest);
@@ -266,7 +276,7 @@ void add_network_flags(CLI::App& command, ServeFlags& flags) {
 void add_camera_flags(CLI::App& command, ServeFlags& flags) {
   command
       .add_option("--rate", flags.rate_hz,
-                  "Images and commands a second; the period is a multiple of 5 ms")
+                  "Images and commands a second: 200 divided by a whole number")
       ->check(CLI::Range(1.0, 100.0))
       ->capture_default_str();
   command.add_option("--width", flags.width_px, "Image width [px]")

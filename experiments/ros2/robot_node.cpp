@@ -1,5 +1,6 @@
 #include "experiments/ros2/robot_node.h"
 
+#include <algorithm>
 #include <cmath>
 #include <mutex>
 #include <set>
@@ -223,6 +224,10 @@ void RobotNode::publish(const core::Observation& seen,
 bool RobotNode::has_pilot() const {
   const Impl& robot = *impl_;
   return (robot.plain ? robot.plain->writers() : robot.stamped->writers()) > 0;
+}
+
+int RobotNode::viewers() const {
+  return std::min(impl_->colour.readers(), impl_->depth.readers());
 }
 
 std::optional<RobotOrder> RobotNode::take_order() {

@@ -50,6 +50,8 @@ class RobotNode {
 
   /// Whether anybody could send commands.
   [[nodiscard]] bool has_pilot() const;
+  /// How many have both images.
+  [[nodiscard]] int viewers() const;
   /// The newest order that has come; those before it are superseded, but for a stop, which
   /// counts in any case.
   /// @throws core::InputError if it is no velocity.
