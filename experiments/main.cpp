@@ -37,6 +37,7 @@ void add_commands(CLI::App& app) {
   commands::add_trial_command(app);
   commands::add_video_command(app);
   commands::add_record_command(app);
+  commands::add_ros_command(app);
 }
 
 }  // namespace

@@ -36,10 +36,10 @@ ROOMS = {
                    "detector", "training", "models/text", "models", "models/internal/onnx"),
     "nav": ("grid", "mapping", "objects", "planning", "motion", "value", "behaviours", "frontier", "vlfm", "policies"),
     "sim": ("ground", "time", "sensors", "trial", "gazebo"),
-    "ros": (".", "messages", "mcap"),
+    "ros": (".", "messages", "mcap", "dds"),
     "worlds": ("mesh", "mesh/gazebo", "mesh/furniture", "procedural", "capture", "surface", "masks"),
     "experiments": ("support", "specs", "drawing", "episodes", "records", "results", "suites", "reproducibility", "training", "scenes",
-                    "detection", "benchmarks", "video", "trials", "runs", "films", "bags", "panoptic", "scripted_trials", "report",
+                    "detection", "benchmarks", "video", "ros2", "trials", "runs", "films", "bags", "panoptic", "scripted_trials", "report",
                     "web", "dashboard", "scene_labels", "commands/light", "commands", "commands/detectors",
                     "commands/scene", "."),
 }
@@ -61,13 +61,14 @@ LIBRARY_HOME = {  # library: the only folders that may include it
     r"onnx/|google/protobuf|onnxruntime|oneapi/dnnl": {"perception"},
     r"zlib": {"experiments", "ros"},
     r"lz4|zstd": {"ros"},
+    r"dds/|fastdds/|fastrtps/": {"ros/dds"},
     r"minizip/": {"worlds"},
     r"nanobind/": {"python"},
     r"sqlite3|CLI/|spdlog/|httplib": {"experiments", "perception"},
 }
 # Third-party types stay out of public headers, so that no includer pays for them.
 NOT_IN_HEADERS = re.compile(r"torch/|ATen/|pcl/|opencv2/|embree3/|assimp/|sdf/|ignition/|recastnavigation/|"
-                            r"GeographicLib/|yaml-cpp/|sqlite3|CLI/|httplib|onnx/|google/protobuf|Imf|OpenEXR/|hwy/")
+                            r"GeographicLib/|dds/|fastdds/|fastrtps/|yaml-cpp/|sqlite3|CLI/|httplib|onnx/|google/protobuf|Imf|OpenEXR/|hwy/")
 PAINTERS = ("experiments/drawing/", "experiments/video/")  # Their subject is OpenCV's images.
 INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]')
 SUFFIXES = {".h", ".cpp", ".cu", ".cuh"}

@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "experiments/bags/ros_messages.h"
+#include "experiments/ros2/ros_messages.h"
 #include "ros/mcap/topic.h"
 #include "ros/messages/rosgraph_msgs.h"
 #include "ros/messages/tf2_msgs.h"
@@ -17,10 +17,6 @@ constexpr ros::mcap::OfferedQos kClockQos{.depth = 1};
 constexpr ros::mcap::OfferedQos kTransformQos{.depth = 100};
 constexpr ros::mcap::OfferedQos kStaticQos{.transient_local = true, .depth = 1};
 constexpr ros::mcap::OfferedQos kImageQos{.depth = 5};
-
-ros::geometry_msgs::Transform shifted(double x_m, double z_m) {
-  return {{x_m, 0.0, z_m}, {0.0, 0.0, 0.0, 1.0}};
-}
 
 }  // namespace
 
@@ -39,27 +35,12 @@ struct TrialBag::Impl {
     ++messages;
   }
 
-  /// Where things are mounted: once, at the first image.
-  void put_mounts(const core::Observation& seen) {
-    const core::TimeNs time_ns = seen.capture_time_ns;
-    ros::tf2_msgs::TFMessage mounts;
-    const auto mount = [&](const char* frame, const ros::geometry_msgs::Transform& transform) {
-      mounts.transforms.push_back(
-          ros_transform_stamped(time_ns, kBaseFrame, frame, transform));
-    };
-    mount(kCameraFrame, ros_transform(seen.T_robot_camera));
-    if (sensors && sensors->lidar) {
-      const sim::LidarModel& model = sensors->lidar->model;
-      mount(kLaserFrame, shifted(model.forward_m, model.height_m));
-    }
-    if (sensors && sensors->gps) mount(kGpsFrame, shifted(0.0, sensors->gps->model.antenna_m));
-    put(tf_static, time_ns, mounts);
-  }
-
   void put_pose(core::TimeNs time_ns, const ros::geometry_msgs::Transform& T_odom_robot) {
     if (time_ns == last_pose_ns) return;  // An image was taken at this tick.
     last_pose_ns = time_ns;
-    put(tf, time_ns, {{ros_transform_stamped(time_ns, kOdomFrame, kBaseFrame, T_odom_robot)}});
+    put(tf, time_ns,
+        {{ros2::ros_transform_stamped(time_ns, ros2::kOdomFrame, ros2::kBaseFrame,
+                                      T_odom_robot)}});
   }
 
   ros::mcap::Writer& writer;
@@ -101,31 +82,34 @@ void TrialBag::observe(const core::Observation& seen,
                        std::span<const core::Detection> detections) {
   Impl& bag = *impl_;
   const core::TimeNs time_ns = seen.capture_time_ns;
-  const ros::std_msgs::Header header = ros_header(time_ns, kCameraFrame);
-  if (bag.images++ == 0) bag.put_mounts(seen);
-  bag.put_pose(time_ns, ros_transform(seen.T_odom_robot));
+  const ros::std_msgs::Header header = ros2::ros_header(time_ns, ros2::kCameraFrame);
+  if (bag.images++ == 0) {
+    bag.put(bag.tf_static, time_ns,
+            ros2::ros_mounts(seen, bag.sensors ? &*bag.sensors : nullptr));
+  }
+  bag.put_pose(time_ns, ros2::ros_transform(seen.T_odom_robot));
   bag.colour_message.header = bag.depth_message.header = header;
-  to_ros(*seen.rgb, bag.colour_message);
-  to_ros(*seen.depth_m, bag.depth_message);
+  ros2::to_ros(*seen.rgb, bag.colour_message);
+  ros2::to_ros(*seen.depth_m, bag.depth_message);
   bag.put(bag.colour, time_ns, bag.colour_message);
   bag.put(bag.depth, time_ns, bag.depth_message);
-  bag.put(bag.info, time_ns, ros_camera_info(seen.intrinsics, header));
-  bag.put(bag.found, time_ns, ros_detections(detections, bag.class_names, header));
+  bag.put(bag.info, time_ns, ros2::ros_camera_info(seen.intrinsics, header));
+  bag.put(bag.found, time_ns, ros2::ros_detections(detections, bag.class_names, header));
 }
 
 void TrialBag::add(const sim::TickRecord& tick, const core::Frame& /*frame*/,
                    std::span<const core::Detection> /*detections*/,
                    const core::PolicyView& /*view*/) {
   Impl& bag = *impl_;
-  bag.put(bag.clock, tick.time_ns, {ros_time(tick.time_ns)});
+  bag.put(bag.clock, tick.time_ns, {ros2::ros_time(tick.time_ns)});
   const auto T_odom_robot = core::transform_from_pose2<core::frame::Odom>(tick.estimate);
-  bag.put_pose(tick.time_ns, ros_transform(T_odom_robot));
+  bag.put_pose(tick.time_ns, ros2::ros_transform(T_odom_robot));
   const auto [before_ns, before] =
       bag.last_estimate.value_or(std::pair(tick.time_ns, tick.estimate));
   bag.put(bag.odometry, tick.time_ns,
-          ros_odometry(tick.time_ns, tick.estimate, before,
-                       core::seconds(tick.time_ns - before_ns)));
-  bag.put(bag.command, tick.time_ns, ros_twist(tick.command));
+          ros2::ros_odometry(tick.time_ns, tick.estimate, before,
+                             core::seconds(tick.time_ns - before_ns)));
+  bag.put(bag.command, tick.time_ns, ros2::ros_twist(tick.command));
   bag.last_estimate.emplace(tick.time_ns, tick.estimate);
 }
 
@@ -135,17 +119,17 @@ void TrialBag::finish(const sim::TrialResult& result) {
   // Readers sort by time: these come last in the file, and in between when it is read.
   if (bag.scan) {
     for (const auto& reading : result.sensors.lidar) {
-      bag.put(*bag.scan, reading.time_ns, ros_scan(reading, *bag.sensors->lidar));
+      bag.put(*bag.scan, reading.time_ns, ros2::ros_scan(reading, *bag.sensors->lidar));
     }
   }
   if (bag.imu) {
     for (const auto& reading : result.sensors.imu) {
-      bag.put(*bag.imu, reading.time_ns, ros_imu(reading, bag.sensors->imu->model));
+      bag.put(*bag.imu, reading.time_ns, ros2::ros_imu(reading, bag.sensors->imu->model));
     }
   }
   if (bag.fix) {
     for (const auto& reading : result.sensors.gps) {
-      bag.put(*bag.fix, reading.time_ns, ros_fix(reading, bag.sensors->gps->model));
+      bag.put(*bag.fix, reading.time_ns, ros2::ros_fix(reading, bag.sensors->gps->model));
     }
   }
 }

@@ -35,5 +35,7 @@ void add_report_command(CLI::App& app);
 void add_serve_command(CLI::App& app);
 void add_video_command(CLI::App& app);
 void add_record_command(CLI::App& app);
+/// `segsim ros serve`.
+void add_ros_command(CLI::App& app);
 
 }  // namespace segsim::experiments::commands

@@ -5,6 +5,7 @@
 #include <span>
 
 #include "core/check.h"
+#include "experiments/ros2/ros2_policy.h"
 #include "experiments/trials/python_peer.h"
 #include "nav/mapping/depth_inference.h"
 #include "nav/objects/segmenter.h"
@@ -96,6 +97,7 @@ void LoadedPolicyModels::load(const nav::PolicyChoice& policy) {
   if (vlfm != nullptr && !vlfm->depth.empty()) load.depth(vlfm->depth);
   if (const auto* other = policy.settings<nav::ProcessSettings>())
     process(other->peer)->start();
+  if (const auto* network = policy.settings<nav::Ros2Settings>()) (void)robot(*network);
 }
 
 std::shared_ptr<peers::Peer> LoadedPolicyModels::process(const core::PeerCommand& command) {
@@ -104,6 +106,16 @@ std::shared_ptr<peers::Peer> LoadedPolicyModels::process(const core::PeerCommand
   }
   auto peer = std::make_shared<peers::Peer>(runnable(command), "policy");
   return processes_.emplace_back(command, std::move(peer)).second;
+}
+
+std::shared_ptr<ros2::RobotNode> LoadedPolicyModels::robot(const nav::Ros2Settings& settings) {
+  for (const auto& [known, node] : robots_) {
+    if (known == settings) return node;
+  }
+  // One network sees one robot: those of other arms leave it.
+  std::erase_if(robots_,
+                [&](const auto& other) { return other.first.domain == settings.domain; });
+  return robots_.emplace_back(settings, std::make_shared<ros2::RobotNode>(settings)).second;
 }
 
 nav::PolicyModels LoadedPolicyModels::loaders() {
@@ -130,6 +142,9 @@ nav::PolicyModels LoadedPolicyModels::loaders() {
     start.robot = context.robot;
     start.camera_height_m = context.camera_height_m;
     return peers::make_peer_policy(process(command), std::move(start));
+  };
+  models.ros2 = [this](const nav::Ros2Settings& settings, const nav::PolicyContext& context) {
+    return std::make_unique<ros2::Ros2Policy>(robot(settings), settings, context.class_names);
   };
   return models;
 }

@@ -1,8 +1,9 @@
 #pragma once
 
 /// @file
-/// Networks of others (perception/models) and programs of others (peers) behind the interfaces
-/// of policies (nav): the modules do not know each other, and meet here.
+/// Networks of others (perception/models), programs of others (peers) and stacks on a ROS 2
+/// network (ros) behind the interfaces of policies (nav): the modules do not know each other,
+/// and meet here.
 
 #include <filesystem>
 #include <map>
@@ -11,6 +12,8 @@
 #include <utility>
 #include <vector>
 
+#include "experiments/ros2/robot_node.h"
+#include "nav/policies/built_in_policies.h"
 #include "nav/policies/policy_registry.h"
 #include "peers/peer.h"
 
@@ -31,6 +34,7 @@ class LoadedPolicyModels {
 
  private:
   [[nodiscard]] std::shared_ptr<peers::Peer> process(const core::PeerCommand& command);
+  [[nodiscard]] std::shared_ptr<ros2::RobotNode> robot(const nav::Ros2Settings& settings);
 
   std::map<std::pair<std::filesystem::path, std::string>,
            std::shared_ptr<nav::ImageTextScorer>>
@@ -38,6 +42,7 @@ class LoadedPolicyModels {
   std::map<std::filesystem::path, std::shared_ptr<nav::Segmenter>> segmenters_;
   std::map<std::filesystem::path, std::shared_ptr<nav::DepthInference>> depths_;
   std::vector<std::pair<core::PeerCommand, std::shared_ptr<peers::Peer>>> processes_;
+  std::vector<std::pair<nav::Ros2Settings, std::shared_ptr<ros2::RobotNode>>> robots_;
 };
 
 }  // namespace segsim::experiments::trials

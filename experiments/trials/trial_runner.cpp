@@ -9,6 +9,7 @@
 #include "core/version.h"
 #include "experiments/drawing/trial_picture.h"
 #include "experiments/reproducibility/backend_warning.h"
+#include "experiments/ros2/ros2_policy.h"
 #include "experiments/trials/arm_detector.h"
 #include "experiments/trials/internal/trial_outputs.h"
 #include "experiments/trials/trial_options.h"
@@ -338,6 +339,13 @@ void TrialRunner::run_checked(const TrialTask& task, records::TrialRow& row) {
   }
   const std::vector<std::string>& classes = slot.detector->class_names();
   const std::unique_ptr<core::Policy> policy = policy_for(task, slot);
+  sim::ReadingsObserver readings;
+  if (auto* robot = dynamic_cast<ros2::Ros2Policy*>(policy.get())) {
+    robot->mount(task.scene->sensors);
+    readings = [robot](const sim::SensorLog& log, core::TimeNs now_ns) {
+      robot->hear(log, now_ns);
+    };
+  }
   sim::TrialOptions options = trial_options(spec_, *task.scene);
   options.clock = clock_for(spec_, task);
 
@@ -374,7 +382,8 @@ void TrialRunner::run_checked(const TrialTask& task, records::TrialRow& row) {
                                             .detector = viewed,
                                             .policy = timed_policy,
                                             .truth = &detector,
-                                            .observer = observer});
+                                            .observer = observer,
+                                            .readings = readings});
   if (task.replay_log)
     records::write_replay_log(log_file, records::with_result(std::move(log), result));
   std::vector<double> distance_m;

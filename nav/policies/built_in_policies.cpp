@@ -276,6 +276,43 @@ std::unique_ptr<core::Policy> make_process(const ProcessSettings& settings,
   return context.models.process(settings.peer, context);
 }
 
+constexpr int kHighestDomain = 232;
+
+double seconds_or(const SettingsNode& node, const std::string& key, double fallback_s) {
+  const double value_s = node.number_or(key, fallback_s);
+  if (!(value_s > 0.0 && value_s <= 3600.0)) {
+    node.child(key).fail("seconds in (0, 3600]", node.text(key));
+  }
+  return value_s;
+}
+
+void read_ros2(const SettingsNode& node, Ros2Settings& settings) {
+  const double domain = node.number_or("domain", 0.0);
+  if (!(domain >= 0.0 && domain <= kHighestDomain && domain == std::floor(domain))) {
+    node.child("domain").fail("a whole number in [0, " + std::to_string(kHighestDomain) + "]",
+                              node.text("domain"));
+  }
+  settings.domain = static_cast<int>(domain);
+  if (node.has("distro")) settings.humble = choice(node, "distro", {"humble", "jazzy"}) == 0;
+  if (node.has("cmd_vel"))
+    settings.stamped = choice(node, "cmd_vel", {"twist", "twist_stamped"}) == 1;
+  if (node.has("commands")) settings.waits = choice(node, "commands", {"each", "newest"}) == 0;
+  settings.answer_s = seconds_or(node, "answer_s", settings.answer_s);
+  settings.start_s = seconds_or(node, "start_s", settings.start_s);
+  settings.detections = node.boolean_or("detections", settings.detections);
+  settings.config = node.text_or("config", settings.config);
+}
+
+std::unique_ptr<core::Policy> make_ros2(const Ros2Settings& settings,
+                                        const PolicyContext& context) {
+  if (!context.models.ros2) {
+    throw core::InputError::expected("policy ros2",
+                                     "a policy of this program: none can be reached here",
+                                     "a stack on a network");
+  }
+  return context.models.ros2(settings, context);
+}
+
 }  // namespace
 
 const SemanticPrior& default_semantic_prior() {
@@ -295,6 +332,7 @@ void add_built_in_policies(PolicyRegistry& registry) {
   registry.add<RandomSettings>("random", read_random, make_random);
   registry.add<ScriptSettings>("script", read_script, make_script, "actions: [...]");
   registry.add<ProcessSettings>("process", read_process, make_process, "command: [...]");
+  registry.add<Ros2Settings>("ros2", read_ros2, make_ros2);
 }
 
 }  // namespace segsim::nav

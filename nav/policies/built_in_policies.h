@@ -8,6 +8,7 @@
 ///     policy: {type: frontier, follower: dwa}
 ///     policy: {type: script, actions: [left*12, forward*4, stop]}
 ///     policy: {type: process, command: [python3, "${spec}/my_policy.py"]}
+///     policy: {type: ros2, domain: 7, cmd_vel: twist_stamped}
 ///
 /// docs/navigation.md lists all keys.
 
@@ -78,8 +79,21 @@ struct ProcessSettings {
   core::PeerCommand peer;
 };
 
+/// "ros2": whoever answers on a ROS 2 network (docs/ros2.md).
+struct Ros2Settings {
+  int domain = 0;          ///< ROS_DOMAIN_ID, [0, 232].
+  bool humble = false;     ///< `distro: humble`; else Iron and later.
+  bool stamped = false;    ///< `cmd_vel: twist_stamped`; else Twist.
+  bool waits = true;       ///< `commands: each`, one for an image; else `newest`, no waiting.
+  double answer_s = 10.0;  ///< Wall time for a command.
+  double start_s = 60.0;   ///< Wall time until somebody is there, at the start of a trial.
+  bool detections = true;  ///< Those of the arm are published.
+  std::string config;      ///< Of Cyclone DDS, besides CYCLONEDDS_URI: XML.
+  bool operator==(const Ros2Settings&) const = default;
+};
+
 /// Adds "frontier", "frontier-nearest", "frontier-value", "vlfm", "oracle-path", "random",
-/// "script" and "process".
+/// "script", "process" and "ros2".
 void add_built_in_policies(PolicyRegistry& registry);
 
 /// The built-in prior.

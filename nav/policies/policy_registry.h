@@ -41,6 +41,7 @@ class ImageTextScorer;
 class Segmenter;
 
 struct PolicyContext;
+struct Ros2Settings;
 
 /// Networks and programs of others that settings may name. Whoever makes policies hands them
 /// in, because a policy does not read networks or start programs itself.
@@ -59,6 +60,11 @@ struct PolicyModels {
   std::function<std::unique_ptr<core::Policy>(const core::PeerCommand& command,
                                               const PolicyContext& context)>
       process;
+  /// A stack on a ROS 2 network, of this trial.
+  /// @throws core::InputError if this program cannot speak to it.
+  std::function<std::unique_ptr<core::Policy>(const Ros2Settings& settings,
+                                              const PolicyContext& context)>
+      ros2;
 };
 
 /// What a policy may know of the trial besides its observations.

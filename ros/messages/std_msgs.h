@@ -1,7 +1,7 @@
 #pragma once
 
 /// @file
-/// Headers and texts.
+/// Headers, texts, yes and no.
 
 #include <string>
 
@@ -27,6 +27,17 @@ struct String {
   static constexpr MessageType kType{"std_msgs", "String"};
   std::string data;
   bool operator==(const String&) const = default;
+
+  template <class Self, class Visitor>
+  static void visit_fields(Self& self, Visitor&& visit) {
+    visit("data", self.data);
+  }
+};
+
+struct Bool {
+  static constexpr MessageType kType{"std_msgs", "Bool"};
+  bool data = false;
+  bool operator==(const Bool&) const = default;
 
   template <class Self, class Visitor>
   static void visit_fields(Self& self, Visitor&& visit) {

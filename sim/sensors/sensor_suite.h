@@ -9,7 +9,8 @@
 /// "capture" of a budget (sim/time/clock.h). Random numbers are keyed by the episode's seed,
 /// the sensor's name and the number of the reading, never by the arm.
 ///
-/// No policy here reads anything but the camera: the other sensors are recorded.
+/// No policy of this program reads anything but the camera: the other sensors are recorded,
+/// and stacks of others hear them (TrialParts::readings).
 
 #include <cstdint>
 #include <memory>
@@ -93,6 +94,8 @@ class SensorSuite {
   /// The base has come to that pose at that time (true). Times ascend. Takes what was due.
   void move_to(core::TimeNs time_ns, const core::Pose2& pose);
 
+  /// What was taken so far; readings that are not available yet are in it, too.
+  [[nodiscard]] const SensorLog& log() const { return log_; }
   [[nodiscard]] SensorLog take_log() { return std::exchange(log_, {}); }
 
  private:

@@ -38,6 +38,7 @@ class Trial {
   explicit Trial(const TrialParts& parts)
       : options_(parts.options),
         policy_(parts.policy),
+        readings_(parts.readings),
         period_ns_(control_period_ns(parts.options)),
         drive_(parts),
         camera_(camera_rate(parts.options), parts.episode.seed,
@@ -147,6 +148,7 @@ class Trial {
     Capture& capture = eye_.use_ready();
     const std::vector<core::Detection>& detections = eye_.detections_of(capture);
     const core::Pose2 pose = drive_.estimate();
+    if (readings_ && drive_.sensor_log() != nullptr) readings_(*drive_.sensor_log(), now_ns);
     const bool at_use = options_.clock.registration == Registration::kUse;
     const core::TimeNs start_ns = wall_ns();
     decision_ =
@@ -224,6 +226,7 @@ class Trial {
 
   const TrialOptions& options_;
   core::Policy& policy_;
+  const ReadingsObserver& readings_;
   core::TimeNs period_ns_;
   internal::TrialDrive drive_;
   internal::CameraTrigger camera_;

@@ -160,6 +160,10 @@ using TickObserver =
     std::function<void(const TickRecord&, const core::Frame&,
                        const std::vector<core::Detection>&, const core::Policy&)>;
 
+/// Called before every decision, if the robot has sensors besides the camera, with all that
+/// they have taken so far. A robot may know of readings with `available_ns` <= now alone.
+using ReadingsObserver = std::function<void(const SensorLog&, core::TimeNs now_ns)>;
+
 /// Ground truth for one detector call. Only oracle arms are handed it.
 class GroundTruthSink {
  public:
@@ -180,7 +184,8 @@ struct TrialParts {
   core::Policy& policy;
   /// If not null, receives each rendered frame before the detector runs.
   GroundTruthSink* truth = nullptr;
-  TickObserver observer{};  ///< May be empty.
+  TickObserver observer{};      ///< May be empty.
+  ReadingsObserver readings{};  ///< May be empty.
 };
 
 /// Runs one episode. In lockstep and virtual time deterministic: equal parts give equal

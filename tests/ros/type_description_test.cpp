@@ -23,6 +23,8 @@ const std::map<std::string, std::string> kHashes = {
      "RIHS01_f49fb3ae2cf070f793645ff749683ac6b06203e41c891e17701b1cb597ce6a01"},
     {"std_msgs/String",
      "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"},
+    {"std_msgs/Bool",
+     "RIHS01_feb91e995ff9ebd09c0cb3d2aed18b11077585839fb5db80193b62d74528f6c9"},
     {"std_msgs/ColorRGBA",
      "RIHS01_77a7a5b9ae477306097665106e0413ba74440245b1f3d0c6d6405fe5c7813fe8"},
     {"rosgraph_msgs/Clock",

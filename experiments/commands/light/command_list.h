@@ -64,6 +64,7 @@ inline constexpr CommandWord kCommands[] = {
     {"trial", "Scripted trials: where to drive, what goes wrong, what must hold", true},
     {"video", "Write a trial as a video, a pair of trials, or a demo of the run", false},
     {"record", "Write a trial as ROS 2 messages into an MCAP file (docs/ros2.md)", false},
+    {"ros", "Be a robot on a ROS 2 network: images out, commands in (docs/ros2.md)", false},
 };
 
 inline constexpr CommandWord kTableCommands[] = {

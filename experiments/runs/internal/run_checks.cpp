@@ -45,7 +45,29 @@ void check_goals_known(const specs::ExperimentSpec& spec, const Inputs& inputs) 
   }
 }
 
-void check_policy_models(const specs::ExperimentSpec& spec) {
+namespace {
+
+/// @throws core::InputError if a run cannot have this policy.
+void check_network(const specs::ExperimentSpec& spec, const specs::ArmSpec& arm, int workers) {
+  const auto* network = trials::policy_of(spec, arm).settings<nav::Ros2Settings>();
+  if (network == nullptr) return;
+  const std::string place = "arm " + arm.name + ", policy ros2";
+  if (workers > 1) {
+    throw core::InputError::expected(place,
+                                     "--workers 1, because a network of ROS 2 has one robot",
+                                     std::to_string(workers) + " workers");
+  }
+  const sim::TrialClock clock = specs::trial_clock(spec.clock, arm.clock);
+  if (!network->waits && clock.mode != sim::ClockMode::kRealtime) {
+    throw core::InputError::expected(place,
+                                     "clock: realtime for `commands: newest`, or `each`",
+                                     std::string(sim::to_string(clock.mode)));
+  }
+}
+
+}  // namespace
+
+void check_policy_models(const specs::ExperimentSpec& spec, int workers) {
   if (!spec.phrases.model.empty()) {
     (void)perception::load_image_text_scorer(spec.phrases.model);
   }
@@ -55,6 +77,7 @@ void check_policy_models(const specs::ExperimentSpec& spec) {
     goals.insert(goals.end(), scene.goals.begin(), scene.goals.end());
   }
   for (const specs::ArmSpec& arm : spec.arms) {
+    check_network(spec, arm, workers);
     models.load(trials::policy_of(spec, arm));
     if (arm.detector != specs::ArmDetector::kProcess || goals.empty()) continue;
     peers::Peer(trials::runnable(arm.process), "detector", goals).start();

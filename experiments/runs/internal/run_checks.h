@@ -16,8 +16,8 @@ void check_goals_known(const specs::ExperimentSpec& spec, const Inputs& inputs);
 
 /// Networks that policies and phrases name are read, and other programs started, before
 /// anything is made.
-/// @throws core::InputError
-void check_policy_models(const specs::ExperimentSpec& spec);
+/// @param workers  Of the run. @throws core::InputError
+void check_policy_models(const specs::ExperimentSpec& spec, int workers);
 
 /// New classes that a robot searches for by a head that no scene has taught: those of one
 /// scene alone, where the detector is tuned on others. "Small house: wardrobe; ..."

@@ -36,6 +36,10 @@ class TrialDrive {
     if (odometer_) return odometer_->estimate();
     return localiser_ ? localiser_->estimate() : pose();
   }
+  /// Of the sensors other than the camera; null: there are none.
+  [[nodiscard]] const SensorLog* sensor_log() const {
+    return sensors_ ? &sensors_->log() : nullptr;
+  }
   [[nodiscard]] core::TimeNs time_ns() const { return now_ns_; }
   [[nodiscard]] bool in_contact() const { return in_contact_; }
   /// Moves into the result what the drive amounts to: where it ended, contacts, and what the

@@ -13,7 +13,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "core/file_io.h"
-#include "experiments/bags/ros_messages.h"
+#include "experiments/ros2/ros_messages.h"
 #include "reconstruction/datasets/rgbd_sequence.h"
 #include "ros/mcap/topic.h"
 #include "ros/messages/tf2_msgs.h"
@@ -57,9 +57,10 @@ struct Recording {
     TopicWriter<Image> depth(writer, "/camera/depth/image_raw");
     const auto at = [](core::TimeNs time_ns) { return static_cast<std::uint64_t>(time_ns); };
     if (with_tf) {
-      tf_static.write(at(epoch_ns),
-                      {{ros_transform_stamped(epoch_ns, "base", "cam",
-                                              ros_transform(core::mast_camera(1.0, 0.1)))}});
+      tf_static.write(
+          at(epoch_ns),
+          {{ros2::ros_transform_stamped(epoch_ns, "base", "cam",
+                                        ros2::ros_transform(core::mast_camera(1.0, 0.1)))}});
     }
     for (int k = 0; k < images; ++k) {
       const core::TimeNs time_ns = epoch_ns + k * kPeriod_ns;
@@ -67,10 +68,10 @@ struct Recording {
         const core::TimeNs tf_ns = time_ns - tf_shift_ns;
         const auto T_odom_base = core::transform_from_pose2<core::frame::Odom>(
             pose(core::seconds(tf_ns - epoch_ns)));
-        tf.write(at(tf_ns),
-                 {{ros_transform_stamped(tf_ns, "odom", "base", ros_transform(T_odom_base))}});
+        tf.write(at(tf_ns), {{ros2::ros_transform_stamped(tf_ns, "odom", "base",
+                                                          ros2::ros_transform(T_odom_base))}});
       }
-      auto calibration = ros_camera_info(kCamera, ros_header(time_ns, "cam"));
+      auto calibration = ros2::ros_camera_info(kCamera, ros2::ros_header(time_ns, "cam"));
       calibration.d = distortion;
       info.write(at(time_ns), calibration);
       write_color(k, time_ns, color, jpeg);
@@ -83,11 +84,11 @@ struct Recording {
                    TopicWriter<ros::sensor_msgs::CompressedImage>& packed) const {
     core::Image<core::Rgb8> picture(kWidth_px, kHeight_px,
                                     {static_cast<std::uint8_t>(20 * k), 90, 30});
-    const ros::std_msgs::Header header = ros_header(time_ns, "cam");
+    const ros::std_msgs::Header header = ros2::ros_header(time_ns, "cam");
     if (!compressed) {
       Image message;
       message.header = header;
-      to_ros(picture, message);
+      ros2::to_ros(picture, message);
       raw.write(static_cast<std::uint64_t>(time_ns), message);
       return;
     }
@@ -104,8 +105,8 @@ struct Recording {
       for (int x = 0; x < kWidth_px; ++x) metres(x, y) = depth_m(x);
     }
     metres(0, 0) = std::numeric_limits<float>::quiet_NaN();
-    to_ros(metres, message);
-    message.header = ros_header(time_ns + 3'000'000, depth_frame);
+    ros2::to_ros(metres, message);
+    message.header = ros2::ros_header(time_ns + 3'000'000, depth_frame);
     if (!depth_in_mm) return message;
     message.encoding = "16UC1";
     message.step = kWidth_px * 2;

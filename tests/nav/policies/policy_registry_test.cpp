@@ -57,6 +57,11 @@ TEST(PolicyRegistry, EveryNameMakesAPolicyThatDecides) {
       EXPECT_EQ(of.camera_height_m, 1.1);
       return make_random_policy();
     };
+    context.models.ros2 = [](const Ros2Settings& settings, const PolicyContext& of) {
+      EXPECT_EQ(settings, Ros2Settings());
+      EXPECT_EQ(of.camera_height_m, 1.1);
+      return make_random_policy();
+    };
     const auto policy = choice.make(context);
     test::BoxWorld world = test::four_rooms();
     test::SimulationOptions options;
@@ -168,6 +173,20 @@ TEST(PolicyRegistry, AProcessIsStartedByWhoeverMakesThePolicy) {
   EXPECT_THROW((void)choice.make(things()), core::InputError) << "nobody starts programs here";
   EXPECT_THROW((void)read("'python:mine'"), core::InputError);
   EXPECT_THROW((void)read("'python:$(rm):Mine'"), core::InputError);
+}
+
+TEST(PolicyRegistry, ANetworkIsReachedByWhoeverMakesThePolicy) {
+  const PolicyChoice choice =
+      read("{type: ros2, domain: 7, distro: humble, cmd_vel: twist_stamped, answer_s: 2}");
+  const Ros2Settings& settings = *choice.settings<Ros2Settings>();
+  EXPECT_EQ(settings.domain, 7);
+  EXPECT_TRUE(settings.humble && settings.stamped && settings.waits && settings.detections);
+  EXPECT_EQ(settings.answer_s, 2.0);
+  EXPECT_THROW((void)choice.make(things()), core::InputError) << "nobody speaks ROS 2 here";
+  EXPECT_THAT(refusal("{type: ros2, domain: 233}"), testing::HasSubstr("[0, 232]"));
+  EXPECT_THAT(refusal("{type: ros2, domain: 1.5}"), testing::HasSubstr("whole number"));
+  EXPECT_THAT(refusal("{type: ros2, distro: foxy}"), testing::HasSubstr("jazzy"));
+  EXPECT_THAT(refusal("{type: ros2, topic: /x}"), testing::HasSubstr("topic"));
 }
 
 TEST(PolicyRegistry, ModelsComeFromWhoeverMakesThePolicy) {

@@ -19,10 +19,11 @@
 #include "ros/messages/geometry_msgs.h"
 #include "ros/messages/nav_msgs.h"
 #include "ros/messages/sensor_msgs.h"
+#include "ros/messages/tf2_msgs.h"
 #include "ros/messages/vision_msgs.h"
 #include "sim/sensors/sensor_suite.h"
 
-namespace segsim::experiments::bags {
+namespace segsim::experiments::ros2 {
 
 inline constexpr const char* kOdomFrame = "odom";
 inline constexpr const char* kBaseFrame = "base_link";
@@ -44,6 +45,10 @@ template <class To, class From>
 [[nodiscard]] ros::geometry_msgs::TransformStamped ros_transform_stamped(
     core::TimeNs time_ns, const std::string& frame, const std::string& child,
     const ros::geometry_msgs::Transform& transform);
+
+/// Where camera, lidar and antenna are mounted. @param sensors  Null: a camera alone.
+[[nodiscard]] ros::tf2_msgs::TFMessage ros_mounts(const core::Observation& seen,
+                                                  const sim::SensorSettings* sensors);
 
 /// "rgb8". `message` keeps its memory.
 void to_ros(const core::Image<core::Rgb8>& image, ros::sensor_msgs::Image& message);
@@ -75,4 +80,4 @@ void to_ros(const core::Image<float>& depth_m, ros::sensor_msgs::Image& message)
 [[nodiscard]] ros::sensor_msgs::NavSatFix ros_fix(
     const sim::Reading<sim::GeodeticPoint>& reading, const sim::GpsModel& model);
 
-}  // namespace segsim::experiments::bags
+}  // namespace segsim::experiments::ros2

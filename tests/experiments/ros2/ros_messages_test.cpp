@@ -1,4 +1,4 @@
-#include "experiments/bags/ros_messages.h"
+#include "experiments/ros2/ros_messages.h"
 
 #include <cmath>
 #include <limits>
@@ -9,7 +9,7 @@
 
 #include "core/error.h"
 
-namespace segsim::experiments::bags {
+namespace segsim::experiments::ros2 {
 namespace {
 
 TEST(RosMessages, TimesAreSecondsAndNanoseconds) {
@@ -121,4 +121,4 @@ TEST(RosMessages, AnImuSaysThatItHasNoOrientation) {
 }
 
 }  // namespace
-}  // namespace segsim::experiments::bags
+}  // namespace segsim::experiments::ros2

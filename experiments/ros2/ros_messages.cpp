@@ -1,4 +1,4 @@
-#include "experiments/bags/ros_messages.h"
+#include "experiments/ros2/ros_messages.h"
 
 #include <cmath>
 #include <cstring>
@@ -6,7 +6,7 @@
 
 #include "core/check.h"
 
-namespace segsim::experiments::bags {
+namespace segsim::experiments::ros2 {
 namespace {
 
 constexpr double kPixelCentre_px = 0.5;
@@ -31,6 +31,10 @@ std::array<double, 9> diagonal(double x, double y, double z) {
   return {x, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, z};
 }
 
+ros::geometry_msgs::Transform shifted(double x_m, double z_m) {
+  return {{x_m, 0.0, z_m}, {0.0, 0.0, 0.0, 1.0}};
+}
+
 }  // namespace
 
 ros::builtin_interfaces::Time ros_time(core::TimeNs time_ns) {
@@ -47,6 +51,24 @@ ros::geometry_msgs::TransformStamped ros_transform_stamped(
     core::TimeNs time_ns, const std::string& frame, const std::string& child,
     const ros::geometry_msgs::Transform& transform) {
   return {ros_header(time_ns, frame), child, transform};
+}
+
+ros::tf2_msgs::TFMessage ros_mounts(const core::Observation& seen,
+                                    const sim::SensorSettings* sensors) {
+  ros::tf2_msgs::TFMessage mounts;
+  const auto mount = [&](const char* frame, const ros::geometry_msgs::Transform& transform) {
+    mounts.transforms.push_back(
+        ros_transform_stamped(seen.capture_time_ns, kBaseFrame, frame, transform));
+  };
+  mount(kCameraFrame, ros_transform(seen.T_robot_camera));
+  if (sensors != nullptr && sensors->lidar) {
+    const sim::LidarModel& model = sensors->lidar->model;
+    mount(kLaserFrame, shifted(model.forward_m, model.height_m));
+  }
+  if (sensors != nullptr && sensors->gps) {
+    mount(kGpsFrame, shifted(0.0, sensors->gps->model.antenna_m));
+  }
+  return mounts;
 }
 
 void to_ros(const core::Image<core::Rgb8>& image, ros::sensor_msgs::Image& message) {
@@ -171,4 +193,4 @@ ros::sensor_msgs::NavSatFix ros_fix(const sim::Reading<sim::GeodeticPoint>& read
   return fix;
 }
 
-}  // namespace segsim::experiments::bags
+}  // namespace segsim::experiments::ros2
