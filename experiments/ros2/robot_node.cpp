@@ -62,6 +62,7 @@ ros::dds::TransportOptions transport_options(const nav::Ros2Settings& settings) 
   options.domain = settings.domain;
   options.distro = settings.humble ? ros::dds::Distro::kHumble : ros::dds::Distro::kJazzy;
   options.config = settings.config;
+  if (settings.fast_dds) options.implementation = ros::dds::Implementation::kFast;
   return options;
 }
 
