@@ -191,10 +191,11 @@ void print_outcome(const records::TrialRow& row, int images) {
 }
 
 void serve(ServeFlags flags) {
-  const auto dds = flags.dds == "fast" ? ros::dds::Implementation::kFast
-                                       : ros::dds::Implementation::kCyclone;
+  ros::dds::TransportOptions network;
+  if (flags.dds == "fast") network.implementation = ros::dds::Implementation::kFast;
   // Says what is missing, before anything is read.
-  if (!ros::dds::has_transport(dds)) (void)ros::dds::open_transport({.implementation = dds});
+  if (!ros::dds::has_transport(network.implementation))
+    (void)ros::dds::open_transport(network);
   flags.domain = domain_of(flags);
   check_rate(flags.rate_hz);
   const core::SceneBundle bundle = core::load_bundle(flags.bundle);
