@@ -36,7 +36,7 @@ struct ServeFlags {
   std::vector<double> start;
   std::vector<std::string> sensors;
   int domain = -1;
-  std::string distro = "jazzy", cmd_vel = "twist", dds_config;
+  std::string distro = "jazzy", cmd_vel = "twist", dds = "cyclone", dds_config;
   bool realtime = false;
   double answer_s = 60.0, wait_s = 3600.0, rate_hz = 10.0, limit_s = 600.0;
   int width_px = 640, height_px = 480;
@@ -55,7 +55,8 @@ std::string policy_text(const ServeFlags& flags) {
   std::string text = "policy: {type: ros2, domain: " + std::to_string(flags.domain) +
                      ", distro: " + flags.distro + ", cmd_vel: " + flags.cmd_vel +
                      ", commands: " + (flags.realtime ? "newest" : "each") +
-                     core::print(", answer_s: %g, start_s: %g", flags.answer_s, flags.wait_s);
+                     core::print(", answer_s: %g, start_s: %g", flags.answer_s, flags.wait_s) +
+                     ", dds: " + flags.dds;
   if (flags.detector == "none") text += ", detections: false";
   if (!flags.dds_config.empty()) text += ", config: " + quoted(flags.dds_config);
   return text + "}\n";
@@ -190,7 +191,11 @@ void print_outcome(const records::TrialRow& row, int images) {
 }
 
 void serve(ServeFlags flags) {
-  if (!ros::dds::has_transport()) (void)ros::dds::open_transport({});  // Says what is missing.
+  ros::dds::TransportOptions network;
+  if (flags.dds == "fast") network.implementation = ros::dds::Implementation::kFast;
+  // Says what is missing, before anything is read.
+  if (!ros::dds::has_transport(network.implementation))
+    (void)ros::dds::open_transport(network);
   flags.domain = domain_of(flags);
   check_rate(flags.rate_hz);
   const core::SceneBundle bundle = core::load_bundle(flags.bundle);
@@ -257,8 +262,15 @@ void add_network_flags(CLI::App& command, ServeFlags& flags) {
   command.add_option("--cmd-vel", flags.cmd_vel, "Type of /cmd_vel: twist or twist_stamped")
       ->check(CLI::IsMember({"twist", "twist_stamped"}))
       ->capture_default_str();
-  command.add_option("--dds-config", flags.dds_config,
-                     "XML for Cyclone DDS, besides CYCLONEDDS_URI");
+  command
+      .add_option("--dds", flags.dds,
+                  "Implementation, cyclone or fast; both understand each other")
+      ->check(CLI::IsMember({"cyclone", "fast"}))
+      ->capture_default_str();
+  command.add_option(
+      "--dds-config", flags.dds_config,
+      "XML: for Cyclone DDS besides CYCLONEDDS_URI; for Fast DDS profiles with a "
+      "participant \"segsim\"");
   command.add_flag("--realtime", flags.realtime,
                    "Simulated time follows the wall clock, and the newest command counts for "
                    "0.5 s. Without: the world waits for one command for each image");

@@ -26,6 +26,9 @@ constexpr ros::dds::Qos kImageQos{.depth = 5};
 /// Hears reliable writers and others.
 constexpr ros::dds::Qos kCommandQos{.reliable = false, .depth = 10};
 
+/// It is said once.
+constexpr ros::dds::Qos kStopQos{.depth = 10};
+
 constexpr const char* kCommandTopic = "/cmd_vel";
 
 /// A network has one robot of this process; two would send on the same topics.
@@ -62,6 +65,7 @@ ros::dds::TransportOptions transport_options(const nav::Ros2Settings& settings) 
   options.domain = settings.domain;
   options.distro = settings.humble ? ros::dds::Distro::kHumble : ros::dds::Distro::kJazzy;
   options.config = settings.config;
+  if (settings.fast_dds) options.implementation = ros::dds::Implementation::kFast;
   return options;
 }
 
@@ -148,7 +152,7 @@ struct RobotNode::Impl {
   MaybeWriter<ros::sensor_msgs::NavSatFix> fix;
   std::optional<TopicReader<ros::geometry_msgs::Twist>> plain;  ///< One of these two.
   std::optional<TopicReader<ros::geometry_msgs::TwistStamped>> stamped;
-  TopicReader<ros::std_msgs::Bool> stop{*transport, "/stop", kCommandQos};
+  TopicReader<ros::std_msgs::Bool> stop{*transport, "/stop", kStopQos};
 };
 
 RobotNode::RobotNode(const nav::Ros2Settings& settings)

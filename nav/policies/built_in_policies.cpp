@@ -300,6 +300,7 @@ void read_ros2(const SettingsNode& node, Ros2Settings& settings) {
   settings.answer_s = seconds_or(node, "answer_s", settings.answer_s);
   settings.start_s = seconds_or(node, "start_s", settings.start_s);
   settings.detections = node.boolean_or("detections", settings.detections);
+  if (node.has("dds")) settings.fast_dds = choice(node, "dds", {"cyclone", "fast"}) == 1;
   settings.config = node.text_or("config", settings.config);
 }
 

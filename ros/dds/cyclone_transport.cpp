@@ -10,6 +10,7 @@
 
 #include "core/error.h"
 #include "ros/dds/internal/discovery_info.h"
+#include "ros/dds/internal/implementations.h"
 #include "ros/dds/internal/raw_type.h"
 #include "ros/dds/transport.h"
 
@@ -173,7 +174,7 @@ class CycloneTransport final : public Transport {
   explicit CycloneTransport(const TransportOptions& options)
       : distro_(options.distro), domain_(join_domain(options.domain, options.config)) {
     QosPointer qos(dds_create_qos(), dds_delete_qos);
-    set_user_data(qos.get(), "enclave=/;");
+    set_user_data(qos.get(), internal::kParticipantUserData);
     participant_ =
         Entity(checked(dds_create_participant(static_cast<dds_domainid_t>(options.domain),
                                               qos.get(), nullptr),
@@ -189,14 +190,14 @@ class CycloneTransport final : public Transport {
   }
 
   std::unique_ptr<Writer> make_writer(const Topic& topic) override {
-    auto [writer, guid] = make_bare_writer(on_wire(topic));
+    auto [writer, guid] = make_bare_writer(internal::on_wire(topic, distro_));
     info_.writers.push_back(guid);
     tell();
     return std::move(writer);
   }
 
   std::unique_ptr<Reader> make_reader(const Topic& of_ros) override {
-    const Topic topic = on_wire(of_ros);
+    const Topic topic = internal::on_wire(of_ros, distro_);
     auto [entity, type] = make_topic(topic);
     const QosPointer qos = endpoint_qos(topic);
     Entity reader(checked(
@@ -214,17 +215,6 @@ class CycloneTransport final : public Transport {
   }
 
  private:
-  Topic on_wire(const Topic& of_ros) const {
-    if (of_ros.name.size() < 2 || of_ros.name.front() != '/') {
-      throw InputError::expected("topic", "a name that begins with /",
-                                 "\"" + of_ros.name + "\"");
-    }
-    Topic topic = of_ros;
-    topic.name = "rt" + of_ros.name;
-    if (distro_ == Distro::kHumble) topic.type_hash.clear();
-    return topic;
-  }
-
   std::pair<Entity, const ddsi_sertype*> make_topic(const Topic& topic) {
     ddsi_sertype* type = internal::make_raw_type(topic.type_name);
     const dds_entity_t made = dds_create_topic_sertype(participant_.get(), topic.name.c_str(),
@@ -235,9 +225,7 @@ class CycloneTransport final : public Transport {
 
   static QosPointer endpoint_qos(const Topic& topic) {
     QosPointer qos = make_qos(topic.qos);
-    if (!topic.type_hash.empty()) {
-      set_user_data(qos.get(), "typehash=" + topic.type_hash + ";");
-    }
+    set_user_data(qos.get(), internal::endpoint_user_data(topic));
     return qos;
   }
 
@@ -261,10 +249,14 @@ class CycloneTransport final : public Transport {
 
 }  // namespace
 
-std::unique_ptr<Transport> open_transport(const TransportOptions& options) {
+namespace internal {
+
+std::unique_ptr<Transport> open_cyclone(const TransportOptions& options) {
   return std::make_unique<CycloneTransport>(options);
 }
 
-bool has_transport() { return true; }
+bool has_cyclone() { return true; }
+
+}  // namespace internal
 
 }  // namespace segsim::ros::dds

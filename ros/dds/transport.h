@@ -69,13 +69,17 @@ class Reader {
   [[nodiscard]] virtual int writers() const = 0;
 };
 
+enum class Implementation : std::uint8_t { kCyclone, kFast };
+
 struct TransportOptions {
   int domain = 0;  ///< ROS_DOMAIN_ID, [0, 232].
   Distro distro = Distro::kJazzy;
   std::string node = "segsim";  ///< As `ros2 node list` shows it, in the namespace "/".
-  /// Of the implementation, after the environment's: for Cyclone DDS what CYCLONEDDS_URI may
-  /// hold. All transports of a process in one domain share the first one's.
+  /// Of the implementation, after the environment's. Cyclone DDS: what CYCLONEDDS_URI may
+  /// hold; all transports of a process in one domain share the first one's. Fast DDS: XML
+  /// profiles with a participant profile "segsim".
   std::string config;
+  Implementation implementation = Implementation::kCyclone;
 };
 
 /// One participant with one node. Not for several threads at once. Outlives its writers and
@@ -90,11 +94,11 @@ class Transport {
   virtual bool wait(double timeout_s) = 0;
 };
 
-/// @throws core::InputError if this program was built without DDS, or the domain cannot be
-/// joined.
+/// @throws core::InputError if this program was built without that implementation, or the
+/// domain cannot be joined.
 [[nodiscard]] std::unique_ptr<Transport> open_transport(const TransportOptions& options);
 
-/// Whether this program was built with DDS.
-[[nodiscard]] bool has_transport();
+/// Whether this program was built with it.
+[[nodiscard]] bool has_transport(Implementation implementation = Implementation::kCyclone);
 
 }  // namespace segsim::ros::dds

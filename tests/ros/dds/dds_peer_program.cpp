@@ -1,5 +1,6 @@
 // A program at the other end of a network, for tests to stop and to kill, and to measure by:
-//     ros_dds_peer listen DOMAIN LAST      reads /numbers until the number LAST has come
+//     ros_dds_peer listen DOMAIN LAST      reads /numbers until the number LAST has come; once
+//                                          it has found the writer, it is one of /ready
 //     ros_dds_peer measure DOMAIN FRAMES   reads a camera's images until so many pairs have
 //                                          come, or none for five seconds; stamps are those of
 //                                          the steady clock, and it prints how old images were
@@ -13,6 +14,7 @@
 
 #include "ros/dds/topic_io.h"
 #include "ros/messages/sensor_msgs.h"
+#include "ros/messages/std_msgs.h"
 #include "tests/ros/dds/loopback.h"
 
 using namespace segsim::ros;
@@ -23,6 +25,8 @@ using ImageReader = dds::TopicReader<sensor_msgs::Image>;
 
 int listen(dds::Transport& transport, const std::string& last) {
   ImageReader reader(transport, "/numbers", {.depth = 1});
+  while (reader.writers() == 0) (void)transport.wait(0.02);
+  const dds::TopicWriter<std_msgs::Bool> ready(transport, "/ready");
   while (transport.wait(60.0)) {
     while (const auto message = reader.take()) {
       if (message->header.frame_id == last) return 0;
