@@ -89,7 +89,7 @@ struct Ros2Settings {
   double start_s = 60.0;   ///< Wall time until somebody is there, at the start of a trial.
   bool detections = true;  ///< Those of the arm are published.
   bool fast_dds = false;   ///< `dds: fast`; else Cyclone DDS.
-  std::string config;      ///< Of Cyclone DDS, besides CYCLONEDDS_URI: XML.
+  std::string config;      ///< Of the implementation, as XML (ros/dds/transport.h).
   bool operator==(const Ros2Settings&) const = default;
 };
 

@@ -29,17 +29,14 @@ class RosCli : public testing::Test {
   void SetUp() override {
     bundle_ = experiments::TinyScene().write(folder_.path() / "tiny").string();
   }
-  [[nodiscard]] std::vector<std::string> command(const std::vector<std::string>& more) const {
-    std::vector<std::string> words{SEGSIM_BINARY,  "ros",
-                                   "serve",        bundle_,
-                                   "--goal",       "couch",
-                                   "--domain",     std::to_string(kDomain),
-                                   "--dds-config", ros::dds::kLoopback,
-                                   "--work",       (folder_.path() / "work").string(),
-                                   "--width",      "96",
-                                   "--height",     "72",
-                                   "--backend",    "cpu",
-                                   "--wait",       "60"};
+  [[nodiscard]] std::vector<std::string> command(
+      const std::vector<std::string>& more, const char* config = ros::dds::kLoopback) const {
+    std::vector<std::string> words{
+        SEGSIM_BINARY,  "ros",   "serve",    bundle_,
+        "--goal",       "couch", "--domain", std::to_string(kDomain),
+        "--dds-config", config,  "--work",   (folder_.path() / "work").string(),
+        "--width",      "96",    "--height", "72",
+        "--backend",    "cpu",   "--wait",   "60"};
     words.insert(words.end(), more.begin(), more.end());
     return words;
   }
@@ -108,6 +105,16 @@ TEST_F(RosServe, DrivesUntilThePilotStopsItAndTellsTheOutcome) {
   }
   EXPECT_THAT(log, HasSubstr("robot at -2.00, 0.00 m, 90 degrees, searching \"couch\""));
   EXPECT_THAT(log, HasSubstr("outcome: stopped_far after 1.9 s (simulated), 20 images"));
+}
+
+TEST_F(RosServe, ByFastDdsItIsDrivenByAPilotOfCycloneAsWell) {
+  if (!ros::dds::has_transport(ros::dds::Implementation::kFast)) GTEST_SKIP() << "no Fast DDS";
+  Pilot pilot(20);
+  Process server(command({"--start", "-2,0,90", "--dds", "fast"}, ros::dds::kFastLoopback), "",
+                 folder_.path() / "log");
+  EXPECT_EQ(server.wait(kPatience_s), 0);
+  EXPECT_THAT(server.output(),
+              HasSubstr("outcome: stopped_far after 1.9 s (simulated), 20 images"));
 }
 
 TEST_F(RosServe, InRealTimeItEndsWithItsTimeAlsoIfNobodyCommands) {
