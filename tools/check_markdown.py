@@ -17,6 +17,7 @@ import sys
 
 LONGEST_LINE = 120
 SKIPPED_FOLDERS = ("build", "out", ".git")
+USERS_FOLDERS = ("models",)  # Of what a user has fetched; pages may mean another folder of that name.
 # A history names files that are gone.
 NAMES_OLD_FILES = ("CHANGELOG.md",)
 LINK = re.compile(r"!?\[((?:[^\[\]]|\[[^\]]*\])*)\]\(\s*<?([^)\s>]+)>?(?:\s+\"[^\"]*\")?\s*\)")
@@ -145,7 +146,7 @@ def missing_file(root, code):
             continue
         for name in alternatives(word):
             top = name.split("/")[0]
-            if not (root / top).is_dir() or top.startswith(SKIPPED_FOLDERS) or "*" in top:
+            if not (root / top).is_dir() or top.startswith(SKIPPED_FOLDERS) or top in USERS_FOLDERS or "*" in top:
                 continue
             if "." not in name.rstrip("/").split("/")[-1] and not name.endswith("/"):
                 continue  # A word such as `renderer/exr_io`, the name of a test.

@@ -57,6 +57,10 @@ class Links(Repository):
         self.assert_fault("links", "README.md", "as in `core/gone.h`", "no core/gone.h")
         self.assert_fault("links", "README.md", "as in `core/{camera,gone}.h`", "no core/gone.h")
 
+    def test_folders_of_users(self):
+        (self.root / "models").mkdir()
+        self.assertEqual(self.faults("links", "README.md", "`models/sofa.dae` of a world"), [])
+
     def test_line_numbers(self):
         self.assert_fault("links", "README.md", "as in `core/camera.h:12`", "lines move")
 
