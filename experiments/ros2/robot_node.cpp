@@ -25,7 +25,6 @@ constexpr ros::dds::Qos kLatchedQos{.transient_local = true, .depth = 1};
 constexpr ros::dds::Qos kImageQos{.depth = 5};
 /// Hears reliable writers and others.
 constexpr ros::dds::Qos kCommandQos{.reliable = false, .depth = 10};
-
 /// It is said once.
 constexpr ros::dds::Qos kStopQos{.depth = 10};
 
@@ -181,7 +180,8 @@ void RobotNode::begin(const core::ObjectGoal& goal, std::vector<std::string> cla
   robot.scans = robot.imu_readings = robot.fixes = 0;
   robot.mounted = false;
   robot.last_estimate.reset();
-  drop_orders();
+  drop_velocities();
+  while (robot.stop.take()) ++robot.traffic.superseded;
   robot.put(robot.goal, {goal.text()});
 }
 
@@ -255,10 +255,8 @@ std::optional<RobotOrder> RobotNode::take_order() {
   return order;
 }
 
-void RobotNode::drop_orders() {
-  Impl& robot = *impl_;
-  while (robot.next_twist()) ++robot.traffic.superseded;
-  while (robot.stop.take()) ++robot.traffic.superseded;
+void RobotNode::drop_velocities() {
+  while (impl_->next_twist()) ++impl_->traffic.superseded;
 }
 
 void RobotNode::wait(double timeout_s) { (void)impl_->transport->wait(timeout_s); }

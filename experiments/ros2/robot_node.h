@@ -56,8 +56,8 @@ class RobotNode {
   /// counts in any case.
   /// @throws core::InputError if it is no velocity.
   [[nodiscard]] std::optional<RobotOrder> take_order();
-  /// Forgets orders that have come.
-  void drop_orders();
+  /// Forgets velocities that have come; a stop is said once, and counts whenever it comes.
+  void drop_velocities();
   /// Until something came, or the wall time is over.
   void wait(double timeout_s);
 

@@ -68,7 +68,7 @@ void Ros2Policy::reset(const core::ObjectGoal& goal, std::uint64_t /*seed*/) {
 
 core::Decision Ros2Policy::decide(const core::Observation& observation,
                                   std::span<const core::Detection> detections) {
-  if (settings_.waits) robot_->drop_orders();  // They answer older images.
+  if (settings_.waits) robot_->drop_velocities();  // They answer older images.
   if (!settings_.detections) detections = {};
   robot_->publish(observation, detections);
   order_ = settings_.waits ? await_order(observation, detections) : newest_order();

@@ -143,6 +143,16 @@ TEST_F(Ros2PolicyTest, AStopEndsTheSearchAsItSays) {
   }
 }
 
+TEST_F(Ros2PolicyTest, AStopBetweenTwoImagesCounts) {
+  Ros2Policy robot = policy();
+  PlainPilot pilot;
+  pilot.stop.write({true});  // Of the episode before.
+  robot.reset({"couch", 1}, 1);
+  pilot.command.write(twist(9.0, 0.0));
+  pilot.stop.write({false});
+  EXPECT_EQ(decide(robot).stop, core::StopReason::kNothingNew);
+}
+
 TEST_F(Ros2PolicyTest, StampedCommandsAreHeardIfAskedFor) {
   auto of = settings();
   of.stamped = true;
