@@ -19,6 +19,7 @@
 #include "experiments/commands/commands.h"
 #include "experiments/commands/light/flag_values.h"
 #include "experiments/specs/spec.h"
+#include "experiments/suites/layered_yaml.h"
 #include "experiments/support/listed.h"
 #include "experiments/support/stop_signal.h"
 #include "experiments/trials/trial_runner.h"
@@ -44,13 +45,6 @@ struct ServeFlags {
   std::uint64_t seed = 1;
 };
 
-/// As YAML has texts that hold anything.
-std::string quoted(const std::string& text) {
-  std::string result = "'";
-  for (const char c : text) result += c == '\'' ? "''" : std::string(1, c);
-  return result + "'";
-}
-
 std::string policy_text(const ServeFlags& flags) {
   std::string text = "policy: {type: ros2, domain: " + std::to_string(flags.domain) +
                      ", distro: " + flags.distro + ", cmd_vel: " + flags.cmd_vel +
@@ -58,7 +52,7 @@ std::string policy_text(const ServeFlags& flags) {
                      core::print(", answer_s: %g, start_s: %g", flags.answer_s, flags.wait_s) +
                      ", dds: " + flags.dds;
   if (flags.detector == "none") text += ", detections: false";
-  if (!flags.dds_config.empty()) text += ", config: " + quoted(flags.dds_config);
+  if (!flags.dds_config.empty()) text += ", config: " + suites::yaml_scalar(flags.dds_config);
   return text + "}\n";
 }
 
@@ -67,17 +61,17 @@ std::string spec_text(const ServeFlags& flags, const core::SceneManifest& scene)
   const bool truth = flags.detector == "none" || flags.detector == "oracle";
   std::string text =
       "schema: segsim.experiment/1\nname: ros\nseed: " + std::to_string(flags.seed) +
-      "\nscenes:\n  - name: scene\n    title: " + quoted(scene.name) +
-      "\n    bundle: " + quoted(fs::absolute(flags.bundle).string()) + "\n    goals: [" +
-      quoted(flags.goal) +
+      "\nscenes:\n  - name: scene\n    title: " + suites::yaml_scalar(scene.name) +
+      "\n    bundle: " + suites::yaml_scalar(fs::absolute(flags.bundle).string()) +
+      "\n    goals: [" + suites::yaml_scalar(flags.goal) +
       "]\n    episodes: 1\n    start_distance_m: [0.5, 1000]\n"
       "    allow_visible_start: true\n    allow_trivial: true\n";
   const double height_m =
       flags.camera_height_m > 0.0 ? flags.camera_height_m : scene.camera_height_m;
   if (height_m > 0.0) text += core::print("    camera_height_m: %g\n", height_m);
   text += "arms:\n  - {name: ros2, detector: " +
-          (truth ? "oracle" : quoted(fs::absolute(flags.detector).string())) + "}\n" +
-          policy_text(flags) + "robot: " + quoted(flags.robot) + "\n";
+          (truth ? "oracle" : suites::yaml_scalar(fs::absolute(flags.detector).string())) +
+          "}\n" + policy_text(flags) + "robot: " + suites::yaml_scalar(flags.robot) + "\n";
   if (!flags.sensors.empty()) {
     text += "sensors:\n";
     for (const std::string& name : flags.sensors) text += "  " + name + ": {}\n";

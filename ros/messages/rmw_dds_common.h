@@ -4,6 +4,7 @@
 /// How nodes tell which endpoints are theirs.
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -11,11 +12,12 @@
 
 namespace segsim::ros::rmw_dds_common {
 
-/// From ROS 2 Iron on; before, it had 24 bytes.
-struct Gid {
+/// @tparam kBytes  16 from ROS 2 Iron on; before, 24.
+template <std::size_t kBytes>
+struct GidOf {
   static constexpr MessageType kType{"rmw_dds_common", "Gid"};
-  std::array<std::uint8_t, 16> data{};
-  bool operator==(const Gid&) const = default;
+  std::array<std::uint8_t, kBytes> data{};
+  bool operator==(const GidOf&) const = default;
 
   template <class Self, class Visitor>
   static void visit_fields(Self& self, Visitor&& visit) {
@@ -23,13 +25,14 @@ struct Gid {
   }
 };
 
-struct NodeEntitiesInfo {
+template <std::size_t kGidBytes>
+struct NodeEntitiesInfoOf {
   static constexpr MessageType kType{"rmw_dds_common", "NodeEntitiesInfo"};
   BoundedString<256> node_namespace;
   BoundedString<256> node_name;
-  std::vector<Gid> reader_gid_seq;
-  std::vector<Gid> writer_gid_seq;
-  bool operator==(const NodeEntitiesInfo&) const = default;
+  std::vector<GidOf<kGidBytes>> reader_gid_seq;
+  std::vector<GidOf<kGidBytes>> writer_gid_seq;
+  bool operator==(const NodeEntitiesInfoOf&) const = default;
 
   template <class Self, class Visitor>
   static void visit_fields(Self& self, Visitor&& visit) {
@@ -40,11 +43,12 @@ struct NodeEntitiesInfo {
   }
 };
 
-struct ParticipantEntitiesInfo {
+template <std::size_t kGidBytes>
+struct ParticipantEntitiesInfoOf {
   static constexpr MessageType kType{"rmw_dds_common", "ParticipantEntitiesInfo"};
-  Gid gid;
-  std::vector<NodeEntitiesInfo> node_entities_info_seq;
-  bool operator==(const ParticipantEntitiesInfo&) const = default;
+  GidOf<kGidBytes> gid;
+  std::vector<NodeEntitiesInfoOf<kGidBytes>> node_entities_info_seq;
+  bool operator==(const ParticipantEntitiesInfoOf&) const = default;
 
   template <class Self, class Visitor>
   static void visit_fields(Self& self, Visitor&& visit) {
@@ -52,5 +56,9 @@ struct ParticipantEntitiesInfo {
     visit("node_entities_info_seq", self.node_entities_info_seq);
   }
 };
+
+using Gid = GidOf<16>;
+using NodeEntitiesInfo = NodeEntitiesInfoOf<16>;
+using ParticipantEntitiesInfo = ParticipantEntitiesInfoOf<16>;
 
 }  // namespace segsim::ros::rmw_dds_common
