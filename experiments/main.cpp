@@ -1,4 +1,5 @@
 // `segsim-main`: all of `segsim`. Users start the launcher (experiments/launcher.cpp).
+#include "experiments/commands/bridges/bridge_commands.h"
 #include "experiments/commands/commands.h"
 #include "experiments/commands/detectors/detector_commands.h"
 #include "experiments/commands/scene/scene_commands.h"
@@ -20,7 +21,7 @@ void add_commands(CLI::App& app) {
   commands::detectors::add_detector_command(app);
   commands::detectors::add_masks_command(app);
   commands::detectors::add_evaluate_command(app);
-  commands::add_gazebo_command(app);
+  commands::bridges::add_gazebo_command(app);
   commands::add_bench_command(app);
   commands::add_budget_command(app);
   commands::add_replay_command(app);
@@ -37,7 +38,7 @@ void add_commands(CLI::App& app) {
   commands::add_trial_command(app);
   commands::add_video_command(app);
   commands::add_record_command(app);
-  commands::add_ros_command(app);
+  commands::bridges::add_ros_command(app);
 }
 
 }  // namespace

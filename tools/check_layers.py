@@ -41,7 +41,7 @@ ROOMS = {
     "experiments": ("support", "specs", "drawing", "episodes", "records", "results", "suites", "reproducibility", "training", "scenes",
                     "detection", "benchmarks", "video", "ros2", "trials", "runs", "films", "bags", "panoptic", "scripted_trials", "report",
                     "web", "dashboard", "scene_labels", "commands/light", "commands", "commands/detectors",
-                    "commands/scene", "."),
+                    "commands/scene", "commands/bridges", "."),
 }
 MOST_FILES = 25  # Of a folder; header and source of one class count once.
 LIBRARY_HOME = {  # library: the only folders that may include it

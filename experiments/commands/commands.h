@@ -3,7 +3,8 @@
 /// @file
 /// One function per subcommand of `segsim`: declares its flags and registers what runs when it
 /// was named. Errors are thrown: core::InputError, core::CheckFailed; main() turns them into
-/// exit codes. Those about scenes and detectors lie in folders of their own.
+/// exit codes. Those about scenes, detectors, Gazebo and ROS 2 lie in
+/// folders of their own.
 
 #include "experiments/commands/light/light_commands.h"
 
@@ -16,8 +17,6 @@ void add_suite_command(CLI::App& app);
 void add_capture_command(CLI::App& app);
 void add_reconstruct_command(CLI::App& app);
 void add_render_command(CLI::App& app);
-/// `segsim gazebo serve` and `segsim gazebo export-world`.
-void add_gazebo_command(CLI::App& app);
 void add_bench_command(CLI::App& app);
 void add_budget_command(CLI::App& app);
 void add_replay_command(CLI::App& app);
@@ -35,7 +34,5 @@ void add_report_command(CLI::App& app);
 void add_serve_command(CLI::App& app);
 void add_video_command(CLI::App& app);
 void add_record_command(CLI::App& app);
-/// `segsim ros serve`.
-void add_ros_command(CLI::App& app);
 
 }  // namespace segsim::experiments::commands

@@ -351,6 +351,7 @@ RunReport run_experiment(const specs::ExperimentSpec& spec, const RunOptions& op
   const fs::path& work = options.folders.work;
   const support::StageTimes::Clock::time_point start = support::StageTimes::Clock::now();
   // Before hours of work.
+  internal::check_motion(spec, options.workers);
   internal::check_policy_models(spec, options.workers);
   (void)reconstruction::trains_on_gpu({.backend = spec.backend});
   support::StageTimes times;

@@ -283,6 +283,7 @@ ExperimentSpec parse_spec(const std::string& text, const fs::path& origin,
   spec.frames = read_frames(root);
   spec.replays = read_replays(root);
   spec.pictures = root.boolean_or("pictures", true);
+  internal::read_motion(root, spec);
   root.finish();
   spec.sha256 = spec_hash(spec);
   return spec;

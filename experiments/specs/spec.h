@@ -21,6 +21,7 @@
 #include "experiments/specs/sensor_spec.h"
 #include "nav/policies/policy_registry.h"
 #include "renderer/renderer_backend.h"
+#include "sim/gazebo/gazebo_drive.h"
 #include "sim/ground/robot.h"
 #include "sim/trial/success_profile.h"
 #include "sim/trial/trial.h"
@@ -278,6 +279,8 @@ struct ExperimentSpec {
   double control_period_s = 0.1;
   double time_limit_s = 180.0;
   ClockSpec clock;
+  /// That Gazebo moves the robot; none: this program does.
+  std::optional<sim::GazeboDriveOptions> motion;
   RepetitionsSpec repetitions;
   CameraSpec camera;
   SuccessSpec success;

@@ -10,6 +10,7 @@
 #include "experiments/drawing/trial_picture.h"
 #include "experiments/reproducibility/backend_warning.h"
 #include "experiments/ros2/ros2_policy.h"
+#include "experiments/support/stop_signal.h"
 #include "experiments/trials/arm_detector.h"
 #include "experiments/trials/internal/trial_outputs.h"
 #include "experiments/trials/trial_options.h"
@@ -270,6 +271,16 @@ TrialRunner::ArmDetectorSlot& TrialRunner::detector_for(const LoadedScene& scene
   return slot;
 }
 
+sim::ExternalDrive* TrialRunner::drive() {
+  if (!spec_.motion) return nullptr;
+  if (drive_ == nullptr) {
+    sim::GazeboDriveOptions options = *spec_.motion;
+    options.interrupted = support::StopOnSignal::requested;
+    drive_ = std::make_unique<sim::GazeboDrive>(std::move(options));
+  }
+  return drive_.get();
+}
+
 /// The arm's policy; only "oracle-path" is handed the way to the goal.
 std::unique_ptr<core::Policy> TrialRunner::policy_for(const TrialTask& task,
                                                       const ArmDetectorSlot& slot) {
@@ -383,7 +394,8 @@ void TrialRunner::run_checked(const TrialTask& task, records::TrialRow& row) {
                                             .policy = timed_policy,
                                             .truth = &detector,
                                             .observer = observer,
-                                            .readings = readings});
+                                            .readings = readings,
+                                            .drive = drive()});
   if (task.replay_log)
     records::write_replay_log(log_file, records::with_result(std::move(log), result));
   std::vector<double> distance_m;

@@ -28,6 +28,7 @@
 #include "peers/peer.h"
 #include "renderer/scene/panoptic_field.h"
 #include "renderer/scene/surfels.h"
+#include "sim/gazebo/gazebo_drive.h"
 #include "sim/ground/world.h"
 #include "sim/trial/oracle_detector.h"
 #include "sim/trial/trial.h"
@@ -123,6 +124,8 @@ class TrialRunner {
   /// What the robot sees by: views that an arm before it has seen are not drawn again.
   core::Renderer& eye_for(const TrialTask& task);
   ArmDetectorSlot& detector_for(const LoadedScene& scene, const specs::ArmSpec& arm);
+  /// Gazebo, if it moves the robot, else null.
+  sim::ExternalDrive* drive();
   std::unique_ptr<core::Policy> policy_for(const TrialTask& task, const ArmDetectorSlot& slot);
   void run_checked(const TrialTask& task, records::TrialRow& row);
   /// The result under the spec's success rule, and why it failed.
@@ -140,6 +143,7 @@ class TrialRunner {
   std::optional<SharedViews> views_;  ///< Of the episode that ran last.
   std::string views_of_;              ///< Its scene and name.
   LoadedPolicyModels models_;
+  std::unique_ptr<sim::GazeboDrive> drive_;  ///< Made when it is needed.
   std::map<std::string, ArmDetectorSlot>
       slots_;  ///< By arm; those that differ between scenes by scene and arm.
 };

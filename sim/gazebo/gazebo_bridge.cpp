@@ -1,14 +1,10 @@
 #include "sim/gazebo/gazebo_bridge.h"
 
-// The only file of the library that includes the transport: its headers take the compiler
-// several seconds.
 #include <ignition/msgs/camera_info.pb.h>
 #include <ignition/msgs/image.pb.h>
-#include <ignition/msgs/pose_v.pb.h>
 
 #include <algorithm>
 #include <chrono>
-#include <cstdlib>
 #include <mutex>
 #include <optional>
 #include <utility>
@@ -20,6 +16,7 @@
 #include "core/task_order.h"
 #include "sim/gazebo/gazebo_images.h"
 #include "sim/gazebo/internal/gazebo_inbox.h"
+#include "sim/gazebo/internal/gazebo_transport.h"
 #include "sim/gazebo/internal/recent_times.h"
 
 namespace segsim::sim {
@@ -27,38 +24,11 @@ namespace {
 
 namespace msgs = ignition::msgs;
 using ignition::transport::Node;
+using internal::Dialect;
 using internal::GazeboInbox;
 using internal::GazeboView;
 
 constexpr std::chrono::milliseconds kPatience{100};
-
-/// The transport reads its environment once, when the first node is made.
-void prepare_environment() {
-  for (const auto& [newer, older] :
-       {std::pair("GZ_PARTITION", "IGN_PARTITION"), std::pair("GZ_IP", "IGN_IP")}) {
-    if (const char* value = std::getenv(newer)) ::setenv(older, value, 0);
-  }
-  ::setenv("IGN_TRANSPORT_SNDHWM", std::to_string(kSendQueue).c_str(), 0);
-}
-
-/// A name of message types and the node that speaks it: one node cannot advertise a topic
-/// twice.
-struct Dialect {
-  std::string prefix;  ///< "ignition.msgs." or "gz.msgs."
-  Node node;
-};
-
-std::vector<std::unique_ptr<Dialect>> make_dialects(GazeboFlavour flavour) {
-  prepare_environment();
-  std::vector<std::unique_ptr<Dialect>> dialects;
-  const auto add = [&](const char* prefix) {
-    dialects.push_back(std::make_unique<Dialect>());
-    dialects.back()->prefix = prefix;
-  };
-  if (flavour != GazeboFlavour::kGz) add("ignition.msgs.");
-  if (flavour != GazeboFlavour::kIgnition) add("gz.msgs.");
-  return dialects;
-}
 
 /// One topic in every dialect.
 template <class Message>
@@ -226,37 +196,18 @@ class Receiver {
   void receive(const char* bytes, std::size_t size) {
     const auto arrival = GazeboInbox::Clock::now();
     const std::lock_guard lock(mutex_);
-    if (!message_.ParseFromArray(bytes, static_cast<int>(size))) {
+    if (message_.read(bytes, size)) {
+      inbox.put(message_.stamp_ns(), message_.entities(), arrival);
+    } else {
       inbox.put_unreadable(size);
-      return;
     }
-    entities_.clear();
-    for (const msgs::Pose& pose : message_.pose()) {
-      const auto& p = pose.position();
-      const auto& q = pose.orientation();
-      entities_.push_back(
-          {pose.name(), pose.id(), {p.x(), p.y(), p.z()}, {q.w(), q.x(), q.y(), q.z()}});
-    }
-    inbox.put(stamp(), entities_, arrival);
   }
 
   GazeboInbox inbox;
 
  private:
-  [[nodiscard]] std::optional<core::TimeNs> stamp() const {
-    if (!message_.has_header() || !message_.header().has_stamp()) return {};
-    const auto& stamp = message_.header().stamp();
-    constexpr std::int64_t kLongestTime_s = 1'000'000'000;  // 31 years: no int64 overflows.
-    if (stamp.sec() < 0 || stamp.sec() > kLongestTime_s || stamp.nsec() < 0 ||
-        stamp.nsec() >= core::kNsPerSecond) {
-      return {};
-    }
-    return stamp.sec() * core::kNsPerSecond + stamp.nsec();
-  }
-
   std::mutex mutex_;
-  msgs::Pose_V message_;
-  std::vector<GazeboEntity> entities_;
+  internal::PoseMessage message_;
 };
 
 }  // namespace
@@ -269,7 +220,7 @@ struct GazeboBridge::Parts {
         encoder(scene),
         views(internal::make_views(options.cameras)),
         receiver(std::make_shared<Receiver>(views)),
-        dialects(make_dialects(options.flavour)) {
+        dialects(internal::make_dialects(options.flavour)) {
     if (views.empty()) {
       throw core::InputError::expected("Gazebo bridge", "at least one camera", "none");
     }

@@ -39,6 +39,7 @@ class Trial {
       : options_(parts.options),
         policy_(parts.policy),
         readings_(parts.readings),
+        paced_(parts.options.clock.mode == ClockMode::kRealtime && parts.drive == nullptr),
         period_ns_(control_period_ns(parts.options)),
         drive_(parts),
         camera_(camera_rate(parts.options), parts.episode.seed,
@@ -130,8 +131,7 @@ class Trial {
 
   void begin_tick(core::TimeNs now_ns) {
     drive_.begin_tick();
-    const bool waits = options_.clock.mode == ClockMode::kRealtime;
-    if (waits && pacer_.wait_until(now_ns) > kLate_ns) recorder_.overrun();
+    if (paced_ && pacer_.wait_until(now_ns) > kLate_ns) recorder_.overrun();
   }
 
   /// Whether a new image is there and the policy is free for it.
@@ -227,6 +227,7 @@ class Trial {
   const TrialOptions& options_;
   core::Policy& policy_;
   const ReadingsObserver& readings_;
+  bool paced_;  ///< By the wall clock; another simulator's clock paces by itself.
   core::TimeNs period_ns_;
   internal::TrialDrive drive_;
   internal::CameraTrigger camera_;

@@ -36,6 +36,7 @@
 #include "sim/sensors/sensor_suite.h"
 #include "sim/time/clock.h"
 #include "sim/time/timing.h"
+#include "sim/trial/external_drive.h"
 #include "sim/trial/outcome.h"
 #include "sim/trial/trial_faults.h"
 
@@ -186,6 +187,10 @@ struct TrialParts {
   GroundTruthSink* truth = nullptr;
   TickObserver observer{};      ///< May be empty.
   ReadingsObserver readings{};  ///< May be empty.
+  /// If not null, moves the robot; simulated time is that simulator's then. Contacts are those
+  /// of the footprint with the scene's mesh, to within a centimetre, and stop nothing.
+  /// ClockMode::kRealtime alone.
+  ExternalDrive* drive = nullptr;
 };
 
 /// Runs one episode. In lockstep and virtual time deterministic: equal parts give equal

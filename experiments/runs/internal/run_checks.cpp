@@ -67,6 +67,13 @@ void check_network(const specs::ExperimentSpec& spec, const specs::ArmSpec& arm,
 
 }  // namespace
 
+void check_motion(const specs::ExperimentSpec& spec, int workers) {
+  if (!spec.motion || workers == 1) return;
+  throw core::InputError::expected("motion by Gazebo",
+                                   "--workers 1, because a world has one robot",
+                                   std::to_string(workers) + " workers");
+}
+
 void check_policy_models(const specs::ExperimentSpec& spec, int workers) {
   if (!spec.phrases.model.empty()) {
     (void)perception::load_image_text_scorer(spec.phrases.model);

@@ -14,6 +14,9 @@ namespace segsim::experiments::runs::internal {
 /// @throws core::InputError
 void check_goals_known(const specs::ExperimentSpec& spec, const Inputs& inputs);
 
+/// Whether Gazebo can move the robots of so many workers. @throws core::InputError
+void check_motion(const specs::ExperimentSpec& spec, int workers);
+
 /// Networks that policies and phrases name are read, and other programs started, before
 /// anything is made.
 /// @param workers  Of the run. @throws core::InputError

@@ -57,6 +57,10 @@ void read_phrase_model(const core::ConfigNode& root, const Variables& variables,
                                             const Variables& variables);
 [[nodiscard]] ArmSpec read_arm(const core::ConfigNode& node, const Variables& variables);
 
+/// The key `motion` of the root, for which clock, collision and replays must be right. To be
+/// called when all else is in.
+void read_motion(const core::ConfigNode& root, ExperimentSpec& spec);
+
 /// The key `repetitions` of the root: fills in spec.repetitions and makes scenes and arms of
 /// it. To be called when scenes, detectors and arms are in.
 void read_repetitions(const core::ConfigNode& root, ExperimentSpec& spec);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
 #include <utility>
 
 #include <glm/geometric.hpp>
@@ -13,6 +14,8 @@ namespace segsim::sim::internal {
 namespace {
 
 constexpr core::TimeNs kContactDebounce_ns = core::kNsPerSecond / 2;
+/// Another simulator's robot touches what is this near: half a cell of the grid.
+constexpr double kTouch_m = 0.01;
 /// A contact point lies on the 2 cm grid of the collision world, boxes fit the surface.
 constexpr double kBoxMargin_m = 0.05;
 
@@ -33,64 +36,107 @@ std::uint16_t instance_at(const core::SceneManifest& manifest, const glm::dvec2&
 TrialDrive::TrialDrive(const TrialParts& parts)
     : options_(parts.options),
       world_(parts.world),
+      external_(parts.drive),
       robot_(parts.robot, parts.episode.start),
       substep_ns_(std::llround(parts.options.substep_s * 1e9)) {
   const Episode& episode = parts.episode;
   const TrialOptions& options = parts.options;
-  const World& world = parts.world;
   const core::TimeNs period_ns = std::llround(options.control_period_s * 1e9);
   SEGSIM_CHECK(substep_ns_ > 0 && period_ns > 0 && period_ns % substep_ns_ == 0,
                "the control period is a whole number of substeps");
-  if (options.collision == CollisionMode::kNavmesh) {
-    const glm::dvec3 start_m(episode.start.x_m, episode.start.y_m, 0.0);
-    walker_ = NavmeshWalker::place(world.navmesh(), start_m);
-    if (!walker_) {
-      throw core::InputError::expected("episode " + episode.id,
-                                       "a start on the navigation mesh", "none near it");
-    }
-    const glm::dvec3& p_m = walker_->position_m();
-    robot_.set_pose({p_m.x, p_m.y, episode.start.yaw_rad});
-  } else if (world.collision().collides(episode.start)) {
-    throw core::InputError::expected("episode " + episode.id, "a free start", "a collision");
-  }
+  SEGSIM_CHECK(external_ == nullptr || options.clock.mode == ClockMode::kRealtime,
+               "another simulator does not wait");
+  place(episode);
+  const core::Pose2 start = external_ != nullptr ? pose() : episode.start;
   SEGSIM_CHECK(!options.odometry || !options.localiser, "one kind of localisation");
-  if (options.odometry) odometer_.emplace(*options.odometry, episode.start, episode.seed);
+  if (options.odometry) odometer_.emplace(*options.odometry, start, episode.seed);
   if (options.localiser) {
     localiser_.emplace(*options.localiser, episode.seed);
-    localiser_->move_to(0, episode.start);
+    localiser_->move_to(0, start);
   }
   if (options.sensors) {
-    sensors_.emplace(*options.sensors, world.mesh(), world.local_frame(), episode.start,
+    sensors_.emplace(*options.sensors, world_.mesh(), world_.local_frame(), start,
                      episode.seed);
   }
 }
 
+void TrialDrive::place(const Episode& episode) {
+  const std::string place = "episode " + episode.id;
+  if (options_.collision == CollisionMode::kNavmesh) {
+    const glm::dvec3 start_m(episode.start.x_m, episode.start.y_m, 0.0);
+    walker_ = NavmeshWalker::place(world_.navmesh(), start_m);
+    if (!walker_) {
+      throw core::InputError::expected(place, "a start on the navigation mesh",
+                                       "none near it");
+    }
+    const glm::dvec3& p_m = walker_->position_m();
+    robot_.set_pose({p_m.x, p_m.y, episode.start.yaw_rad});
+  } else if (world_.collision().collides(episode.start)) {
+    throw core::InputError::expected(place, "a free start", "a collision");
+  }
+  if (external_ != nullptr) robot_.set_pose(external_->begin(episode.start));
+}
+
 void TrialDrive::set_command(const core::VelocityCommand& command) {
   command_ = command;
+  if (external_ != nullptr) return external_->command(command);
   robot_.set_command(command);
 }
 
 bool TrialDrive::drive_to(core::TimeNs time_ns) {
+  if (external_ != nullptr) return follow_to(time_ns);
   while (now_ns_ < time_ns) {
     // Steps lie on one grid, so that a command between two of them does not shift the others.
     const core::TimeNs next_ns = std::min(time_ns, (now_ns_ / substep_ns_ + 1) * substep_ns_);
     const core::TimeNs step_ns = next_ns - now_ns_;
     const double step_s = step_ns == substep_ns_ ? options_.substep_s : core::seconds(step_ns);
-    const core::Pose2 before = robot_.state().pose;
     const core::VelocityCommand velocity = robot_.update_velocity(step_s);
     const MoveResult moved = move(velocity, step_s);
-    path_m_ += std::hypot(moved.pose.x_m - before.x_m, moved.pose.y_m - before.y_m);
-    robot_.set_pose(moved.pose);
-    now_ns_ = next_ns;
-    if (odometer_) odometer_->move_to(now_ns_, moved.pose);
-    if (localiser_) localiser_->move_to(now_ns_, moved.pose);
-    if (sensors_) sensors_->move_to(now_ns_, moved.pose);
+    arrive(next_ns, moved.pose);
     if (moved.contact) {
+      // A base that slides keeps its wheels turning.
+      if (options_.contact_response == ContactResponse::kStop) robot_.set_velocity({});
       note_contact(*moved.contact, step_ns);
       if (options_.stop_on_contact) return false;
     }
   }
   return true;
+}
+
+bool TrialDrive::follow_to(core::TimeNs time_ns) {
+  while (!following_ || now_ns_ < time_ns) {
+    following_ = true;
+    const core::TimeNs before_ns = now_ns_;
+    const core::Pose2 before = pose();
+    const ExternalDrive::Moment moment = external_->next(time_ns);
+    const core::TimeNs step_ns = moment.time_ns - before_ns;
+    if (step_ns == 0) {  // The first one.
+      robot_.set_pose(moment.pose);
+      continue;
+    }
+    arrive(moment.time_ns, moment.pose);
+    const double step_s = core::seconds(step_ns);
+    const glm::dvec2 moved_m(pose().x_m - before.x_m, pose().y_m - before.y_m);
+    const glm::dvec2 ahead(std::cos(before.yaw_rad), std::sin(before.yaw_rad));
+    const double turned_rad = core::wrap_angle_rad(pose().yaw_rad - before.yaw_rad);
+    robot_.set_velocity({glm::dot(moved_m, ahead) / step_s, turned_rad / step_s});
+    const Clearance clearance = world_.collision().clearance(pose());
+    if (clearance.distance_m > kTouch_m) continue;
+    const double approach_mps = std::max(0.0, -glm::dot(moved_m, clearance.normal)) / step_s;
+    note_contact({clearance.point_m, clearance.normal, approach_mps}, step_ns);
+    if (options_.stop_on_contact) return false;
+  }
+  return true;
+}
+
+void TrialDrive::arrive(core::TimeNs time_ns, const core::Pose2& pose) {
+  const core::Pose2& before = robot_.state().pose;
+  path_m_ += std::hypot(pose.x_m - before.x_m, pose.y_m - before.y_m);
+  robot_.set_pose(pose);
+  now_ns_ = time_ns;
+  if (odometer_) odometer_->move_to(now_ns_, pose);
+  if (localiser_) localiser_->move_to(now_ns_, pose);
+  if (sensors_) sensors_->move_to(now_ns_, pose);
 }
 
 MoveResult TrialDrive::move(const core::VelocityCommand& velocity, double step_s) {
@@ -123,8 +169,6 @@ MoveResult TrialDrive::move(const core::VelocityCommand& velocity, double step_s
 }
 
 void TrialDrive::note_contact(const Contact& contact, core::TimeNs step_ns) {
-  // A base that slides keeps its wheels turning.
-  if (options_.contact_response == ContactResponse::kStop) robot_.set_velocity({});
   in_contact_ = true;
   contact_ns_ += step_ns;
   if (last_contact_ns_ < 0 || now_ns_ - last_contact_ns_ > kContactDebounce_ns) {

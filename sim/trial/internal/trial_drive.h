@@ -22,7 +22,7 @@ class TrialDrive {
   [[nodiscard]] bool drive_to(core::TimeNs time_ns);
   void set_command(const core::VelocityCommand& command);
   /// The command in effect is sent again, so that the base does not run into its timeout.
-  void send_again() { robot_.set_command(command_); }
+  void send_again() { set_command(command_); }
   /// Forgets the contacts before now.
   void begin_tick() { in_contact_ = false; }
 
@@ -47,12 +47,19 @@ class TrialDrive {
   void report(TrialResult& result);
 
  private:
+  /// Places the robot at the start of the episode.
+  void place(const Episode& episode);
+  /// drive_to() where another simulator moves the robot.
+  [[nodiscard]] bool follow_to(core::TimeNs time_ns);
+  /// The robot is there at that time.
+  void arrive(core::TimeNs time_ns, const core::Pose2& pose);
   /// One substep, in the world of the options' collision mode.
   [[nodiscard]] MoveResult move(const core::VelocityCommand& velocity, double step_s);
   void note_contact(const Contact& contact, core::TimeNs step_ns);
 
   const TrialOptions& options_;
   const World& world_;
+  ExternalDrive* external_;  ///< May be null.
   Robot robot_;
   /// The last motion: a base that pushes on a wall repeats it exactly, substep after substep.
   struct Moved {
@@ -70,6 +77,7 @@ class TrialDrive {
   core::TimeNs substep_ns_ = 0, now_ns_ = 0;
   core::TimeNs last_contact_ns_ = -1, contact_ns_ = 0;
   bool in_contact_ = false;
+  bool following_ = false;  ///< The other simulator's time has begun.
   double path_m_ = 0.0;
   std::vector<ContactRecord> contacts_;
 };

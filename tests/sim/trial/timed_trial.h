@@ -101,7 +101,8 @@ class TimedTrialTest : public testing::Test {
                       .robot = robot_,
                       .renderer = renderer,
                       .detector = detector_,
-                      .policy = policy});
+                      .policy = policy,
+                      .drive = drive_});
   }
   TrialResult run(const NotingPolicy::Answer& answer) {
     NotingPolicy policy(answer);
@@ -113,6 +114,7 @@ class TimedTrialTest : public testing::Test {
   TrialOptions options_;
   Episode episode_;
   SlowDetector detector_;
+  ExternalDrive* drive_ = nullptr;
 };
 
 inline void expect_same_ticks(const TrialResult& a, const TrialResult& b) {

@@ -13,7 +13,7 @@
 #include "core/bundle_parts.h"
 #include "core/error.h"
 #include "core/progress.h"
-#include "experiments/commands/commands.h"
+#include "experiments/commands/bridges/bridge_commands.h"
 #include "experiments/commands/light/flag_values.h"
 #include "experiments/reproducibility/backend_warning.h"
 #include "experiments/scenes/scene_surfels.h"
@@ -24,7 +24,7 @@
 #include "sim/gazebo/gazebo_cameras.h"
 #include "sim/gazebo/gazebo_world.h"
 
-namespace segsim::experiments::commands {
+namespace segsim::experiments::commands::bridges {
 namespace {
 
 namespace fs = std::filesystem;
@@ -335,6 +335,7 @@ void add_gazebo_command(CLI::App& app) {
   gazebo->require_subcommand(1);
   add_serve(*gazebo);
   add_export(*gazebo);
+  add_gazebo_drive(*gazebo);
 }
 
-}  // namespace segsim::experiments::commands
+}  // namespace segsim::experiments::commands::bridges

@@ -1,6 +1,5 @@
 // `segsim ros serve`: a robot in a scene as a node of ROS 2, without an experiment. It is one
 // trial of a spec that is written here, so it has the parts and the rules of any other.
-#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -16,33 +15,30 @@
 #include "core/formatted.h"
 #include "core/progress.h"
 #include "core/scene_bundle.h"
-#include "experiments/commands/commands.h"
+#include "experiments/commands/bridges/bridge_commands.h"
+#include "experiments/commands/bridges/bundle_spec.h"
 #include "experiments/commands/light/flag_values.h"
 #include "experiments/specs/spec.h"
 #include "experiments/suites/layered_yaml.h"
-#include "experiments/support/listed.h"
 #include "experiments/support/stop_signal.h"
 #include "experiments/trials/trial_runner.h"
 #include "experiments/trials/trial_viewer.h"
 #include "ros/dds/transport.h"
 
-namespace segsim::experiments::commands {
+namespace segsim::experiments::commands::bridges {
 namespace {
 
 namespace fs = std::filesystem;
 
-struct ServeFlags {
-  fs::path bundle, work = "out/ros";
-  std::string goal, robot = "jackal-gentle", detector = "none", backend = "auto";
+struct ServeFlags : BundleSpec {
+  ServeFlags() { arm = "ros2"; }
+
+  fs::path work = "out/ros";
   std::vector<double> start;
-  std::vector<std::string> sensors;
   int domain = -1;
   std::string distro = "jazzy", cmd_vel = "twist", dds = "cyclone", dds_config;
   bool realtime = false;
-  double answer_s = 60.0, wait_s = 3600.0, rate_hz = 10.0, limit_s = 600.0;
-  int width_px = 640, height_px = 480;
-  double hfov_deg = 70.0, pitch_down_deg = 0.0, depth_range_m = 6.0, camera_height_m = 0.0;
-  std::uint64_t seed = 1;
+  double answer_s = 60.0, wait_s = 3600.0;
 };
 
 std::string policy_text(const ServeFlags& flags) {
@@ -58,32 +54,8 @@ std::string policy_text(const ServeFlags& flags) {
 
 /// An experiment of one scene, one arm and one episode.
 std::string spec_text(const ServeFlags& flags, const core::SceneManifest& scene) {
-  const bool truth = flags.detector == "none" || flags.detector == "oracle";
-  std::string text =
-      "schema: segsim.experiment/1\nname: ros\nseed: " + std::to_string(flags.seed) +
-      "\nscenes:\n  - name: scene\n    title: " + suites::yaml_scalar(scene.name) +
-      "\n    bundle: " + suites::yaml_scalar(fs::absolute(flags.bundle).string()) +
-      "\n    goals: [" + suites::yaml_scalar(flags.goal) +
-      "]\n    episodes: 1\n    start_distance_m: [0.5, 1000]\n"
-      "    allow_visible_start: true\n    allow_trivial: true\n";
-  const double height_m =
-      flags.camera_height_m > 0.0 ? flags.camera_height_m : scene.camera_height_m;
-  if (height_m > 0.0) text += core::print("    camera_height_m: %g\n", height_m);
-  text += "arms:\n  - {name: ros2, detector: " +
-          (truth ? "oracle" : suites::yaml_scalar(fs::absolute(flags.detector).string())) +
-          "}\n" + policy_text(flags) + "robot: " + suites::yaml_scalar(flags.robot) + "\n";
-  if (!flags.sensors.empty()) {
-    text += "sensors:\n";
-    for (const std::string& name : flags.sensors) text += "  " + name + ": {}\n";
-  }
-  text += core::print("control_period_s: %.9g\ntime_limit_s: %g\n", 1.0 / flags.rate_hz,
-                      flags.limit_s);
-  if (flags.realtime) text += "clock: {mode: realtime}\n";
-  text += core::print(
-      "camera: {width: %d, height: %d, hfov_deg: %g, pitch_down_deg: %g, depth_range_m: %g",
-      flags.width_px, flags.height_px, flags.hfov_deg, flags.pitch_down_deg,
-      flags.depth_range_m);
-  return text + ", backend: " + flags.backend + "}\npictures: false\n";
+  return flags.text(scene) + policy_text(flags) +
+         (flags.realtime ? "clock: {mode: realtime}\n" : "") + "pictures: false\n";
 }
 
 /// The robot's domain: the flag's, else ROS_DOMAIN_ID, else 0.
@@ -97,26 +69,6 @@ int domain_of(const ServeFlags& flags) {
                                      "\"" + std::string(text) + "\"");
   }
   return domain;
-}
-
-/// Control periods are whole steps of the simulation.
-void check_rate(double rate_hz) {
-  const double steps = 200.0 / rate_hz;
-  if (std::abs(steps - std::round(steps)) > 1e-6) {
-    throw core::InputError::expected("--rate", "200 divided by a whole number",
-                                     core::print("%g", rate_hz));
-  }
-}
-
-void check_goal(const ServeFlags& flags, const core::SceneManifest& scene) {
-  std::vector<std::string> goals;
-  for (const core::SceneClass& c : scene.classes) {
-    if (c.thing) goals.push_back(c.name);
-  }
-  if (std::find(goals.begin(), goals.end(), flags.goal) == goals.end()) {
-    throw core::InputError::expected("--goal", support::listed(goals),
-                                     "\"" + flags.goal + "\"");
-  }
 }
 
 /// Where the robot is, on the progress line.
@@ -146,7 +98,7 @@ class ProgressViewer final : public trials::TrialViewer {
 /// The episode that was generated, from where the flags say.
 sim::Episode episode_of(const ServeFlags& flags, const trials::LoadedScene& scene) {
   if (scene.episodes.episodes.empty()) {
-    throw core::InputError::expected("--goal " + flags.goal,
+    throw core::InputError::expected("--goal " + flags.goals.front(),
                                      "a goal that the robot can reach and see", "none");
   }
   sim::Episode episode = scene.episodes.episodes.front();
@@ -191,10 +143,9 @@ void serve(ServeFlags flags) {
   if (!ros::dds::has_transport(network.implementation))
     (void)ros::dds::open_transport(network);
   flags.domain = domain_of(flags);
-  check_rate(flags.rate_hz);
   const core::SceneBundle bundle = core::load_bundle(flags.bundle);
   core::require_drivable(bundle);
-  check_goal(flags, bundle.manifest);
+  flags.check(bundle.manifest);
   specs::SpecFolders folders{{}, flags.work};
   const specs::ExperimentSpec spec =
       specs::parse_spec(spec_text(flags, bundle.manifest), "segsim ros serve", folders);
@@ -218,17 +169,15 @@ void serve(ServeFlags flags) {
 }
 
 void add_robot_flags(CLI::App& command, ServeFlags& flags) {
-  command.add_option("--goal", flags.goal, "Class of the scene to search for")->required();
+  command.add_option("--goal", flags.goals, "Class of the scene to search for")
+      ->expected(1)
+      ->required();
   command
       .add_option("--start", flags.start,
                   "X,Y,YAW [m, degrees]; default: a place that --seed draws")
       ->delimiter(',')
       ->expected(3)
       ->check(light::coordinate());
-  command.add_option("--seed", flags.seed, "Of the start and of the sensors' errors")
-      ->capture_default_str();
-  command.add_option("--robot", flags.robot, "Size and limits (see `segsim robots`)")
-      ->capture_default_str();
   command
       .add_option(
           "--detector", flags.detector,
@@ -240,9 +189,6 @@ void add_robot_flags(CLI::App& command, ServeFlags& flags) {
                   "Besides the camera, with commas: lidar, imu, gps, with their usual errors")
       ->delimiter(',')
       ->check(CLI::IsMember({"lidar", "imu", "gps"}));
-  command.add_option("--time-limit", flags.limit_s, "Simulated seconds")
-      ->check(CLI::Range(1.0, 100000.0))
-      ->capture_default_str();
   command.add_option("--work", flags.work, "Folder for the episode and the live view")
       ->capture_default_str();
 }
@@ -279,37 +225,6 @@ void add_network_flags(CLI::App& command, ServeFlags& flags) {
       ->capture_default_str();
 }
 
-void add_camera_flags(CLI::App& command, ServeFlags& flags) {
-  command
-      .add_option("--rate", flags.rate_hz,
-                  "Images and commands a second: 200 divided by a whole number")
-      ->check(CLI::Range(1.0, 100.0))
-      ->capture_default_str();
-  command.add_option("--width", flags.width_px, "Image width [px]")
-      ->check(light::image_side())
-      ->capture_default_str();
-  command.add_option("--height", flags.height_px, "Image height [px]")
-      ->check(light::image_side())
-      ->capture_default_str();
-  command.add_option("--hfov-deg", flags.hfov_deg, "Horizontal field of view [degrees]")
-      ->check(light::field_of_view_deg())
-      ->capture_default_str();
-  command.add_option("--pitch-down-deg", flags.pitch_down_deg, "Of the camera [degrees]")
-      ->check(CLI::Range(-60.0, 60.0))
-      ->capture_default_str();
-  command.add_option("--depth-range", flags.depth_range_m, "Of the depth camera [m]")
-      ->check(CLI::Range(0.5, 100.0))
-      ->capture_default_str();
-  command
-      .add_option("--camera-height", flags.camera_height_m,
-                  "Above the floor [m]; 0 = the bundle's, or the robot's")
-      ->check(CLI::Range(0.0, 10.0))
-      ->capture_default_str();
-  command.add_option("--backend", flags.backend, "cpu | cuda | auto")
-      ->check(CLI::IsMember({"cpu", "cuda", "auto"}))
-      ->capture_default_str();
-}
-
 }  // namespace
 
 void add_ros_command(CLI::App& app) {
@@ -321,8 +236,8 @@ void add_ros_command(CLI::App& app) {
   command->add_option("bundle", flags->bundle, "Folder with scene.yaml")->required();
   add_robot_flags(*command, *flags);
   add_network_flags(*command, *flags);
-  add_camera_flags(*command, *flags);
+  add_bundle_flags(*command, *flags);
   command->callback([flags] { serve(*flags); });
 }
 
-}  // namespace segsim::experiments::commands
+}  // namespace segsim::experiments::commands::bridges
