@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <mutex>
 #include <set>
 #include <utility>
@@ -68,6 +69,8 @@ ros::dds::TransportOptions transport_options(const nav::Ros2Settings& settings) 
   return options;
 }
 
+using DepthToRos = void(const core::Image<float>&, ros::sensor_msgs::Image&);
+
 template <class M>
 using MaybeWriter = std::optional<TopicWriter<M>>;
 
@@ -77,12 +80,18 @@ struct RobotNode::Impl {
   explicit Impl(const nav::Ros2Settings& settings)
       : claim(settings.domain),
         domain(settings.domain),
+        depth_mm(settings.depth_mm),
         transport(ros::dds::open_transport(transport_options(settings))) {
     if (settings.stamped) {
       stamped.emplace(*transport, kCommandTopic, kCommandQos);
     } else {
       plain.emplace(*transport, kCommandTopic, kCommandQos);
     }
+    if (settings.truth) {
+      labels.emplace(*transport, "/truth/panoptic", kImageQos);
+      boxes.emplace(*transport, "/truth/detections");
+    }
+    if (settings.map) map.emplace(*transport, "/map", kLatchedQos);
   }
 
   template <class M>
@@ -100,6 +109,16 @@ struct RobotNode::Impl {
     const auto [before_ns, before] = last_estimate.value_or(std::pair(time_ns, estimate));
     put(odometry, ros_odometry(time_ns, estimate, before, core::seconds(time_ns - before_ns)));
     last_estimate.emplace(time_ns, estimate);
+  }
+
+  /// What the scene knows of the image of that time.
+  void put_truth(core::TimeNs time_ns, const ros::std_msgs::Header& header) {
+    while (!truths.empty() && truths.front().capture_time_ns < time_ns) truths.pop_front();
+    if (truths.empty() || truths.front().capture_time_ns != time_ns) return;
+    ImageTruth& truth = truths.front();
+    truth.labels.header = header;
+    put(*labels, truth.labels);
+    put(*boxes, ros_detections(truth.boxes, truth.class_names, header));
   }
 
   /// Writers of the sensors that are mounted.
@@ -128,6 +147,7 @@ struct RobotNode::Impl {
 
   DomainClaim claim;
   int domain;
+  bool depth_mm;
   std::unique_ptr<ros::dds::Transport> transport;
   RobotTraffic traffic;
   std::vector<std::string> class_names;
@@ -135,6 +155,7 @@ struct RobotNode::Impl {
   std::size_t scans = 0, imu_readings = 0, fixes = 0;  ///< Published of this episode.
   bool mounted = false;                                ///< /tf_static of it, too.
   std::optional<std::pair<core::TimeNs, core::Pose2>> last_estimate;
+  std::deque<ImageTruth> truths;  ///< Of images that were not published yet, oldest first.
   ros::sensor_msgs::Image colour_message, depth_message;  ///< They keep their memory.
 
   TopicWriter<ros::rosgraph_msgs::Clock> clock{*transport, "/clock", kClockQos};
@@ -149,6 +170,9 @@ struct RobotNode::Impl {
   MaybeWriter<ros::sensor_msgs::LaserScan> scan;
   MaybeWriter<ros::sensor_msgs::Imu> imu;
   MaybeWriter<ros::sensor_msgs::NavSatFix> fix;
+  MaybeWriter<ros::sensor_msgs::Image> labels;  ///< These are asked for.
+  MaybeWriter<ros::vision_msgs::Detection2DArray> boxes;
+  MaybeWriter<ros::nav_msgs::OccupancyGrid> map;
   std::optional<TopicReader<ros::geometry_msgs::Twist>> plain;  ///< One of these two.
   std::optional<TopicReader<ros::geometry_msgs::TwistStamped>> stamped;
   TopicReader<ros::std_msgs::Bool> stop{*transport, "/stop", kStopQos};
@@ -180,6 +204,7 @@ void RobotNode::begin(const core::ObjectGoal& goal, std::vector<std::string> cla
   robot.scans = robot.imu_readings = robot.fixes = 0;
   robot.mounted = false;
   robot.last_estimate.reset();
+  robot.truths.clear();
   drop_velocities();
   while (robot.stop.take()) ++robot.traffic.superseded;
   robot.put(robot.goal, {goal.text()});
@@ -211,18 +236,30 @@ void RobotNode::publish(const core::Observation& seen,
   const ros::std_msgs::Header header = ros_header(time_ns, kCameraFrame);
   robot.put(robot.clock, {ros_time(time_ns)});
   if (!std::exchange(robot.mounted, true)) {
-    robot.put(robot.tf_static, ros_mounts(seen, robot.sensors.get()));
+    ros::tf2_msgs::TFMessage mounts = ros_mounts(seen, robot.sensors.get());
+    if (robot.map) {
+      mounts.transforms.push_back(ros_transform_stamped(time_ns, kMapFrame, kOdomFrame, {}));
+    }
+    robot.put(robot.tf_static, mounts);
   }
   robot.put_pose(seen);
   robot.put(robot.info, ros_camera_info(seen.intrinsics, header));
   robot.depth_message.header = robot.colour_message.header = header;
-  to_ros(*seen.depth_m, robot.depth_message);
+  (robot.depth_mm ? to_ros_mm : static_cast<DepthToRos*>(to_ros))(*seen.depth_m,
+                                                                  robot.depth_message);
   robot.put(robot.depth, robot.depth_message);
   robot.put(robot.found, ros_detections(detections, robot.class_names, header));
+  if (robot.labels) robot.put_truth(time_ns, header);
   // The last one: who waits for an image has all that belongs to it.
   to_ros(*seen.rgb, robot.colour_message);
   robot.put(robot.colour, robot.colour_message);
   ++robot.traffic.images;
+}
+
+void RobotNode::keep(ImageTruth truth) { impl_->truths.push_back(std::move(truth)); }
+
+void RobotNode::publish(const ros::nav_msgs::OccupancyGrid& map) {
+  if (impl_->map) impl_->put(*impl_->map, map);
 }
 
 bool RobotNode::has_pilot() const {

@@ -2,8 +2,8 @@
 
 /// @file
 /// A simulated robot as a node of ROS 2: what its camera and its sensors deliver goes out, and
-/// commands come in (docs/ros2.md lists the topics). Nothing of the truth is published. Times
-/// are simulated and begin at 0 with every episode.
+/// commands come in (docs/ros2.md lists the topics). Nothing of the truth is published unless
+/// the settings ask for it. Times are simulated and begin at 0 with every episode.
 
 #include <cstdint>
 #include <memory>
@@ -14,6 +14,8 @@
 
 #include "core/stages.h"
 #include "nav/policies/built_in_policies.h"
+#include "ros/messages/nav_msgs.h"
+#include "ros/messages/sensor_msgs.h"
 #include "sim/sensors/sensor_suite.h"
 
 namespace segsim::experiments::ros2 {
@@ -32,6 +34,14 @@ struct RobotTraffic {
   std::uint64_t lost = 0;        ///< Messages that could not be sent.
 };
 
+/// What the scene knows of one image.
+struct ImageTruth {
+  core::TimeNs capture_time_ns = 0;
+  ros::sensor_msgs::Image labels;  ///< No header.
+  std::vector<core::Detection> boxes;
+  std::vector<std::string> class_names;  ///< Of the boxes.
+};
+
 class RobotNode {
  public:
   /// @throws core::InputError if the network cannot be joined (ros/dds/transport.h).
@@ -47,6 +57,10 @@ class RobotNode {
   /// Publishes the readings that are available by now and were not published yet.
   void publish(const sim::SensorLog& log, core::TimeNs now_ns);
   void publish(const core::Observation& seen, std::span<const core::Detection> detections);
+  /// To be published with the image of its time. Older ones are forgotten then.
+  void keep(ImageTruth truth);
+  /// Latched: for who comes later, too.
+  void publish(const ros::nav_msgs::OccupancyGrid& map);
 
   /// Whether anybody could send commands.
   [[nodiscard]] bool has_pilot() const;

@@ -52,6 +52,7 @@ void Ros2Policy::reset(const core::ObjectGoal& goal, std::uint64_t /*seed*/) {
   order_wall_ns_ = 0;
   answered_ = false;
   robot_->begin(goal, class_names_, sensors_);
+  if (map_) robot_->publish(*map_);
   const Deadline deadline(settings_.start_s);
   while (!robot_->has_pilot()) {
     support::StopOnSignal::check();
@@ -96,7 +97,6 @@ RobotOrder Ros2Policy::await_order(const core::Observation& observation,
     }
     robot_->wait(std::min(deadline.left_s(), answered_ ? kAgain_s : again.left_s()));
   }
-  ++timeouts_;
   throw core::InputError::expected(
       robot_->name(),
       "a command on " + robot_->command_topic() + " within " +

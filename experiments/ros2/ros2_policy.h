@@ -6,6 +6,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <utility>
@@ -13,6 +14,7 @@
 
 #include "core/stages.h"
 #include "experiments/ros2/robot_node.h"
+#include "experiments/ros2/ros_messages.h"
 #include "nav/policies/built_in_policies.h"
 #include "sim/sensors/sensor_suite.h"
 
@@ -27,6 +29,10 @@ class Ros2Policy final : public core::Policy {
   void mount(std::shared_ptr<const sim::SensorSettings> sensors) {
     sensors_ = std::move(sensors);
   }
+  [[nodiscard]] const nav::Ros2Settings& settings() const { return settings_; }
+  /// What a robot does not know, and is asked to publish.
+  void show(const sim::CollisionWorld& world) { map_ = ros_map(world); }
+  void keep(ImageTruth truth) { robot_->keep(std::move(truth)); }
   /// What the sensors besides the camera have recorded.
   void hear(const sim::SensorLog& log, core::TimeNs now_ns) { robot_->publish(log, now_ns); }
 
@@ -38,9 +44,6 @@ class Ros2Policy final : public core::Policy {
                         std::span<const core::Detection> detections) override;
   [[nodiscard]] core::PolicyView view() const override { return {}; }
 
-  /// Images for which no command came in time, over all episodes.
-  [[nodiscard]] int timeouts() const { return timeouts_; }
-
  private:
   [[nodiscard]] RobotOrder await_order(const core::Observation& observation,
                                        std::span<const core::Detection> detections);
@@ -50,10 +53,10 @@ class Ros2Policy final : public core::Policy {
   nav::Ros2Settings settings_;
   std::vector<std::string> class_names_;
   std::shared_ptr<const sim::SensorSettings> sensors_;
+  std::optional<ros::nav_msgs::OccupancyGrid> map_;
   RobotOrder order_;  ///< The last one.
   std::int64_t order_wall_ns_ = 0;
   bool answered_ = false;  ///< In this episode.
-  int timeouts_ = 0;
 };
 
 }  // namespace segsim::experiments::ros2

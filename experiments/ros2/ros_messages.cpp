@@ -11,16 +11,34 @@ namespace {
 
 constexpr double kPixelCentre_px = 0.5;
 
+/// Size and encoding of an image, and room for its pixels.
+template <class Pixel>
+void describe(int width_px, int height_px, const char* encoding,
+              ros::sensor_msgs::Image& message) {
+  message.width = static_cast<std::uint32_t>(width_px);
+  message.height = static_cast<std::uint32_t>(height_px);
+  message.encoding = encoding;
+  message.step = message.width * static_cast<std::uint32_t>(sizeof(Pixel));
+  message.data.resize(std::size_t{message.step} * message.height);
+}
+
 template <class Pixel>
 void copy_pixels(const core::Image<Pixel>& image, const char* encoding,
                  ros::sensor_msgs::Image& message) {
   static_assert(sizeof(core::Rgb8) == 3);
-  message.width = static_cast<std::uint32_t>(image.width_px());
-  message.height = static_cast<std::uint32_t>(image.height_px());
-  message.encoding = encoding;
-  message.step = message.width * static_cast<std::uint32_t>(sizeof(Pixel));
-  message.data.resize(image.size() * sizeof(Pixel));
+  describe<Pixel>(image.width_px(), image.height_px(), encoding, message);
   if (!image.empty()) std::memcpy(message.data.data(), image.data(), message.data.size());
+}
+
+/// One value for each pixel of an image. @param value  Of the pixel with this index.
+template <class Value, class Pixel, class Of>
+void fill_pixels(const core::Image<Pixel>& image, const char* encoding, const Of& value,
+                 ros::sensor_msgs::Image& message) {
+  describe<Value>(image.width_px(), image.height_px(), encoding, message);
+  for (std::size_t i = 0; i < message.data.size() / sizeof(Value); ++i) {
+    const Value pixel = value(i);
+    std::memcpy(message.data.data() + i * sizeof(Value), &pixel, sizeof(Value));
+  }
 }
 
 double variance(const sim::ErrorModel& model) {
@@ -77,6 +95,38 @@ void to_ros(const core::Image<core::Rgb8>& image, ros::sensor_msgs::Image& messa
 
 void to_ros(const core::Image<float>& depth_m, ros::sensor_msgs::Image& message) {
   copy_pixels(depth_m, "32FC1", message);
+}
+
+void to_ros_mm(const core::Image<float>& depth_m, ros::sensor_msgs::Image& message) {
+  constexpr float kMost_mm = 65535.0F;
+  const auto millimetres = [&](std::size_t i) {
+    const float mm = std::round(1000.0F * depth_m.data()[i]);
+    return static_cast<std::uint16_t>(mm > 0.0F && mm <= kMost_mm ? mm : 0.0F);
+  };
+  fill_pixels<std::uint16_t>(depth_m, "16UC1", millimetres, message);
+}
+
+void labels_to_ros(const core::Frame& frame, ros::sensor_msgs::Image& message) {
+  const auto label = [&](std::size_t i) {
+    return static_cast<std::int32_t>(frame.semantic.data()[i]) * 65536 +
+           static_cast<std::int32_t>(frame.instance.data()[i]);
+  };
+  fill_pixels<std::int32_t>(frame.semantic, "32SC1", label, message);
+}
+
+ros::nav_msgs::OccupancyGrid ros_map(const sim::CollisionWorld& world) {
+  const sim::GridMask& occupied = world.body_layer().occupied;
+  ros::nav_msgs::OccupancyGrid map;
+  map.header.frame_id = kMapFrame;
+  map.info.resolution = static_cast<float>(world.frame().cell_m);
+  map.info.width = static_cast<std::uint32_t>(occupied.width_px());
+  map.info.height = static_cast<std::uint32_t>(occupied.height_px());
+  map.info.origin.position = {world.frame().origin_m.x, world.frame().origin_m.y, 0.0};
+  map.data.reserve(occupied.size());
+  for (const std::uint8_t cell : occupied.pixels()) {
+    map.data.push_back(cell != 0 ? std::int8_t{100} : std::int8_t{0});
+  }
+  return map;
 }
 
 ros::sensor_msgs::CameraInfo ros_camera_info(const core::CameraIntrinsics& intrinsics,

@@ -15,16 +15,19 @@
 #include "core/camera.h"
 #include "core/frames.h"
 #include "core/image.h"
+#include "core/render.h"
 #include "core/stages.h"
 #include "ros/messages/geometry_msgs.h"
 #include "ros/messages/nav_msgs.h"
 #include "ros/messages/sensor_msgs.h"
 #include "ros/messages/tf2_msgs.h"
 #include "ros/messages/vision_msgs.h"
+#include "sim/ground/collision.h"
 #include "sim/sensors/sensor_suite.h"
 
 namespace segsim::experiments::ros2 {
 
+inline constexpr const char* kMapFrame = "map";
 inline constexpr const char* kOdomFrame = "odom";
 inline constexpr const char* kBaseFrame = "base_link";
 inline constexpr const char* kCameraFrame = "camera_optical_frame";
@@ -54,6 +57,12 @@ template <class To, class From>
 void to_ros(const core::Image<core::Rgb8>& image, ros::sensor_msgs::Image& message);
 /// "32FC1", m along +z; NaN where nothing was measured (REP 118).
 void to_ros(const core::Image<float>& depth_m, ros::sensor_msgs::Image& message);
+/// "16UC1", mm along +z; 0 where nothing was measured, or beyond 65.535 m (REP 118).
+void to_ros_mm(const core::Image<float>& depth_m, ros::sensor_msgs::Image& message);
+/// "32SC1", class id * 65536 + instance id; 0 where nothing is.
+void labels_to_ros(const core::Frame& frame, ros::sensor_msgs::Image& message);
+/// What the robot's base would run into, 100, or not, 0; in the frame "map".
+[[nodiscard]] ros::nav_msgs::OccupancyGrid ros_map(const sim::CollisionWorld& world);
 [[nodiscard]] ros::sensor_msgs::CameraInfo ros_camera_info(
     const core::CameraIntrinsics& intrinsics, const ros::std_msgs::Header& header);
 

@@ -10,6 +10,7 @@
 #include "experiments/drawing/trial_picture.h"
 #include "experiments/reproducibility/backend_warning.h"
 #include "experiments/ros2/ros2_policy.h"
+#include "experiments/ros2/truth_tap.h"
 #include "experiments/support/stop_signal.h"
 #include "experiments/trials/arm_detector.h"
 #include "experiments/trials/internal/trial_outputs.h"
@@ -351,8 +352,10 @@ void TrialRunner::run_checked(const TrialTask& task, records::TrialRow& row) {
   const std::vector<std::string>& classes = slot.detector->class_names();
   const std::unique_ptr<core::Policy> policy = policy_for(task, slot);
   sim::ReadingsObserver readings;
-  if (auto* robot = dynamic_cast<ros2::Ros2Policy*>(policy.get())) {
+  auto* const robot = dynamic_cast<ros2::Ros2Policy*>(policy.get());
+  if (robot != nullptr) {
     robot->mount(task.scene->sensors);
+    if (robot->settings().map) robot->show(task.scene->world.collision());
     readings = [robot](const sim::SensorLog& log, core::TimeNs now_ns) {
       robot->hear(log, now_ns);
     };
@@ -382,20 +385,26 @@ void TrialRunner::run_checked(const TrialTask& task, records::TrialRow& row) {
   records::RecordingDetector recorded(timed, log);
   records::WitnessedDetector detector(recorded, slot.truth, witness);
   ViewedDetector viewed(detector, task.viewer);
+  std::optional<ros2::TruthTap> tap;
+  if (robot != nullptr && robot->settings().truth) {
+    tap.emplace(viewed, detector, *robot, task.scene->bundle.manifest.classes,
+                spec_.success.visible_pixels);
+  }
   const fs::path log_file = work_ / "replays" / (file_stem(task) + ".jsonl");
   std::optional<records::RecordingRenderer> kept_images;
   if (log.images) kept_images.emplace(eye, records::replay_images(log_file));
-  sim::TrialResult result = sim::run_trial({.episode = episode,
-                                            .options = options,
-                                            .world = task.scene->world,
-                                            .robot = task.scene->world.robot(),
-                                            .renderer = kept_images ? *kept_images : eye,
-                                            .detector = viewed,
-                                            .policy = timed_policy,
-                                            .truth = &detector,
-                                            .observer = observer,
-                                            .readings = readings,
-                                            .drive = drive()});
+  sim::TrialResult result =
+      sim::run_trial({.episode = episode,
+                      .options = options,
+                      .world = task.scene->world,
+                      .robot = task.scene->world.robot(),
+                      .renderer = kept_images ? *kept_images : eye,
+                      .detector = tap ? static_cast<core::Detector&>(*tap) : viewed,
+                      .policy = timed_policy,
+                      .truth = tap ? static_cast<sim::GroundTruthSink*>(&*tap) : &detector,
+                      .observer = observer,
+                      .readings = readings,
+                      .drive = drive()});
   if (task.replay_log)
     records::write_replay_log(log_file, records::with_result(std::move(log), result));
   std::vector<double> distance_m;

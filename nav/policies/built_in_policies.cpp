@@ -300,6 +300,9 @@ void read_ros2(const SettingsNode& node, Ros2Settings& settings) {
   settings.answer_s = seconds_or(node, "answer_s", settings.answer_s);
   settings.start_s = seconds_or(node, "start_s", settings.start_s);
   settings.detections = node.boolean_or("detections", settings.detections);
+  if (node.has("depth")) settings.depth_mm = choice(node, "depth", {"32fc1", "16uc1"}) == 1;
+  settings.truth = node.boolean_or("truth", settings.truth);
+  settings.map = node.boolean_or("map", settings.map);
   if (node.has("dds")) settings.fast_dds = choice(node, "dds", {"cyclone", "fast"}) == 1;
   settings.config = node.text_or("config", settings.config);
 }

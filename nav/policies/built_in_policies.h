@@ -88,8 +88,12 @@ struct Ros2Settings {
   double answer_s = 10.0;  ///< Wall time for a command.
   double start_s = 60.0;   ///< Wall time until somebody is there, at the start of a trial.
   bool detections = true;  ///< Those of the arm are published.
-  bool fast_dds = false;   ///< `dds: fast`; else Cyclone DDS.
-  std::string config;      ///< Of the implementation, as XML (ros/dds/transport.h).
+  bool depth_mm = false;   ///< `depth: 16uc1`; else 32FC1, in metres.
+  // On request, as a robot does not know them:
+  bool truth = false;     ///< Label image and boxes of every image.
+  bool map = false;       ///< The scene's obstacles as an occupancy grid.
+  bool fast_dds = false;  ///< `dds: fast`; else Cyclone DDS.
+  std::string config;     ///< Of the implementation, as XML (ros/dds/transport.h).
   bool operator==(const Ros2Settings&) const = default;
 };
 

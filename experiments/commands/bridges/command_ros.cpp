@@ -37,7 +37,7 @@ struct ServeFlags : BundleSpec {
   std::vector<double> start;
   int domain = -1;
   std::string distro = "jazzy", cmd_vel = "twist", dds = "cyclone", dds_config;
-  bool realtime = false;
+  bool realtime = false, depth_mm = false, truth = false, map = false;
   double answer_s = 60.0, wait_s = 3600.0;
 };
 
@@ -47,6 +47,9 @@ std::string policy_text(const ServeFlags& flags) {
                      ", commands: " + (flags.realtime ? "newest" : "each") +
                      core::print(", answer_s: %g, start_s: %g", flags.answer_s, flags.wait_s) +
                      ", dds: " + flags.dds;
+  if (flags.depth_mm) text += ", depth: 16uc1";
+  if (flags.truth) text += ", truth: true";
+  if (flags.map) text += ", map: true";
   if (flags.detector == "none") text += ", detections: false";
   if (!flags.dds_config.empty()) text += ", config: " + suites::yaml_scalar(flags.dds_config);
   return text + "}\n";
@@ -193,6 +196,16 @@ void add_robot_flags(CLI::App& command, ServeFlags& flags) {
       ->capture_default_str();
 }
 
+void add_topic_flags(CLI::App& command, ServeFlags& flags) {
+  command.add_flag("--depth-mm", flags.depth_mm,
+                   "Depth as 16UC1, whole millimetres; without: 32FC1, metres");
+  command.add_flag("--truth", flags.truth,
+                   "Publish what the scene knows of every image: /truth/panoptic, "
+                   "/truth/detections");
+  command.add_flag("--map", flags.map,
+                   "Publish the scene's obstacles on /map, and the frame \"map\"");
+}
+
 void add_network_flags(CLI::App& command, ServeFlags& flags) {
   command.add_option("--domain", flags.domain, "Of DDS; default: ROS_DOMAIN_ID, else 0")
       ->check(CLI::Range(0, 232));
@@ -235,6 +248,7 @@ void add_ros_command(CLI::App& app) {
       ros->add_subcommand("serve", "Put a robot into a scene and let a ROS 2 system drive it");
   command->add_option("bundle", flags->bundle, "Folder with scene.yaml")->required();
   add_robot_flags(*command, *flags);
+  add_topic_flags(*command, *flags);
   add_network_flags(*command, *flags);
   add_bundle_flags(*command, *flags);
   command->callback([flags] { serve(*flags); });

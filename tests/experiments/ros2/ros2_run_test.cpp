@@ -17,7 +17,9 @@
 #include "experiments/specs/spec.h"
 #include "ros/dds/topic_io.h"
 #include "ros/messages/geometry_msgs.h"
+#include "ros/messages/nav_msgs.h"
 #include "ros/messages/sensor_msgs.h"
+#include "ros/messages/vision_msgs.h"
 #include "tests/error_message.h"
 #include "tests/experiments/tiny_scene.h"
 #include "tests/experiments/tiny_spec.h"
@@ -92,6 +94,53 @@ TEST_F(Ros2Run, EachImageGetsItsCommandAndTheSameTrialComesOut) {
     EXPECT_GT(once[k].path_m, 0.1);
     EXPECT_EQ(once[k].state_hash, again[k].state_hash);
   }
+}
+
+/// Hears what the scene knows, from a run that was asked for it.
+TEST_F(Ros2Run, MapLabelsAndBoxesOfTheSceneAreThereOnRequest) {
+  const CirclingPilot pilot;
+  const auto transport =
+      ros::dds::open_transport({.domain = kDomain, .config = ros::dds::kLoopback});
+  ros::dds::TopicReader<ros::nav_msgs::OccupancyGrid> maps(
+      *transport, "/map", {.transient_local = true, .depth = 1});
+  ros::dds::TopicReader<ros::sensor_msgs::Image> labels(*transport, "/truth/panoptic",
+                                                        {.depth = 1000});
+  ros::dds::TopicReader<ros::vision_msgs::Detection2DArray> boxes(
+      *transport, "/truth/detections", {.depth = 1000});
+  const auto trials = run(", truth: true, map: true", 10.0);
+  ASSERT_EQ(trials.size(), 2U);
+  EXPECT_EQ(trials[0].error, "");
+  const auto map = maps.take();
+  ASSERT_TRUE(map);
+  // The rooms are 8.4 m x 5.4 m: walls around, the couch and a chair inside.
+  EXPECT_NEAR(map->info.resolution * static_cast<float>(map->info.width), 8.4F, 1.0F);
+  EXPECT_NEAR(map->info.resolution * static_cast<float>(map->info.height), 5.4F, 1.0F);
+  const auto at = [&](double x_m, double y_m) {
+    const auto& info = map->info;
+    const auto i = static_cast<std::size_t>((x_m - info.origin.position.x) / info.resolution);
+    const auto j = static_cast<std::size_t>((y_m - info.origin.position.y) / info.resolution);
+    return static_cast<int>(map->data.at(j * info.width + i));
+  };
+  EXPECT_EQ(at(-2.0, -1.0), 0);
+  EXPECT_EQ(at(-3.15, 1.6), 100) << "the chair's side";
+  // In the middle of most boxes the labels say what the box does.
+  int in_boxes = 0, with_things = 0;
+  while (const auto image = labels.take()) {
+    const auto found = boxes.take();
+    ASSERT_TRUE(found);
+    EXPECT_EQ(found->header, image->header);
+    for (const auto& detection : found->detections) {
+      const bool couch = detection.results.at(0).hypothesis.class_id == "couch";
+      const auto x = static_cast<std::size_t>(detection.bbox.center.position.x);
+      const auto y = static_cast<std::size_t>(detection.bbox.center.position.y);
+      const std::size_t pixel = y * image->step + 4 * x;
+      const int semantic = image->data.at(pixel + 2);
+      ++in_boxes;
+      with_things += semantic == (couch ? TinyScene::kCouch : TinyScene::kChair) ? 1 : 0;
+    }
+  }
+  EXPECT_GT(with_things, 0);
+  EXPECT_GT(2 * with_things, in_boxes);
 }
 
 TEST_F(Ros2Run, ATrialWithoutCommandsFailsWithItsCause) {

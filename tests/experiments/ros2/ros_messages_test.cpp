@@ -36,6 +36,21 @@ TEST(RosMessages, PixelsAreCopiedRowByRow) {
                                    0x3f));  // IEEE 754.
 }
 
+TEST(RosMessages, MillimetresAreWholeAndZeroWhereNothingWasMeasured) {
+  core::Image<float> depth_m(6, 1, std::numeric_limits<float>::quiet_NaN());
+  depth_m(1, 0) = 1.2344F;
+  depth_m(2, 0) = 65.535F;
+  depth_m(3, 0) = 65.536F;
+  depth_m(4, 0) = -1.0F;
+  depth_m(5, 0) = std::numeric_limits<float>::infinity();
+  ros::sensor_msgs::Image message;
+  to_ros_mm(depth_m, message);
+  EXPECT_EQ(message.encoding, "16UC1");
+  EXPECT_EQ(message.step, 12U);
+  EXPECT_THAT(message.data,
+              testing::ElementsAre(0, 0, 0xd2, 0x04, 0xff, 0xff, 0, 0, 0, 0, 0, 0));
+}
+
 /// A camera with its principal point in the middle of 4 pixels looks at the corner that the
 /// middle two share; where centres are 0, 1, 2, 3, that is at 1.5.
 TEST(RosMessages, PrincipalPointsCountFromThePixelsCentre) {
