@@ -89,6 +89,9 @@ std::int64_t open_run(records::Store& store, const specs::ExperimentSpec& spec,
   run.success_profile = success_in_words(spec);
   const std::string clock = specs::clock_in_words(spec.clock);
   if (!clock.empty()) run.success_profile += "; " + clock;
+  if (spec.motion) {
+    run.success_profile += "; moved by Gazebo, world " + spec.motion->world;
+  }
   run.seed = spec.seed;
   run.planned_n = spec.planned_n;
   run.planned_trials = planned_trials;

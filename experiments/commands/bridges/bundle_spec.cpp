@@ -31,8 +31,12 @@ std::string BundleSpec::text(const core::SceneManifest& scene) const {
   for (std::size_t i = 0; i < goals.size(); ++i) {
     text += (i > 0 ? ", " : "") + suites::yaml_scalar(goals[i]);
   }
-  text += "]\n    episodes: " + std::to_string(episodes) + "\n    start_distance_m: [" +
-          start_distance_m + "]\n    allow_visible_start: true\n    allow_trivial: true\n";
+  text += "]\n    episodes: " + std::to_string(episodes) + "\n";
+  if (any_start) {
+    text +=
+        "    start_distance_m: [0.5, 1000]\n    allow_visible_start: true\n    allow_trivial: "
+        "true\n";
+  }
   const double height_m = camera_height_m > 0.0 ? camera_height_m : scene.camera_height_m;
   if (height_m > 0.0) text += core::print("    camera_height_m: %g\n", height_m);
   text += "arms:\n  - {name: " + arm + ", detector: " + detector_text(detector) +

@@ -24,8 +24,9 @@ struct BundleSpec {
   int episodes = 1;
   std::string arm;  ///< Its name, and that of the experiment.
   std::string robot = "jackal-gentle", detector = "none", backend = "auto";
-  std::vector<std::string> sensors;            ///< Besides the camera, as usual.
-  std::string start_distance_m = "0.5, 1000";  ///< From start to goal, nearest and farthest.
+  std::vector<std::string> sensors;  ///< Besides the camera, as usual.
+  /// Starts may see the goal or be near it; else as in specs, with the usual distances.
+  bool any_start = true;
   double rate_hz = 10.0, limit_s = 600.0;
   int width_px = 640, height_px = 480;
   double hfov_deg = 70.0, pitch_down_deg = 0.0, depth_range_m = 6.0, camera_height_m = 0.0;

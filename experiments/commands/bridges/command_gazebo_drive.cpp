@@ -33,7 +33,7 @@ struct DriveFlags : BundleSpec {
     limit_s = 180.0;
     width_px = 256;
     height_px = 192;
-    start_distance_m = "2, 15";
+    any_start = false;
   }
 
   fs::path work = "out/gazebo";
