@@ -346,7 +346,7 @@ std::shared_ptr<const renderer::PanopticField> TrainingRun::train_head(TrainedSc
   inputs.classes = set_.classes;
   inputs.frames = views->count();
   inputs.cuda_device = reconstruction::trains_on_gpu(options_.device) ? 0 : -1;
-  inputs.query_seeds = reconstruction::seed_queries(*views, config, options_.seed);
+  reconstruction::prepare_head_inputs(options_.head, *views, config, options_.seed, inputs);
   const auto head = reconstruction::make_panoptic_head(options_.head, std::move(inputs),
                                                        config, options_.seed);
 

@@ -80,6 +80,12 @@ std::unique_ptr<PanopticHead> make_panoptic_head(const std::string& name,
   if (name == "panoptic-lifting") {
     return internal::make_panoptic_lifting_head(std::move(inputs), config, seed);
   }
+  if (name == "contrastive-lift") {
+    return internal::make_contrastive_lift_head(std::move(inputs), config, seed);
+  }
+  if (name == "gaussian-grouping") {
+    return internal::make_gaussian_grouping_head(std::move(inputs), config, seed);
+  }
   std::string names;
   for (const std::string& known : panoptic_head_names()) {
     names += (names.empty() ? "" : ", ") + known;

@@ -9,10 +9,12 @@
 ///                                       ...
 ///                                      result() -> PanopticField, drawn by every renderer
 ///
-/// A head is one file: a class derived from PanopticHead and a line in make_panoptic_head().
+/// A head is one file in heads/: a class derived from PanopticHead and a line in
+/// make_panoptic_head().
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -62,6 +64,9 @@ struct PanopticHeadInputs {
   std::vector<core::SceneClass> classes;
   /// Query heads: where queries begin (query_seeding.h).
   std::vector<QuerySeed> query_seeds;
+  /// Heads that are taught ids that hold in all views: by frame, the object of each mask's id,
+  /// from 1. Masks of no object are not in it.
+  std::vector<std::map<std::uint16_t, std::uint16_t>> object_of_mask;
   std::int64_t frames = 1;  ///< Images in the training set.
   int cuda_device = -1;     ///< -1 = CPU.
 };
@@ -88,7 +93,8 @@ class PanopticHead {
   virtual void load(const std::filesystem::path& file) = 0;
 };
 
-/// "query" (the paper), "panoptic-splatting", "panoptic-lifting".
+/// "query" (the paper), "panoptic-splatting", "panoptic-lifting", "contrastive-lift",
+/// "gaussian-grouping".
 [[nodiscard]] std::vector<std::string> panoptic_head_names();
 
 /// @param name  One of panoptic_head_names().

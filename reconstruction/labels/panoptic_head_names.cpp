@@ -4,7 +4,8 @@
 namespace segsim::reconstruction {
 
 std::vector<std::string> panoptic_head_names() {
-  return {"query", "panoptic-splatting", "panoptic-lifting"};
+  return {"query", "panoptic-splatting", "panoptic-lifting", "contrastive-lift",
+          "gaussian-grouping"};
 }
 
 }  // namespace segsim::reconstruction

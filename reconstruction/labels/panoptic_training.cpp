@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <map>
 #include <numeric>
 
 #include "core/check.h"
@@ -111,14 +113,61 @@ std::vector<NamedLoss> train_once(PanopticViews& views, PanopticHead& head,
 
 }  // namespace
 
+namespace {
+
+/// A short sequence has too few views for the rule of min_views.
+AssociationConfig association_config(const PanopticViews& views,
+                                     const PanopticTrainingConfig& config) {
+  AssociationConfig association = config.association;
+  association.min_views =
+      static_cast<int>(std::min<std::int64_t>(association.min_views, views.count()));
+  return association;
+}
+
+/// @return  PanopticHeadInputs::object_of_mask.
+std::vector<std::map<std::uint16_t, std::uint16_t>> associate_masks(
+    PanopticViews& views, const PanopticTrainingConfig& config) {
+  MaskAssociation association(association_config(views, config));
+  std::vector<std::size_t> added;  // Views with depth.
+  for (std::int64_t view = 0; view < views.count(); ++view) {
+    const core::Image<float>& depth_m = views.depth_m(view);
+    if (depth_m.empty()) continue;
+    association.add_view(views.masks(view), depth_m, views.intrinsics(view),
+                         views.T_world_camera(view));
+    added.push_back(static_cast<std::size_t>(view));
+  }
+  std::vector<std::map<std::uint16_t, std::uint16_t>> object_of_mask(
+      static_cast<std::size_t>(views.count()));
+  std::uint16_t object_id = 0;
+  for (const AssociatedObject& object : association.objects()) {  // Largest first.
+    if (object_id == std::numeric_limits<std::uint16_t>::max()) break;
+    ++object_id;
+    for (const MaskOfView& mask : object.masks) {
+      object_of_mask[added[static_cast<std::size_t>(mask.view)]][mask.id] = object_id;
+    }
+  }
+  return object_of_mask;
+}
+
+}  // namespace
+
+void prepare_head_inputs(const std::string& head, PanopticViews& views,
+                         const PanopticTrainingConfig& config, std::uint64_t seed,
+                         PanopticHeadInputs& inputs) {
+  if (head == "query" || head == "panoptic-splatting") {
+    inputs.query_seeds = seed_queries(views, config, seed);
+  }
+  if (head == "gaussian-grouping" &&
+      config.gaussian_grouping.identities == IdentitySource::kAssociated) {
+    inputs.object_of_mask = associate_masks(views, config);
+  }
+}
+
 std::vector<QuerySeed> seed_queries(PanopticViews& views, const PanopticTrainingConfig& config,
                                     std::uint64_t seed) {
   const bool from_objects = config.query.seeding == QuerySeeding::kObjects;
   QuerySeeder points(config, seed);
-  AssociationConfig association = config.association;
-  association.min_views =
-      static_cast<int>(std::min<std::int64_t>(association.min_views, views.count()));
-  MaskAssociation masks(association);
+  MaskAssociation masks(association_config(views, config));
   for (std::int64_t view = 0; view < views.count(); ++view) {
     const core::Image<float>& depth_m = views.depth_m(view);
     if (depth_m.empty()) continue;
