@@ -86,6 +86,9 @@ std::unique_ptr<PanopticHead> make_panoptic_head(const std::string& name,
   if (name == "gaussian-grouping") {
     return internal::make_gaussian_grouping_head(std::move(inputs), config, seed);
   }
+  if (name == "open-gaussian") {
+    return internal::make_open_gaussian_head(std::move(inputs), config, seed);
+  }
   std::string names;
   for (const std::string& known : panoptic_head_names()) {
     names += (names.empty() ? "" : ", ") + known;

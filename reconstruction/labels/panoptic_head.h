@@ -94,7 +94,7 @@ class PanopticHead {
 };
 
 /// "query" (the paper), "panoptic-splatting", "panoptic-lifting", "contrastive-lift",
-/// "gaussian-grouping".
+/// "gaussian-grouping", "open-gaussian".
 [[nodiscard]] std::vector<std::string> panoptic_head_names();
 
 /// @param name  One of panoptic_head_names().

@@ -5,7 +5,7 @@ namespace segsim::reconstruction {
 
 std::vector<std::string> panoptic_head_names() {
   return {"query", "panoptic-splatting", "panoptic-lifting", "contrastive-lift",
-          "gaussian-grouping"};
+          "gaussian-grouping", "open-gaussian"};
 }
 
 }  // namespace segsim::reconstruction

@@ -130,6 +130,23 @@ TEST_F(Heads, GroupingWithoutObjectsHasNoIds) {
   EXPECT_EQ(result.field.instance_id, std::vector<std::uint16_t>{0});
 }
 
+TEST_F(Heads, GroupsOfTheCodebookBecomeObjects) {
+  const PanopticResult result = scene().train("open-gaussian", LabelScene::config())->result();
+  const PanopticQuality quality = scene().evaluate(result.field);
+  EXPECT_GT(quality.pq, 0.9);
+  EXPECT_GT(quality.rq, 0.9);
+  EXPECT_EQ(result.field.instance_id.size(), 7U);
+}
+
+TEST_F(Heads, BeforeThereIsACodebookNothingHasALabel) {
+  PanopticTrainingConfig config = LabelScene::config();
+  config.iterations = 20;
+  config.open_gaussian.coarse_from = 1.0;
+  const PanopticResult result = scene().train("open-gaussian", config)->result();
+  EXPECT_TRUE(result.field.instance_id.empty());
+  EXPECT_EQ(scene().evaluate(result.field).pq, 0.0);
+}
+
 TEST_F(Heads, ResumedTrainingIsTheSameTraining) {
   PanopticTrainingConfig config = LabelScene::config();
   config.iterations = 50;
