@@ -176,6 +176,7 @@ void train_labels(const std::string& masks, const reconstruction::TrainingSet& s
   const auto views = reconstruction::make_training_views(set, *surfels, device);
   reconstruction::PanopticHeadInputs inputs;
   inputs.position_m = surfels->position_m;
+  inputs.R_world_surfel = surfels->R_world_surfel;
   inputs.classes = set.classes;
   inputs.frames = views->count();
   reconstruction::prepare_head_inputs(flags.head, *views, config, 1, inputs);

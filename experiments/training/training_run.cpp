@@ -343,6 +343,7 @@ std::shared_ptr<const renderer::PanopticField> TrainingRun::train_head(TrainedSc
   const reconstruction::PanopticTrainingConfig& config = options_.config.panoptic;
   reconstruction::PanopticHeadInputs inputs;
   inputs.position_m = scene.surfels.position_m;
+  inputs.R_world_surfel = scene.surfels.R_world_surfel;
   inputs.classes = set_.classes;
   inputs.frames = views->count();
   inputs.cuda_device = reconstruction::trains_on_gpu(options_.device) ? 0 : -1;

@@ -142,6 +142,7 @@ struct PanopticTrainingConfig {
   ContrastiveLiftConfig contrastive_lift;
   GaussianGroupingConfig gaussian_grouping;
   OpenGaussianConfig open_gaussian;
+  PanopticReconConfig panoptic_recon;
 };
 
 /// @throws core::ContractViolation naming the field that is out of range.

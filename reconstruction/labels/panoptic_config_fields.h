@@ -126,6 +126,20 @@ void visit_baselines(PanopticTrainingConfig& p, Visitor& v) {
   v.number("min_score", open.min_score, 0.0, 1.0);
   v.number("min_together", open.min_together, 1e-9, 1.0);
   v.leave();
+  PanopticReconConfig& recon = p.panoptic_recon;
+  v.enter("panoptic_recon");
+  v.integer("neighbours", recon.neighbours, 1, 1000);
+  v.number("max_gap_m", recon.max_gap_m, 1e-9, kNoLimit);
+  v.number("max_angle_deg", recon.max_angle_deg, 0.0, 90.0);
+  v.number("max_radius_m", recon.max_radius_m, 1e-9, kNoLimit);
+  v.integer("min_surfels", recon.min_surfels, 1, 1'000'000);
+  v.integer("pixels", recon.pixels, 1, 100'000'000);
+  v.number("min_inside", recon.min_inside, 0.0, 1.0);
+  v.integer("min_views", recon.min_views, 1, 1'000'000);
+  v.number("semantic", recon.semantic, 0.0, kNoLimit);
+  v.number("instance", recon.instance, 0.0, kNoLimit);
+  v.number("rate", recon.rate, 0.0, 1.0);
+  v.leave();
 }
 
 template <class Visitor>

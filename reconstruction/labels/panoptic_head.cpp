@@ -89,11 +89,10 @@ std::unique_ptr<PanopticHead> make_panoptic_head(const std::string& name,
   if (name == "open-gaussian") {
     return internal::make_open_gaussian_head(std::move(inputs), config, seed);
   }
-  std::string names;
-  for (const std::string& known : panoptic_head_names()) {
-    names += (names.empty() ? "" : ", ") + known;
+  if (name == "panoptic-recon") {
+    return internal::make_panoptic_recon_head(std::move(inputs), config, seed);
   }
-  throw core::InputError::expected("head", names, "\"" + name + "\"");
+  throw core::InputError::expected("head", panoptic_head_list(", "), "\"" + name + "\"");
 }
 
 }  // namespace segsim::reconstruction

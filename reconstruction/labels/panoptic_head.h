@@ -20,6 +20,7 @@
 #include <string>
 #include <vector>
 
+#include <glm/gtc/quaternion.hpp>
 #include <glm/vec3.hpp>
 
 #include "core/scene_bundle.h"
@@ -61,12 +62,16 @@ struct PanopticResult {
 
 struct PanopticHeadInputs {
   std::vector<glm::vec3> position_m;  ///< [surfels], world frame, frozen.
+  /// [surfels], of SurfelCloud; prepare_head_inputs() of "panoptic-recon" alone reads it.
+  std::vector<glm::quat> R_world_surfel;
   std::vector<core::SceneClass> classes;
   /// Query heads: where queries begin (query_seeding.h).
   std::vector<QuerySeed> query_seeds;
   /// Heads that are taught ids that hold in all views: by frame, the object of each mask's id,
   /// from 1. Masks of no object are not in it.
   std::vector<std::map<std::uint16_t, std::uint16_t>> object_of_mask;
+  /// "panoptic-recon": the class of each object, the first's first.
+  std::vector<std::uint16_t> object_class;
   std::int64_t frames = 1;  ///< Images in the training set.
   int cuda_device = -1;     ///< -1 = CPU.
 };
@@ -94,8 +99,10 @@ class PanopticHead {
 };
 
 /// "query" (the paper), "panoptic-splatting", "panoptic-lifting", "contrastive-lift",
-/// "gaussian-grouping", "open-gaussian".
+/// "gaussian-grouping", "open-gaussian", "panoptic-recon".
 [[nodiscard]] std::vector<std::string> panoptic_head_names();
+/// The same in one line. @param between  Stands between two of them.
+[[nodiscard]] std::string panoptic_head_list(const std::string& between);
 
 /// @param name  One of panoptic_head_names().
 /// @throws core::InputError for another name; core::ContractViolation for inputs or a

@@ -9,6 +9,9 @@
 #include "core/check.h"
 #include "core/error.h"
 #include "core/random.h"
+#include "reconstruction/labels/guidance_graph.h"
+#include "reconstruction/labels/internal/head_support.h"
+#include "reconstruction/labels/internal/visible_surfels.h"
 #include "reconstruction/labels/mask_association.h"
 #include "reconstruction/labels/pixel_sampling.h"
 #include "reconstruction/labels/query_seeding.h"
@@ -149,6 +152,36 @@ std::vector<std::map<std::uint16_t, std::uint16_t>> associate_masks(
   return object_of_mask;
 }
 
+/// Pixels y * width + x on a grid, about `count` of them.
+std::vector<std::int32_t> grid_pixels(const core::FrameMasks& masks, int count) {
+  const int width = masks.semantic.width_px(), height = masks.semantic.height_px();
+  const int step = std::max(
+      1, static_cast<int>(std::lround(
+             std::sqrt(static_cast<double>(width) * static_cast<double>(height) / count))));
+  std::vector<std::int32_t> pixels;
+  for (int y = step / 2; y < height; y += step) {
+    for (int x = step / 2; x < width; x += step) pixels.push_back(y * width + x);
+  }
+  return pixels;
+}
+
+GuidedObjects guide_masks(PanopticViews& views, const PanopticTrainingConfig& config,
+                          const PanopticHeadInputs& inputs) {
+  PanopticReconConfig recon = config.panoptic_recon;
+  recon.min_views = static_cast<int>(std::min<std::int64_t>(recon.min_views, views.count()));
+  std::vector<glm::vec3> normal;
+  for (const glm::quat& R : inputs.R_world_surfel) normal.push_back(R * glm::vec3(0, 0, 1));
+  GuidanceGraph graph(inputs.position_m, normal, recon);
+  const at::Device device = internal::device_of(inputs.cuda_device);
+  for (std::int64_t view = 0; view < views.count(); ++view) {
+    const core::FrameMasks& masks = views.masks(view);
+    const std::vector<std::int32_t> pixels = grid_pixels(masks, recon.pixels);
+    graph.add_view(masks, pixels,
+                   internal::first_surfels(views.weights(view, pixels, 1, 0), device));
+  }
+  return graph.objects();
+}
+
 }  // namespace
 
 void prepare_head_inputs(const std::string& head, PanopticViews& views,
@@ -160,6 +193,11 @@ void prepare_head_inputs(const std::string& head, PanopticViews& views,
   if (head == "gaussian-grouping" &&
       config.gaussian_grouping.identities == IdentitySource::kAssociated) {
     inputs.object_of_mask = associate_masks(views, config);
+  }
+  if (head == "panoptic-recon") {
+    GuidedObjects objects = guide_masks(views, config, inputs);
+    inputs.object_of_mask = std::move(objects.object_of_mask);
+    inputs.object_class = std::move(objects.class_id);
   }
 }
 

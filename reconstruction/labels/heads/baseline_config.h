@@ -80,4 +80,18 @@ struct OpenGaussianConfig {
   double min_together = 0.5;  ///< Of the views: two entries in one mask are one object (ours).
 };
 
+/// PanopticRecon on surfels. All numbers are ours.
+struct PanopticReconConfig {
+  int neighbours = 10;          ///< Of a surfel, ...
+  double max_gap_m = 0.06;      ///< ... not farther than this, ...
+  double max_angle_deg = 15.0;  ///< ... turned by no more from the first of its patch, ...
+  double max_radius_m = 0.3;    ///< ... nor farther from it: small objects need patches.
+  int min_surfels = 50;         ///< Of a patch.
+  int pixels = 20000;           ///< Of a view, on a grid.
+  double min_inside = 0.5;      ///< Of a patch's pixels in a mask, of a mask's in an object.
+  int min_views = 3;            ///< An object has masks in so many views.
+  double semantic = 1.0, instance = 1.0;
+  double rate = 5e-3;  ///< Of logits.
+};
+
 }  // namespace segsim::reconstruction

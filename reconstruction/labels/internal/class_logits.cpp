@@ -83,15 +83,20 @@ renderer::PanopticField field_of_classes(const std::vector<core::SceneClass>& cl
     field.class_id.push_back(c.id);
     field.class_is_thing.push_back(c.thing ? 1 : 0);
   }
+  field.classes = scores_of_probabilities(probability);
+  return field;
+}
+
+renderer::SparseScores scores_of_probabilities(const Tensor& probability) {
   const Tensor host = probability.detach().cpu().contiguous();
   const std::int64_t count = host.size(1);
-  field.classes = renderer::SparseScores(static_cast<std::size_t>(host.size(0)),
-                                         static_cast<std::size_t>(count));
+  renderer::SparseScores scores(static_cast<std::size_t>(host.size(0)),
+                                static_cast<std::size_t>(count));
   for (std::int64_t s = 0; s < host.size(0); ++s) {
-    field.classes.set(static_cast<std::size_t>(s), 0.0F,
-                      entries_above(host.data_ptr<float>() + s * count, count, 0.0F, 1.0F));
+    scores.set(static_cast<std::size_t>(s), 0.0F,
+               entries_above(host.data_ptr<float>() + s * count, count, 0.0F, 1.0F));
   }
-  return field;
+  return scores;
 }
 
 renderer::SparseScores scores_of_logits(const Tensor& logits) {

@@ -45,6 +45,9 @@ class ClassLogits {
 [[nodiscard]] renderer::PanopticField field_of_classes(
     const std::vector<core::SceneClass>& classes, const Tensor& probability);
 
+/// Probabilities as scores of a field. @param probability  [surfels, channels].
+[[nodiscard]] renderer::SparseScores scores_of_probabilities(const Tensor& probability);
+
 /// Logits as scores of a field: an affine map to [0, 1] that is the same for all surfels, so
 /// that the largest blended score is the largest blended logit.
 /// @param logits  [surfels, instances].

@@ -147,6 +147,18 @@ TEST_F(Heads, BeforeThereIsACodebookNothingHasALabel) {
   EXPECT_EQ(scene().evaluate(result.field).pq, 0.0);
 }
 
+TEST_F(Heads, TheGuidanceGraphGivesIdsThatAreLearnt) {
+  PanopticTrainingConfig config = LabelScene::config();
+  config.panoptic_recon.max_gap_m = 0.12;  // Surfels are 8 cm apart.
+  config.panoptic_recon.min_surfels = 4;
+  const PanopticHeadInputs inputs = scene().inputs("panoptic-recon", config, 1);
+  EXPECT_EQ(inputs.object_class.size(), 7U);
+  const PanopticResult result = scene().train("panoptic-recon", config)->result();
+  const PanopticQuality quality = scene().evaluate(result.field);
+  EXPECT_GT(quality.pq, 0.9);
+  EXPECT_GT(quality.rq, 0.99);
+}
+
 TEST_F(Heads, ResumedTrainingIsTheSameTraining) {
   PanopticTrainingConfig config = LabelScene::config();
   config.iterations = 50;
@@ -228,9 +240,11 @@ class OneStep : public Heads {
   [[nodiscard]] std::unique_ptr<PanopticHead> make(const std::string& name) const {
     return make_panoptic_head(name,
                               {.position_m = position_m_,
+                               .R_world_surfel = {},
                                .classes = testing::label_scene_classes(),
                                .query_seeds = seeds_,
-                               .object_of_mask = {}},
+                               .object_of_mask = {},
+                               .object_class = {}},
                               config_, 1);
   }
   [[nodiscard]] PanopticBatch batch() const {

@@ -185,9 +185,11 @@ class LabelScene : public PanopticViews {
                                           const PanopticTrainingConfig& config,
                                           std::uint64_t seed) {
     PanopticHeadInputs inputs{.position_m = cloud_->position_m,
+                              .R_world_surfel = cloud_->R_world_surfel,
                               .classes = label_scene_classes(),
                               .query_seeds = {},
                               .object_of_mask = {},
+                              .object_class = {},
                               .frames = kViews};
     prepare_head_inputs(head_name, *this, config, seed, inputs);
     return inputs;
