@@ -143,6 +143,7 @@ struct PanopticTrainingConfig {
   GaussianGroupingConfig gaussian_grouping;
   OpenGaussianConfig open_gaussian;
   PanopticReconConfig panoptic_recon;
+  PvlffConfig pvlff;
 };
 
 /// @throws core::ContractViolation naming the field that is out of range.

@@ -140,6 +140,19 @@ void visit_baselines(PanopticTrainingConfig& p, Visitor& v) {
   v.number("instance", recon.instance, 0.0, kNoLimit);
   v.number("rate", recon.rate, 0.0, 1.0);
   v.leave();
+  PvlffConfig& pvlff = p.pvlff;
+  v.enter("pvlff");
+  v.number("language", pvlff.language, 0.0, kNoLimit);
+  v.number("contrast", pvlff.contrast, 0.0, kNoLimit);
+  v.number("centre", pvlff.centre, 0.0, kNoLimit);
+  v.integer("groups", pvlff.groups, 1, 1'000'000);
+  v.integer("negatives", pvlff.negatives, 1, 1000);
+  v.number("temperature", pvlff.temperature, 1e-6, kNoLimit);
+  v.number("centre_momentum", pvlff.centre_momentum, 0.0, 1.0);
+  v.number("feature_noise", pvlff.feature_noise, 1e-9, kNoLimit);
+  v.number("rate", pvlff.rate, 0.0, 1.0);
+  visit_clustering(pvlff.clustering, v);
+  v.leave();
 }
 
 template <class Visitor>

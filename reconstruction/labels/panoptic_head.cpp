@@ -92,6 +92,7 @@ std::unique_ptr<PanopticHead> make_panoptic_head(const std::string& name,
   if (name == "panoptic-recon") {
     return internal::make_panoptic_recon_head(std::move(inputs), config, seed);
   }
+  if (name == "pvlff") return internal::make_pvlff_head(std::move(inputs), config, seed);
   throw core::InputError::expected("head", panoptic_head_list(", "), "\"" + name + "\"");
 }
 

@@ -99,7 +99,7 @@ class PanopticHead {
 };
 
 /// "query" (the paper), "panoptic-splatting", "panoptic-lifting", "contrastive-lift",
-/// "gaussian-grouping", "open-gaussian", "panoptic-recon".
+/// "gaussian-grouping", "open-gaussian", "panoptic-recon", "pvlff".
 [[nodiscard]] std::vector<std::string> panoptic_head_names();
 /// The same in one line. @param between  Stands between two of them.
 [[nodiscard]] std::string panoptic_head_list(const std::string& between);

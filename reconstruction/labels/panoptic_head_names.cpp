@@ -10,7 +10,8 @@ std::vector<std::string> panoptic_head_names() {
           "contrastive-lift",
           "gaussian-grouping",
           "open-gaussian",
-          "panoptic-recon"};
+          "panoptic-recon",
+          "pvlff"};
 }
 
 std::string panoptic_head_list(const std::string& between) {

@@ -2,8 +2,8 @@
 
 /// @file
 /// Weights and rates of the heads that other papers published. Sources: PL = Panoptic Lifting,
-/// CL = Contrastive Lift, GG = Gaussian Grouping, OG = OpenGaussian, as their programs have
-/// them; ours = a choice of this project. Shares are of the iterations of the whole head
+/// CL = Contrastive Lift, GG = Gaussian Grouping, OG = OpenGaussian, PVLFF, as their programs
+/// have them; ours = a choice of this project. Shares are of the iterations of the whole head
 /// training. Rates are those of a run of 3000 iterations and follow rate.scale and its decay:
 /// a surfel is seen a few dozen times in one, and shares nothing with its neighbours, where
 /// the original trained a network, or ten times as long.
@@ -71,13 +71,29 @@ struct OpenGaussianConfig {
   int coarse = 64, fine = 5;  ///< Entries of the codebook, fine ones of each coarse (OG).
   double position_weight = 1.0;  ///< Of metres beside features, coarse (OG).
   int rounds = 5;                ///< Of k-means when entries are assigned anew (OG) ...
-  double coarse_every = 3.3e-3, fine_every = 8.3e-4;  ///< ... which is so often (OG, shares).
+  double coarse_every = 0.01, fine_every = 0.01;  ///< ... so often (ours; OG 200, 50 of
+                                                  ///< 60 000: too dear in a short run).
   double max_variance = 6e-3;  ///< A mask whose features vary more teaches nothing ...
   double large_mask = 0.8;     ///< ... unless it is almost as large as the largest (OG).
   double rate = 1e-2;          ///< Of features (ours; OG 1e-3 in 60 000 iterations).
   int points = 100000;         ///< Rendered pixels that name the entries (ours).
   double min_score = 0.2;      ///< IoU times likeness of an entry and its mask (OG).
   double min_together = 0.5;  ///< Of the views: two entries in one mask are one object (ours).
+};
+
+/// PVLFF on surfels.
+struct PvlffConfig {
+  double language = 0.5;          ///< L1 distance of class features (PVLFF).
+  double contrast = 0.1;          ///< InfoNCE (PVLFF) ...
+  double centre = 0.5;            ///< ... and of it, the distance to a mask's centre (PVLFF).
+  int groups = 512;               ///< Anchors of a step (ours; PVLFF 32 for every 512 rays).
+  int negatives = 14;             ///< Of an anchor (PVLFF).
+  double temperature = 0.1;       ///< PVLFF.
+  double centre_momentum = 0.95;  ///< Of an image's turn (PVLFF: of a refreshment).
+  double feature_noise = 0.1;     ///< Instance features begin as N(0, this) (ours).
+  double rate = 5e-3;             ///< Of features (PVLFF).
+  /// Of all pixels (PVLFF: clusters of 100 of 200 000 points).
+  DensityClusteringConfig clustering{.points = 20000, .min_share = 0.005, .min_samples = 100};
 };
 
 /// PanopticRecon on surfels. All numbers are ours.

@@ -214,34 +214,15 @@ class ContrastiveLiftHead : public PanopticHead {
     feature = ((feature - low) / range).cpu().contiguous();
 
     const auto points = static_cast<std::size_t>(feature.size(0));
-    const DensityClusters clusters = density_clusters(
-        {feature.data_ptr<float>(), points * kFeatureSize}, kFeatureSize,
-        {.min_cluster_size =
-             std::max(2, static_cast<int>(
-                             std::lround(clustering.min_share * static_cast<double>(points)))),
-         .min_samples = clustering.min_samples,
-         .allow_single = true});
+    const std::span<const float> values{feature.data_ptr<float>(), points * kFeatureSize};
+    const DensityClusters clusters =
+        density_clusters(values, kFeatureSize, cluster_options(clustering, points, true));
     if (clusters.count == 0) return none;
-    const Tensor mean = cluster_means(feature, clusters).to(device_);
+    const Tensor mean =
+        device_tensor(cluster_means(values, kFeatureSize, clusters), torch::kFloat32, device_)
+            .view({-1, kFeatureSize});
     const Tensor scaled = (fast_.value() - low) / range;
     return 2.0 * scaled.matmul(mean.t()) - mean.pow(2).sum(1);
-  }
-
-  [[nodiscard]] static Tensor cluster_means(const Tensor& feature,
-                                            const DensityClusters& clusters) {
-    Tensor sum = torch::zeros({clusters.count, kFeatureSize}, feature.options());
-    Tensor weight = torch::zeros({clusters.count, 1}, feature.options());
-    for (std::size_t i = 0; i < clusters.cluster.size(); ++i) {
-      const int c = clusters.cluster[i];
-      if (c < 0) continue;
-      weight.data_ptr<float>()[c] += clusters.probability[i];
-      for (std::int64_t d = 0; d < kFeatureSize; ++d) {
-        sum.data_ptr<float>()[c * kFeatureSize + d] +=
-            clusters.probability[i] *
-            feature.data_ptr<float>()[static_cast<std::int64_t>(i) * kFeatureSize + d];
-      }
-    }
-    return sum / weight.clamp_min(1e-12);
   }
 
   PanopticHeadInputs inputs_;

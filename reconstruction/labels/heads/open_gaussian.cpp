@@ -15,15 +15,14 @@
 //     Surfels have the labels of their groups, which are blended.
 
 #include <cmath>
-#include <map>
 
 #include "core/random.h"
 #include "reconstruction/internal/tensors/adam.h"
 #include "reconstruction/labels/internal/codebook.h"
 #include "reconstruction/labels/internal/group_names.h"
 #include "reconstruction/labels/internal/head_list.h"
-#include "reconstruction/labels/internal/head_support.h"
 #include "reconstruction/labels/internal/pixel_store.h"
+#include "reconstruction/labels/internal/regions.h"
 
 namespace segsim::reconstruction::internal {
 namespace {
@@ -33,21 +32,6 @@ constexpr std::int64_t kFeatureSize = 6;
 constexpr double kLeastRepulsion = 0.1;  ///< Of the farthest mask; the nearest has 1.
 constexpr double kNearMask = 0.9;        ///< Masks that still repel when it is sharpened.
 constexpr std::int64_t kGroupsAtOnce = 64;
-
-/// Masks of things and regions of stuff, at the labelled pixels of a batch.
-struct Regions {
-  Tensor pixel;   ///< [n] int64, row of the batch.
-  Tensor region;  ///< [n] int64, in [0, count).
-  Tensor size;    ///< [count, 1] float, pixels.
-  std::int64_t count = 0;
-
-  /// [count, channels], of [n, channels].
-  [[nodiscard]] Tensor means(const Tensor& values) const {
-    return torch::zeros({count, values.size(1)}, values.options())
-               .index_add(0, region, values) /
-           size;
-  }
-};
 
 class OpenGaussianHead : public PanopticHead {
  public:
@@ -75,8 +59,9 @@ class OpenGaussianHead : public PanopticHead {
     if (targets.labelled.empty()) return {{"total", 0.0}};
     store_.keep(batch, matrix, targets, targets.labelled);
     assign_groups(iteration, progress);
-    const Regions regions = regions_of(targets);
-    if (regions.count == 0) return {{"total", 0.0}};
+    const Regions regions =
+        regions_of(targets, inputs_.classes, config_.query.min_mask_pixels, device_);
+    if (regions.count() == 0) return {{"total", 0.0}};
 
     const Tensor rows =
         feature_.value().index_select(0, matrix.surfel).detach().requires_grad_(true);
@@ -146,28 +131,6 @@ class OpenGaussianHead : public PanopticHead {
     }
   }
 
-  [[nodiscard]] Regions regions_of(const BatchTargets& targets) const {
-    std::map<std::int64_t, std::vector<std::int64_t>> pixels;  // Stuff has keys below 0.
-    for (const std::int64_t pixel : targets.labelled) {
-      const auto p = static_cast<std::size_t>(pixel);
-      const std::int64_t mask = targets.mask_index[p], c = targets.class_index[p];
-      const bool thing = inputs_.classes[static_cast<std::size_t>(c)].thing;
-      if (mask >= 0 || !thing) pixels[mask >= 0 ? mask : -1 - c].push_back(pixel);
-    }
-    std::vector<std::int64_t> pixel, region;
-    std::vector<float> size;
-    for (const auto& [key, of_region] : pixels) {
-      if (of_region.size() < static_cast<std::size_t>(config_.query.min_mask_pixels)) continue;
-      pixel.insert(pixel.end(), of_region.begin(), of_region.end());
-      region.insert(region.end(), of_region.size(), static_cast<std::int64_t>(size.size()));
-      size.push_back(static_cast<float>(of_region.size()));
-    }
-    return {device_tensor(pixel, torch::kInt64, device_),
-            device_tensor(region, torch::kInt64, device_),
-            device_tensor(size, torch::kFloat32, device_).unsqueeze(1),
-            static_cast<std::int64_t>(size.size())};
-  }
-
   /// Rendered features at the pixels of the regions, in the scale of the published losses.
   [[nodiscard]] static Tensor at(const Regions& regions, const BlendMatrix& matrix,
                                  const Tensor& rows) {
@@ -184,22 +147,22 @@ class OpenGaussianHead : public PanopticHead {
     const Tensor distance =
         ((feature - mean.index_select(0, regions.region)).pow(2).sum(1) + 1e-12).sqrt();
     sum.add("cohesion", open.cohesion, regions.means(distance.unsqueeze(1)).mean());
-    if (regions.count < 2) return;
+    if (regions.count() < 2) return;
     const Tensor distance2 = (mean.unsqueeze(0) - mean.unsqueeze(1)).pow(2).sum(2);
-    const Tensor self = torch::eye(regions.count, mean.options());
+    const Tensor self = torch::eye(regions.count(), mean.options());
     // 0 for the region itself, 1 for the farthest, ... count - 1 for the nearest.
     const Tensor rank = (distance2.detach() + 1e9 * self)
                             .argsort(/*stable=*/true, 1, /*descending=*/true)
                             .argsort(/*stable=*/true, 1, /*descending=*/false)
                             .to(torch::kFloat32);
-    const auto steps = static_cast<double>(std::max<std::int64_t>(regions.count - 2, 1));
+    const auto steps = static_cast<double>(std::max<std::int64_t>(regions.count() - 2, 1));
     Tensor weight = kLeastRepulsion + (1.0 - kLeastRepulsion) * (rank - 1.0) / steps;
-    if (regions.count == 2) weight = torch::ones_like(weight);
+    if (regions.count() == 2) weight = torch::ones_like(weight);
     if (progress >= open.sharpen_from) {
       weight = torch::where(weight.lt(kNearMask), torch::full_like(weight, kLeastRepulsion),
                             weight);
     }
-    const auto pairs = static_cast<double>(regions.count * (regions.count - 1));
+    const auto pairs = static_cast<double>(regions.count() * (regions.count() - 1));
     sum.add("separation", open.separation,
             ((1.0 - self) * weight / (1.0 + distance2)).sum() / pairs);
   }

@@ -198,6 +198,14 @@ void choose(Condensed& tree, bool allow_single) {
 
 }  // namespace
 
+DensityClusterOptions cluster_options(const DensityClusteringConfig& config,
+                                      std::size_t points, bool allow_single) {
+  const auto least = std::lround(config.min_share * static_cast<double>(points));
+  return {.min_cluster_size = static_cast<int>(std::max(2L, least)),
+          .min_samples = config.min_samples,
+          .allow_single = allow_single};
+}
+
 DensityClusters density_clusters(std::span<const float> points, std::size_t dimensions,
                                  const DensityClusterOptions& options) {
   SEGSIM_CHECK(options.min_cluster_size >= 2 && options.min_samples >= 1, "clusters");
@@ -231,6 +239,26 @@ DensityClusters density_clusters(std::span<const float> points, std::size_t dime
         static_cast<float>(most > 0.0 ? std::min(tree.density[i] / most, 1.0) : 1.0);
   }
   return result;
+}
+
+std::vector<float> cluster_means(std::span<const float> points, std::size_t dimensions,
+                                 const DensityClusters& clusters) {
+  const auto count = static_cast<std::size_t>(clusters.count);
+  std::vector<double> sum(count * dimensions, 0.0), weight(count, 0.0);
+  for (std::size_t i = 0; i < clusters.cluster.size(); ++i) {
+    if (clusters.cluster[i] < 0) continue;
+    const auto c = static_cast<std::size_t>(clusters.cluster[i]);
+    const auto share = static_cast<double>(clusters.probability[i]);
+    weight[c] += share;
+    for (std::size_t d = 0; d < dimensions; ++d) {
+      sum[c * dimensions + d] += share * static_cast<double>(points[i * dimensions + d]);
+    }
+  }
+  std::vector<float> mean;
+  for (std::size_t i = 0; i < sum.size(); ++i) {
+    mean.push_back(static_cast<float>(sum[i] / std::max(weight[i / dimensions], 1e-30)));
+  }
+  return mean;
 }
 
 }  // namespace segsim::reconstruction::internal

@@ -14,6 +14,8 @@
 #include <span>
 #include <vector>
 
+#include "reconstruction/labels/heads/baseline_config.h"
+
 namespace segsim::reconstruction::internal {
 
 struct DensityClusterOptions {
@@ -28,9 +30,18 @@ struct DensityClusters {
   int count = 0;
 };
 
+/// @param points  How many there are.
+[[nodiscard]] DensityClusterOptions cluster_options(const DensityClusteringConfig& config,
+                                                    std::size_t points, bool allow_single);
+
 /// @param points  [n, dimensions], finite.  Deterministic for any number of threads.
 [[nodiscard]] DensityClusters density_clusters(std::span<const float> points,
                                                std::size_t dimensions,
                                                const DensityClusterOptions& options);
+
+/// [clusters, dimensions]: the mean of each cluster's points, weighed by probability.
+[[nodiscard]] std::vector<float> cluster_means(std::span<const float> points,
+                                               std::size_t dimensions,
+                                               const DensityClusters& clusters);
 
 }  // namespace segsim::reconstruction::internal

@@ -31,4 +31,7 @@ namespace segsim::reconstruction::internal {
 [[nodiscard]] std::unique_ptr<PanopticHead> make_panoptic_recon_head(
     PanopticHeadInputs inputs, const PanopticTrainingConfig& config, std::uint64_t seed);
 
+[[nodiscard]] std::unique_ptr<PanopticHead> make_pvlff_head(
+    PanopticHeadInputs inputs, const PanopticTrainingConfig& config, std::uint64_t seed);
+
 }  // namespace segsim::reconstruction::internal

@@ -100,10 +100,11 @@ TEST_F(Heads, ClustersOfContrastiveFeaturesAreObjects) {
 
 TEST_F(Heads, WithoutTrainingThereAreNoClusters) {
   const PanopticTrainingConfig config = LabelScene::config();
-  const auto head = make_panoptic_head(
-      "contrastive-lift", scene().inputs("contrastive-lift", config, 1), config, 1);
-  EXPECT_TRUE(head->result().field.instance_id.empty());
-  EXPECT_LT(scene().evaluate(head->result().field).pq, 0.1);
+  for (const char* name : {"contrastive-lift", "pvlff"}) {
+    const auto head = make_panoptic_head(name, scene().inputs(name, config, 1), config, 1);
+    EXPECT_TRUE(head->result().field.instance_id.empty()) << name;
+    EXPECT_LT(scene().evaluate(head->result().field).pq, 0.1) << name;
+  }
 }
 
 TEST_F(Heads, GroupingLearnsIdsThatHoldInAllViews) {
@@ -154,6 +155,17 @@ TEST_F(Heads, TheGuidanceGraphGivesIdsThatAreLearnt) {
   const PanopticHeadInputs inputs = scene().inputs("panoptic-recon", config, 1);
   EXPECT_EQ(inputs.object_class.size(), 7U);
   const PanopticResult result = scene().train("panoptic-recon", config)->result();
+  const PanopticQuality quality = scene().evaluate(result.field);
+  EXPECT_GT(quality.pq, 0.9);
+  EXPECT_GT(quality.rq, 0.99);
+}
+
+TEST_F(Heads, ClustersOfAllPixelsAreNamedByTheirClassFeatures) {
+  PanopticTrainingConfig config = LabelScene::config();
+  config.iterations = 600;
+  config.rate.scale = 3.0;
+  const PanopticResult result = scene().train("pvlff", config)->result();
+  EXPECT_EQ(result.field.instance_id.size(), 9U);  // Seven objects, the floor and the walls.
   const PanopticQuality quality = scene().evaluate(result.field);
   EXPECT_GT(quality.pq, 0.9);
   EXPECT_GT(quality.rq, 0.99);
