@@ -82,7 +82,9 @@ class PvlffHead : public PanopticHead {
     }
     std::vector<NamedLoss> losses = sum.finish(iteration);
     const double rate = pvlff.rate * rate_factor(config_.rate, progress);
-    language_.step_rows(matrix.surfel, language_rows.grad(), rate);
+    if (language_rows.grad().defined()) {
+      language_.step_rows(matrix.surfel, language_rows.grad(), rate);
+    }
     if (instance_rows.grad().defined()) {
       instance_.step_rows(matrix.surfel, instance_rows.grad(), rate);
     }

@@ -104,6 +104,7 @@ renderer::SparseScores scores_of_logits(const Tensor& logits) {
   const std::int64_t count = host.size(1);
   renderer::SparseScores scores(static_cast<std::size_t>(host.size(0)),
                                 static_cast<std::size_t>(count));
+  if (count == 1) return scores_of_probabilities(torch::ones_like(host));
   if (host.numel() == 0) return scores;
   const float lowest = host.min().item<float>();
   const float range = std::max(host.max().item<float>() - lowest, 1e-6F);

@@ -49,7 +49,7 @@ class ClassLogits {
 [[nodiscard]] renderer::SparseScores scores_of_probabilities(const Tensor& probability);
 
 /// Logits as scores of a field: an affine map to [0, 1] that is the same for all surfels, so
-/// that the largest blended score is the largest blended logit.
+/// that the largest blended score is the largest blended logit. A logit alone always wins.
 /// @param logits  [surfels, instances].
 [[nodiscard]] renderer::SparseScores scores_of_logits(const Tensor& logits);
 

@@ -132,7 +132,9 @@ TEST_F(Heads, GroupingWithoutObjectsHasNoIds) {
 }
 
 TEST_F(Heads, GroupsOfTheCodebookBecomeObjects) {
-  const PanopticResult result = scene().train("open-gaussian", LabelScene::config())->result();
+  PanopticTrainingConfig config = LabelScene::config();
+  config.iterations = 300;
+  const PanopticResult result = scene().train("open-gaussian", config)->result();
   const PanopticQuality quality = scene().evaluate(result.field);
   EXPECT_GT(quality.pq, 0.9);
   EXPECT_GT(quality.rq, 0.9);
