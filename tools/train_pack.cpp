@@ -176,9 +176,10 @@ void train_labels(const std::string& masks, const reconstruction::TrainingSet& s
   const auto views = reconstruction::make_training_views(set, *surfels, device);
   reconstruction::PanopticHeadInputs inputs;
   inputs.position_m = surfels->position_m;
+  inputs.R_world_surfel = surfels->R_world_surfel;
   inputs.classes = set.classes;
   inputs.frames = views->count();
-  inputs.query_seeds = reconstruction::seed_queries(*views, config, 1);
+  reconstruction::prepare_head_inputs(flags.head, *views, config, 1, inputs);
   inputs.cuda_device = 0;
   std::printf("%zu query seeds\n", inputs.query_seeds.size());
   const auto head =

@@ -68,9 +68,8 @@ void check_head(const std::string& head) {
   std::vector<std::string> known = reconstruction::panoptic_head_names();
   known.emplace_back("none");
   if (std::find(known.begin(), known.end(), head) != known.end()) return;
-  std::string words;
-  for (const std::string& name : known) words += (words.empty() ? "" : " | ") + name;
-  throw core::InputError::expected("--head", words, "\"" + head + "\"");
+  throw core::InputError::expected(
+      "--head", reconstruction::panoptic_head_list(" | ") + " | none", "\"" + head + "\"");
 }
 
 /// What cannot be asked for together.
@@ -356,7 +355,7 @@ void add_training_options(CLI::App& command, const std::shared_ptr<Flags>& flags
       "Folder of per-view masks (docs/masks.md); default: the recording's labels");
   command
       .add_option("--head", training.head,
-                  "query | panoptic-splatting | panoptic-lifting | none: what learns labels")
+                  reconstruction::panoptic_head_list(" | ") + " | none: what learns labels")
       ->capture_default_str();
   command
       .add_option("--held-out-every", training.set.held_out_every,

@@ -12,6 +12,7 @@
 #include "experiments/panoptic/panoptic_run.h"
 #include "experiments/panoptic/panoptic_table.h"
 #include "experiments/support/record_file.h"
+#include "reconstruction/labels/panoptic_head.h"
 
 namespace segsim::experiments::commands {
 namespace {
@@ -110,7 +111,7 @@ void add_panoptic_table(CLI::App& table) {
                       "or a YAML file; default: flat-3, flat-8 and what --data has");
   command
       ->add_option("--heads", flags->heads,
-                   "Of query, panoptic-splatting, panoptic-lifting, separated by commas")
+                   "Of " + reconstruction::panoptic_head_list(", ") + ", separated by commas")
       ->capture_default_str();
   command
       ->add_option("--rules", flags->rules,

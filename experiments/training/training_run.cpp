@@ -343,10 +343,11 @@ std::shared_ptr<const renderer::PanopticField> TrainingRun::train_head(TrainedSc
   const reconstruction::PanopticTrainingConfig& config = options_.config.panoptic;
   reconstruction::PanopticHeadInputs inputs;
   inputs.position_m = scene.surfels.position_m;
+  inputs.R_world_surfel = scene.surfels.R_world_surfel;
   inputs.classes = set_.classes;
   inputs.frames = views->count();
   inputs.cuda_device = reconstruction::trains_on_gpu(options_.device) ? 0 : -1;
-  inputs.query_seeds = reconstruction::seed_queries(*views, config, options_.seed);
+  reconstruction::prepare_head_inputs(options_.head, *views, config, options_.seed, inputs);
   const auto head = reconstruction::make_panoptic_head(options_.head, std::move(inputs),
                                                        config, options_.seed);
 

@@ -136,6 +136,8 @@ class AssociationRun {
     return cluster;
   }
   void vote();
+  /// [clusters]: the masks that it won most voxels of.
+  [[nodiscard]] std::vector<std::vector<std::int32_t>> masks_by_object() const;
 
   const MaskAssociation& in_;
   const AssociationConfig& config_;
@@ -256,7 +258,35 @@ void AssociationRun::vote() {
   }
 }
 
+std::vector<std::vector<std::int32_t>> AssociationRun::masks_by_object() const {
+  std::vector<std::int32_t> winner(in_.voxels_.size(), -1);
+  for (std::size_t c = 0; c < won_.size(); ++c) {
+    for (const std::int32_t v : won_[c]) {
+      winner[static_cast<std::size_t>(v)] = static_cast<std::int32_t>(c);
+    }
+  }
+  std::vector<std::vector<std::int32_t>> lies_on(clusters_.size());
+  std::map<std::int32_t, std::size_t> voxels_of;
+  for (std::size_t m = 0; m < in_.masks_.size(); ++m) {
+    voxels_of.clear();
+    const std::vector<std::int32_t>& voxels = in_.masks_[m].voxels;
+    for (const std::int32_t v : voxels) ++voxels_of[winner[static_cast<std::size_t>(v)]];
+    voxels_of.erase(-1);
+    const auto best =
+        std::max_element(voxels_of.begin(), voxels_of.end(),
+                         [](const auto& a, const auto& b) { return a.second < b.second; });
+    if (best == voxels_of.end() ||
+        static_cast<double>(best->second) <
+            config_.min_inside * static_cast<double>(voxels.size())) {
+      continue;
+    }
+    lies_on[static_cast<std::size_t>(best->first)].push_back(static_cast<std::int32_t>(m));
+  }
+  return lies_on;
+}
+
 std::vector<AssociatedObject> AssociationRun::objects() const {
+  const std::vector<std::vector<std::int32_t>> lies_on = masks_by_object();
   std::vector<AssociatedObject> objects;
   for (std::size_t c = 0; c < clusters_.size(); ++c) {
     std::set<std::int32_t> views;
@@ -292,6 +322,10 @@ std::vector<AssociatedObject> AssociationRun::objects() const {
         })->first;
     object.views = static_cast<std::int64_t>(views.size());
     object.voxels = static_cast<std::int64_t>(won.size());
+    for (const std::int32_t m : lies_on[c]) {
+      const Mask& mask = in_.masks_[static_cast<std::size_t>(m)];
+      object.masks.push_back({mask.view, mask.id});
+    }
     objects.push_back(object);
   }
   std::stable_sort(objects.begin(), objects.end(),
@@ -342,7 +376,7 @@ void MaskAssociation::add_view(const core::FrameMasks& masks,
         auto [at, is_new] = of_id.try_emplace(id);
         if (is_new) {
           at->second.first = static_cast<std::int32_t>(masks_.size());
-          masks_.push_back({view, 0, {}});
+          masks_.push_back({view, id, 0, {}});
         }
         ++at->second.second[class_id];
         mask = at->second.first;

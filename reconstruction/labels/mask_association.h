@@ -21,12 +21,21 @@
 
 namespace segsim::reconstruction {
 
+/// A mask by the view that it was added with, and its id there.
+struct MaskOfView {
+  std::int32_t view = 0;
+  std::uint16_t id = 0;
+  bool operator==(const MaskOfView&) const = default;
+};
+
 /// An object that masks of several views agree on.
 struct AssociatedObject {
   glm::vec3 mean_m{0.0F};      ///< Of the voxels it won, world frame.
   glm::vec3 sigma_m{0.0F};     ///< Standard deviation along the axes of the world.
   std::uint16_t class_id = 0;  ///< What most of its masks say.
   std::int64_t views = 0, voxels = 0;
+  /// That it won most voxels of, joined before or not; by view.
+  std::vector<MaskOfView> masks;
 };
 
 class MaskAssociation {
@@ -45,7 +54,7 @@ class MaskAssociation {
 
   struct Mask {
     std::int32_t view = 0;
-    std::uint16_t class_id = 0;
+    std::uint16_t id = 0, class_id = 0;
     std::vector<std::int32_t> voxels;
   };
   /// What a view shows at a voxel: a mask, or -1 = a surface without one.

@@ -11,6 +11,7 @@
 
 #include <glm/vec3.hpp>
 
+#include "reconstruction/labels/heads/baseline_config.h"
 #include "renderer/scene/panoptic_field.h"
 
 namespace segsim::reconstruction {
@@ -126,17 +127,6 @@ struct QueryConfig {
   double max_overlap = 0.7;    ///< Of the smaller set; the less matched query goes (PR++).
 };
 
-/// Panoptic Lifting on surfels.
-struct PanopticLiftingConfig {
-  int slots = 25;              ///< PL, max_instances.
-  double semantic = 0.1;       ///< PL, lambda_sem.
-  double segment = 0.12;       ///< PL, lambda_sem * lambda_segment.
-  double instance = 1.0;       ///< PL, as its trainer has it.
-  double instance_from = 0.3;  ///< Share of training (PL epoch 3 of 10).
-  double segment_from = 0.6;   ///< PL epoch 6 of 10.
-  double rate = 2.5e-3;        ///< Of logits (GG; PL's 5e-4 is for an MLP).
-};
-
 struct PanopticTrainingConfig {
   std::int64_t iterations = 3000;  ///< Head iterations, one image each (ours).
   VoidPolicy void_policy = VoidPolicy::kIgnored;
@@ -147,7 +137,13 @@ struct PanopticTrainingConfig {
   HeadRateConfig rate;
   QueryConfig query;
   AssociationConfig association;
+  // Of the heads of that name.
   PanopticLiftingConfig panoptic_lifting;
+  ContrastiveLiftConfig contrastive_lift;
+  GaussianGroupingConfig gaussian_grouping;
+  OpenGaussianConfig open_gaussian;
+  PanopticReconConfig panoptic_recon;
+  PvlffConfig pvlff;
 };
 
 /// @throws core::ContractViolation naming the field that is out of range.

@@ -62,6 +62,100 @@ void visit_association(AssociationConfig& a, Visitor& v) {
 }
 
 template <class Visitor>
+void visit_clustering(DensityClusteringConfig& c, Visitor& v) {
+  v.enter("clustering");
+  v.integer("points", c.points, 1, 100'000);
+  v.number("min_share", c.min_share, 0.0, 1.0);
+  v.integer("min_samples", c.min_samples, 1, 10'000);
+  v.leave();
+}
+
+/// Heads of other papers.
+template <class Visitor>
+void visit_baselines(PanopticTrainingConfig& p, Visitor& v) {
+  v.enter("panoptic_lifting");
+  v.integer("slots", p.panoptic_lifting.slots, 1, 65534);
+  v.number("semantic", p.panoptic_lifting.semantic, 0.0, kNoLimit);
+  v.number("segment", p.panoptic_lifting.segment, 0.0, kNoLimit);
+  v.number("instance", p.panoptic_lifting.instance, 0.0, kNoLimit);
+  v.number("instance_from", p.panoptic_lifting.instance_from, 0.0, 1.0);
+  v.number("segment_from", p.panoptic_lifting.segment_from, 0.0, 1.0);
+  v.number("rate", p.panoptic_lifting.rate, 0.0, 1.0);
+  v.leave();
+  ContrastiveLiftConfig& lift = p.contrastive_lift;
+  v.enter("contrastive_lift");
+  v.number("instance", lift.instance, 0.0, kNoLimit);
+  v.number("semantic_from", lift.semantic_from, 0.0, 1.0);
+  v.number("instance_from", lift.instance_from, 0.0, 1.0);
+  v.number("segment_from", lift.segment_from, 0.0, 1.0);
+  v.integer("pixels", lift.pixels, 2, 1'000'000);
+  v.number("slow_momentum", lift.slow_momentum, 0.0, 1.0);
+  v.number("feature_noise", lift.feature_noise, 1e-9, kNoLimit);
+  v.number("rate", lift.rate, 0.0, 1.0);
+  visit_clustering(lift.clustering, v);
+  v.leave();
+  GaussianGroupingConfig& grouping = p.gaussian_grouping;
+  v.enter("gaussian_grouping");
+  v.choice("identities", grouping.identities, {"associated", "assigned"});
+  v.integer("ids", grouping.ids, 2, 65534);
+  v.number("identity", grouping.identity, 0.0, kNoLimit);
+  v.number("smoothness", grouping.smoothness, 0.0, kNoLimit);
+  v.integer("smoothness_every", grouping.smoothness_every, 1, 10'000'000);
+  v.integer("smoothness_surfels", grouping.smoothness_surfels, 1, 1'000'000);
+  v.integer("neighbours", grouping.neighbours, 1, 1000);
+  v.number("rate", grouping.rate, 0.0, 1.0);
+  v.number("classifier_rate", grouping.classifier_rate, 0.0, 1.0);
+  v.leave();
+  OpenGaussianConfig& open = p.open_gaussian;
+  v.enter("open_gaussian");
+  v.number("coarse_from", open.coarse_from, 0.0, 1.0);
+  v.number("fine_from", open.fine_from, 0.0, 1.0);
+  v.number("separation", open.separation, 0.0, kNoLimit);
+  v.number("cohesion", open.cohesion, 0.0, kNoLimit);
+  v.number("sharpen_from", open.sharpen_from, 0.0, 1.0);
+  v.integer("coarse", open.coarse, 1, 4096);
+  v.integer("fine", open.fine, 1, 64);
+  v.number("position_weight", open.position_weight, 0.0, kNoLimit);
+  v.integer("rounds", open.rounds, 1, 1000);
+  v.number("coarse_every", open.coarse_every, 1e-9, 1.0);
+  v.number("fine_every", open.fine_every, 1e-9, 1.0);
+  v.number("max_variance", open.max_variance, 0.0, kNoLimit);
+  v.number("large_mask", open.large_mask, 0.0, kNoLimit);
+  v.number("rate", open.rate, 0.0, 1.0);
+  v.integer("points", open.points, 1, 10'000'000);
+  v.number("min_score", open.min_score, 0.0, 1.0);
+  v.number("min_together", open.min_together, 1e-9, 1.0);
+  v.leave();
+  PanopticReconConfig& recon = p.panoptic_recon;
+  v.enter("panoptic_recon");
+  v.integer("neighbours", recon.neighbours, 1, 1000);
+  v.number("max_gap_m", recon.max_gap_m, 1e-9, kNoLimit);
+  v.number("max_angle_deg", recon.max_angle_deg, 0.0, 90.0);
+  v.number("max_radius_m", recon.max_radius_m, 1e-9, kNoLimit);
+  v.integer("min_surfels", recon.min_surfels, 1, 1'000'000);
+  v.integer("pixels", recon.pixels, 1, 100'000'000);
+  v.number("min_inside", recon.min_inside, 0.0, 1.0);
+  v.integer("min_views", recon.min_views, 1, 1'000'000);
+  v.number("semantic", recon.semantic, 0.0, kNoLimit);
+  v.number("instance", recon.instance, 0.0, kNoLimit);
+  v.number("rate", recon.rate, 0.0, 1.0);
+  v.leave();
+  PvlffConfig& pvlff = p.pvlff;
+  v.enter("pvlff");
+  v.number("language", pvlff.language, 0.0, kNoLimit);
+  v.number("contrast", pvlff.contrast, 0.0, kNoLimit);
+  v.number("centre", pvlff.centre, 0.0, kNoLimit);
+  v.integer("groups", pvlff.groups, 1, 1'000'000);
+  v.integer("negatives", pvlff.negatives, 1, 1000);
+  v.number("temperature", pvlff.temperature, 1e-6, kNoLimit);
+  v.number("centre_momentum", pvlff.centre_momentum, 0.0, 1.0);
+  v.number("feature_noise", pvlff.feature_noise, 1e-9, kNoLimit);
+  v.number("rate", pvlff.rate, 0.0, 1.0);
+  visit_clustering(pvlff.clustering, v);
+  v.leave();
+}
+
+template <class Visitor>
 void visit_panoptic(PanopticTrainingConfig& p, Visitor& v) {
   v.enter("panoptic");
   v.integer("iterations", p.iterations, 1, 10'000'000);
@@ -107,15 +201,7 @@ void visit_panoptic(PanopticTrainingConfig& p, Visitor& v) {
   v.leave();
   visit_query(p.query, v);
   visit_association(p.association, v);
-  v.enter("panoptic_lifting");
-  v.integer("slots", p.panoptic_lifting.slots, 1, 65534);
-  v.number("semantic", p.panoptic_lifting.semantic, 0.0, kNoLimit);
-  v.number("segment", p.panoptic_lifting.segment, 0.0, kNoLimit);
-  v.number("instance", p.panoptic_lifting.instance, 0.0, kNoLimit);
-  v.number("instance_from", p.panoptic_lifting.instance_from, 0.0, 1.0);
-  v.number("segment_from", p.panoptic_lifting.segment_from, 0.0, 1.0);
-  v.number("rate", p.panoptic_lifting.rate, 0.0, 1.0);
-  v.leave();
+  visit_baselines(p, v);
   v.leave();
 }
 

@@ -80,11 +80,20 @@ std::unique_ptr<PanopticHead> make_panoptic_head(const std::string& name,
   if (name == "panoptic-lifting") {
     return internal::make_panoptic_lifting_head(std::move(inputs), config, seed);
   }
-  std::string names;
-  for (const std::string& known : panoptic_head_names()) {
-    names += (names.empty() ? "" : ", ") + known;
+  if (name == "contrastive-lift") {
+    return internal::make_contrastive_lift_head(std::move(inputs), config, seed);
   }
-  throw core::InputError::expected("head", names, "\"" + name + "\"");
+  if (name == "gaussian-grouping") {
+    return internal::make_gaussian_grouping_head(std::move(inputs), config, seed);
+  }
+  if (name == "open-gaussian") {
+    return internal::make_open_gaussian_head(std::move(inputs), config, seed);
+  }
+  if (name == "panoptic-recon") {
+    return internal::make_panoptic_recon_head(std::move(inputs), config, seed);
+  }
+  if (name == "pvlff") return internal::make_pvlff_head(std::move(inputs), config, seed);
+  throw core::InputError::expected("head", panoptic_head_list(", "), "\"" + name + "\"");
 }
 
 }  // namespace segsim::reconstruction

@@ -9,15 +9,18 @@
 ///                                       ...
 ///                                      result() -> PanopticField, drawn by every renderer
 ///
-/// A head is one file: a class derived from PanopticHead and a line in make_panoptic_head().
+/// A head is one file in heads/: a class derived from PanopticHead and a line in
+/// make_panoptic_head().
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include <glm/gtc/quaternion.hpp>
 #include <glm/vec3.hpp>
 
 #include "core/scene_bundle.h"
@@ -59,9 +62,16 @@ struct PanopticResult {
 
 struct PanopticHeadInputs {
   std::vector<glm::vec3> position_m;  ///< [surfels], world frame, frozen.
+  /// [surfels], of SurfelCloud; prepare_head_inputs() of "panoptic-recon" alone reads it.
+  std::vector<glm::quat> R_world_surfel;
   std::vector<core::SceneClass> classes;
   /// Query heads: where queries begin (query_seeding.h).
   std::vector<QuerySeed> query_seeds;
+  /// Heads that are taught ids that hold in all views: by frame, the object of each mask's id,
+  /// from 1. Masks of no object are not in it.
+  std::vector<std::map<std::uint16_t, std::uint16_t>> object_of_mask;
+  /// "panoptic-recon": the class of each object, the first's first.
+  std::vector<std::uint16_t> object_class;
   std::int64_t frames = 1;  ///< Images in the training set.
   int cuda_device = -1;     ///< -1 = CPU.
 };
@@ -88,8 +98,11 @@ class PanopticHead {
   virtual void load(const std::filesystem::path& file) = 0;
 };
 
-/// "query" (the paper), "panoptic-splatting", "panoptic-lifting".
+/// "query" (the paper), "panoptic-splatting", "panoptic-lifting", "contrastive-lift",
+/// "gaussian-grouping", "open-gaussian", "panoptic-recon", "pvlff".
 [[nodiscard]] std::vector<std::string> panoptic_head_names();
+/// The same in one line. @param between  Stands between two of them.
+[[nodiscard]] std::string panoptic_head_list(const std::string& between);
 
 /// @param name  One of panoptic_head_names().
 /// @throws core::InputError for another name; core::ContractViolation for inputs or a

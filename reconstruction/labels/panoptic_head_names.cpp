@@ -4,7 +4,22 @@
 namespace segsim::reconstruction {
 
 std::vector<std::string> panoptic_head_names() {
-  return {"query", "panoptic-splatting", "panoptic-lifting"};
+  return {"query",
+          "panoptic-splatting",
+          "panoptic-lifting",
+          "contrastive-lift",
+          "gaussian-grouping",
+          "open-gaussian",
+          "panoptic-recon",
+          "pvlff"};
+}
+
+std::string panoptic_head_list(const std::string& between) {
+  std::string list;
+  for (const std::string& name : panoptic_head_names()) {
+    list += (list.empty() ? "" : between) + name;
+  }
+  return list;
 }
 
 }  // namespace segsim::reconstruction

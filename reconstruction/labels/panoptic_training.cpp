@@ -2,11 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <map>
 #include <numeric>
 
 #include "core/check.h"
 #include "core/error.h"
 #include "core/random.h"
+#include "reconstruction/labels/guidance_graph.h"
+#include "reconstruction/labels/internal/head_support.h"
+#include "reconstruction/labels/internal/visible_surfels.h"
 #include "reconstruction/labels/mask_association.h"
 #include "reconstruction/labels/pixel_sampling.h"
 #include "reconstruction/labels/query_seeding.h"
@@ -111,14 +116,96 @@ std::vector<NamedLoss> train_once(PanopticViews& views, PanopticHead& head,
 
 }  // namespace
 
+namespace {
+
+/// A short sequence has too few views for the rule of min_views.
+AssociationConfig association_config(const PanopticViews& views,
+                                     const PanopticTrainingConfig& config) {
+  AssociationConfig association = config.association;
+  association.min_views =
+      static_cast<int>(std::min<std::int64_t>(association.min_views, views.count()));
+  return association;
+}
+
+/// @return  PanopticHeadInputs::object_of_mask.
+std::vector<std::map<std::uint16_t, std::uint16_t>> associate_masks(
+    PanopticViews& views, const PanopticTrainingConfig& config) {
+  MaskAssociation association(association_config(views, config));
+  std::vector<std::size_t> added;  // Views with depth.
+  for (std::int64_t view = 0; view < views.count(); ++view) {
+    const core::Image<float>& depth_m = views.depth_m(view);
+    if (depth_m.empty()) continue;
+    association.add_view(views.masks(view), depth_m, views.intrinsics(view),
+                         views.T_world_camera(view));
+    added.push_back(static_cast<std::size_t>(view));
+  }
+  std::vector<std::map<std::uint16_t, std::uint16_t>> object_of_mask(
+      static_cast<std::size_t>(views.count()));
+  std::uint16_t object_id = 0;
+  for (const AssociatedObject& object : association.objects()) {  // Largest first.
+    if (object_id == std::numeric_limits<std::uint16_t>::max()) break;
+    ++object_id;
+    for (const MaskOfView& mask : object.masks) {
+      object_of_mask[added[static_cast<std::size_t>(mask.view)]][mask.id] = object_id;
+    }
+  }
+  return object_of_mask;
+}
+
+/// Pixels y * width + x on a grid, about `count` of them.
+std::vector<std::int32_t> grid_pixels(const core::FrameMasks& masks, int count) {
+  const int width = masks.semantic.width_px(), height = masks.semantic.height_px();
+  const int step = std::max(
+      1, static_cast<int>(std::lround(
+             std::sqrt(static_cast<double>(width) * static_cast<double>(height) / count))));
+  std::vector<std::int32_t> pixels;
+  for (int y = step / 2; y < height; y += step) {
+    for (int x = step / 2; x < width; x += step) pixels.push_back(y * width + x);
+  }
+  return pixels;
+}
+
+GuidedObjects guide_masks(PanopticViews& views, const PanopticTrainingConfig& config,
+                          const PanopticHeadInputs& inputs) {
+  PanopticReconConfig recon = config.panoptic_recon;
+  recon.min_views = static_cast<int>(std::min<std::int64_t>(recon.min_views, views.count()));
+  std::vector<glm::vec3> normal;
+  for (const glm::quat& R : inputs.R_world_surfel) normal.push_back(R * glm::vec3(0, 0, 1));
+  GuidanceGraph graph(inputs.position_m, normal, recon);
+  const at::Device device = internal::device_of(inputs.cuda_device);
+  for (std::int64_t view = 0; view < views.count(); ++view) {
+    const core::FrameMasks& masks = views.masks(view);
+    const std::vector<std::int32_t> pixels = grid_pixels(masks, recon.pixels);
+    graph.add_view(masks, pixels,
+                   internal::first_surfels(views.weights(view, pixels, 1, 0), device));
+  }
+  return graph.objects();
+}
+
+}  // namespace
+
+void prepare_head_inputs(const std::string& head, PanopticViews& views,
+                         const PanopticTrainingConfig& config, std::uint64_t seed,
+                         PanopticHeadInputs& inputs) {
+  if (head == "query" || head == "panoptic-splatting") {
+    inputs.query_seeds = seed_queries(views, config, seed);
+  }
+  if (head == "gaussian-grouping" &&
+      config.gaussian_grouping.identities == IdentitySource::kAssociated) {
+    inputs.object_of_mask = associate_masks(views, config);
+  }
+  if (head == "panoptic-recon") {
+    GuidedObjects objects = guide_masks(views, config, inputs);
+    inputs.object_of_mask = std::move(objects.object_of_mask);
+    inputs.object_class = std::move(objects.class_id);
+  }
+}
+
 std::vector<QuerySeed> seed_queries(PanopticViews& views, const PanopticTrainingConfig& config,
                                     std::uint64_t seed) {
   const bool from_objects = config.query.seeding == QuerySeeding::kObjects;
   QuerySeeder points(config, seed);
-  AssociationConfig association = config.association;
-  association.min_views =
-      static_cast<int>(std::min<std::int64_t>(association.min_views, views.count()));
-  MaskAssociation masks(association);
+  MaskAssociation masks(association_config(views, config));
   for (std::int64_t view = 0; view < views.count(); ++view) {
     const core::Image<float>& depth_m = views.depth_m(view);
     if (depth_m.empty()) continue;

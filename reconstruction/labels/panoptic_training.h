@@ -4,7 +4,8 @@
 /// The loop of panoptic training: image after image, pixels are drawn, blended weights are
 /// fetched and a head takes a step.
 ///
-///     seed_queries() -> make_panoptic_head() -> train_panoptic() -> PanopticHead::result()
+///     prepare_head_inputs() -> make_panoptic_head() -> train_panoptic() ->
+///     PanopticHead::result()
 ///
 /// Which image and which pixels an iteration uses depends on (seed, iteration) alone, so
 /// training that goes on from a saved head repeats what would have happened.
@@ -12,6 +13,7 @@
 #include <cstdint>
 #include <functional>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "core/camera.h"
@@ -49,6 +51,13 @@ class PanopticViews {
 [[nodiscard]] std::vector<QuerySeed> seed_queries(PanopticViews& views,
                                                   const PanopticTrainingConfig& config,
                                                   std::uint64_t seed);
+
+/// What this head needs to know of the masks of all views before it is made: where queries
+/// begin, or which masks show one object.
+/// @param inputs  The rest of it, already filled.
+void prepare_head_inputs(const std::string& head, PanopticViews& views,
+                         const PanopticTrainingConfig& config, std::uint64_t seed,
+                         PanopticHeadInputs& inputs);
 
 struct PanopticProgress {
   std::int64_t iteration = 0;  ///< Finished.

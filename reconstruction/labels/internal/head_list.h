@@ -20,4 +20,18 @@ namespace segsim::reconstruction::internal {
 [[nodiscard]] std::unique_ptr<PanopticHead> make_panoptic_lifting_head(
     PanopticHeadInputs inputs, const PanopticTrainingConfig& config, std::uint64_t seed);
 
+[[nodiscard]] std::unique_ptr<PanopticHead> make_contrastive_lift_head(
+    PanopticHeadInputs inputs, const PanopticTrainingConfig& config, std::uint64_t seed);
+[[nodiscard]] std::unique_ptr<PanopticHead> make_gaussian_grouping_head(
+    PanopticHeadInputs inputs, const PanopticTrainingConfig& config, std::uint64_t seed);
+
+[[nodiscard]] std::unique_ptr<PanopticHead> make_open_gaussian_head(
+    PanopticHeadInputs inputs, const PanopticTrainingConfig& config, std::uint64_t seed);
+
+[[nodiscard]] std::unique_ptr<PanopticHead> make_panoptic_recon_head(
+    PanopticHeadInputs inputs, const PanopticTrainingConfig& config, std::uint64_t seed);
+
+[[nodiscard]] std::unique_ptr<PanopticHead> make_pvlff_head(
+    PanopticHeadInputs inputs, const PanopticTrainingConfig& config, std::uint64_t seed);
+
 }  // namespace segsim::reconstruction::internal

@@ -6,6 +6,7 @@
 #include <torch/cuda.h>
 
 #include "core/error.h"
+#include "reconstruction/labels/assignment.h"
 
 namespace segsim::reconstruction::internal {
 
@@ -61,6 +62,24 @@ MaskTargets mask_targets(const BatchTargets& targets, const std::vector<std::int
   return {device_tensor(pixels, torch::kInt64, device), one_hot.to(device),
           device_tensor(importance, torch::kFloat32, device),
           device_tensor(weight, torch::kFloat32, device)};
+}
+
+std::vector<std::int64_t> assign_slots(const Tensor& probability, const MaskTargets& masks) {
+  const auto slots = static_cast<std::size_t>(probability.size(1));
+  const auto all = static_cast<std::size_t>(masks.one_hot.size(1));
+  const std::size_t count = std::min(all, slots);
+  const Tensor cost = masks.one_hot.t()
+                          .matmul(probability)
+                          .div(masks.one_hot.sum(0).unsqueeze(1))
+                          .to(torch::kFloat64)
+                          .neg()
+                          .cpu()
+                          .contiguous();
+  const std::vector<int> slot_of =
+      assign({cost.data_ptr<double>(), count * slots}, count, slots);
+  std::vector<std::int64_t> slot(all, -1);
+  std::copy(slot_of.begin(), slot_of.end(), slot.begin());
+  return slot;
 }
 
 void LossSum::add(const std::string& name, double factor, const Tensor& loss) {

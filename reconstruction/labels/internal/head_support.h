@@ -42,6 +42,13 @@ struct MaskTargets {
                                        const std::vector<std::int64_t>& pixels,
                                        const at::Device& device);
 
+/// Which slot each mask takes so that the probabilities of its own pixels are largest; masks
+/// beyond the slots get none (Panoptic Lifting).
+/// @param probability  [n, slots] at the pixels of the masks.
+/// @return  [masks], -1 = none.
+[[nodiscard]] std::vector<std::int64_t> assign_slots(const Tensor& probability,
+                                                     const MaskTargets& masks);
+
 /// Losses of one step.
 class LossSum {
  public:

@@ -85,6 +85,94 @@ TEST_F(Heads, BaselinesLearnTheSameScene) {
   EXPECT_GT(lifting.sq, 0.9);
 }
 
+TEST_F(Heads, ClustersOfContrastiveFeaturesAreObjects) {
+  PanopticTrainingConfig config = LabelScene::config();
+  config.iterations = 600;
+  config.contrastive_lift.clustering.min_share = 0.03;  // Of seven objects.
+  const PanopticResult result = scene().train("contrastive-lift", config)->result();
+  EXPECT_EQ(result.field.instance_id.size(), 7U);
+  const PanopticQuality quality = scene().evaluate(result.field);
+  // One id for all things, or one for every pixel, has 0.4. As for panoptic-lifting, stray
+  // pixels are segments of their own.
+  EXPECT_GT(quality.pq, 0.6);
+  EXPECT_GT(quality.sq, 0.9);
+}
+
+TEST_F(Heads, WithoutTrainingThereAreNoClusters) {
+  const PanopticTrainingConfig config = LabelScene::config();
+  for (const char* name : {"contrastive-lift", "pvlff"}) {
+    const auto head = make_panoptic_head(name, scene().inputs(name, config, 1), config, 1);
+    EXPECT_TRUE(head->result().field.instance_id.empty()) << name;
+    EXPECT_LT(scene().evaluate(head->result().field).pq, 0.1) << name;
+  }
+}
+
+TEST_F(Heads, GroupingLearnsIdsThatHoldInAllViews) {
+  PanopticTrainingConfig config = LabelScene::config();
+  config.association.voxel_m = 0.12;  // Pixels are 3 cm to 8 cm apart.
+  const PanopticHeadInputs inputs = scene().inputs("gaussian-grouping", config, 1);
+  ASSERT_EQ(inputs.object_of_mask.size(), static_cast<std::size_t>(LabelScene::kViews));
+  for (const IdentitySource source :
+       {IdentitySource::kAssociated, IdentitySource::kAssigned}) {
+    config.gaussian_grouping.identities = source;
+    const PanopticResult result = scene().train("gaussian-grouping", config)->result();
+    const PanopticQuality quality = scene().evaluate(result.field);
+    EXPECT_GT(quality.pq, 0.9) << static_cast<int>(source);
+    EXPECT_GT(quality.rq, 0.99) << static_cast<int>(source);
+    EXPECT_EQ(result.field.instance_id.size(), result.field.instance_class.size());
+  }
+}
+
+TEST_F(Heads, GroupingWithoutObjectsHasNoIds) {
+  PanopticTrainingConfig config = LabelScene::config();
+  config.iterations = 20;
+  config.association.min_voxels = 1'000'000;  // No object is large enough.
+  const PanopticResult result = scene().train("gaussian-grouping", config)->result();
+  EXPECT_EQ(result.field.instance_id, std::vector<std::uint16_t>{0});
+}
+
+TEST_F(Heads, GroupsOfTheCodebookBecomeObjects) {
+  PanopticTrainingConfig config = LabelScene::config();
+  config.iterations = 300;
+  const PanopticResult result = scene().train("open-gaussian", config)->result();
+  const PanopticQuality quality = scene().evaluate(result.field);
+  EXPECT_GT(quality.pq, 0.9);
+  EXPECT_GT(quality.rq, 0.9);
+  EXPECT_EQ(result.field.instance_id.size(), 7U);
+}
+
+TEST_F(Heads, BeforeThereIsACodebookNothingHasALabel) {
+  PanopticTrainingConfig config = LabelScene::config();
+  config.iterations = 20;
+  config.open_gaussian.coarse_from = 1.0;
+  const PanopticResult result = scene().train("open-gaussian", config)->result();
+  EXPECT_TRUE(result.field.instance_id.empty());
+  EXPECT_EQ(scene().evaluate(result.field).pq, 0.0);
+}
+
+TEST_F(Heads, TheGuidanceGraphGivesIdsThatAreLearnt) {
+  PanopticTrainingConfig config = LabelScene::config();
+  config.panoptic_recon.max_gap_m = 0.12;  // Surfels are 8 cm apart.
+  config.panoptic_recon.min_surfels = 4;
+  const PanopticHeadInputs inputs = scene().inputs("panoptic-recon", config, 1);
+  EXPECT_EQ(inputs.object_class.size(), 7U);
+  const PanopticResult result = scene().train("panoptic-recon", config)->result();
+  const PanopticQuality quality = scene().evaluate(result.field);
+  EXPECT_GT(quality.pq, 0.9);
+  EXPECT_GT(quality.rq, 0.99);
+}
+
+TEST_F(Heads, ClustersOfAllPixelsAreNamedByTheirClassFeatures) {
+  PanopticTrainingConfig config = LabelScene::config();
+  config.iterations = 600;
+  config.rate.scale = 3.0;
+  const PanopticResult result = scene().train("pvlff", config)->result();
+  EXPECT_EQ(result.field.instance_id.size(), 9U);  // Seven objects, the floor and the walls.
+  const PanopticQuality quality = scene().evaluate(result.field);
+  EXPECT_GT(quality.pq, 0.9);
+  EXPECT_GT(quality.rq, 0.99);
+}
+
 TEST_F(Heads, ResumedTrainingIsTheSameTraining) {
   PanopticTrainingConfig config = LabelScene::config();
   config.iterations = 50;
@@ -102,7 +190,7 @@ TEST_F(Heads, ResumedTrainingIsTheSameTraining) {
                             .on_checkpoint = {},
                             .checkpoint_every = 30,
                             .warp = true};
-    const PanopticHeadInputs inputs = scene().inputs(config, 3);
+    const PanopticHeadInputs inputs = scene().inputs(name, config, 3);
     const auto first = make_panoptic_head(name, inputs, config, 3);
     run.on_progress = [&](const PanopticProgress& p) {
       through.push_back(p.losses.back().value);
@@ -166,8 +254,11 @@ class OneStep : public Heads {
   [[nodiscard]] std::unique_ptr<PanopticHead> make(const std::string& name) const {
     return make_panoptic_head(name,
                               {.position_m = position_m_,
+                               .R_world_surfel = {},
                                .classes = testing::label_scene_classes(),
-                               .query_seeds = seeds_},
+                               .query_seeds = seeds_,
+                               .object_of_mask = {},
+                               .object_class = {}},
                               config_, 1);
   }
   [[nodiscard]] PanopticBatch batch() const {

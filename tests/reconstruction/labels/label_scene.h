@@ -12,6 +12,7 @@
 #include <memory>
 #include <numbers>
 #include <numeric>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -180,18 +181,24 @@ class LabelScene : public PanopticViews {
     return config;
   }
 
-  [[nodiscard]] PanopticHeadInputs inputs(const PanopticTrainingConfig& config,
+  [[nodiscard]] PanopticHeadInputs inputs(const std::string& head_name,
+                                          const PanopticTrainingConfig& config,
                                           std::uint64_t seed) {
-    return {.position_m = cloud_->position_m,
-            .classes = label_scene_classes(),
-            .query_seeds = seed_queries(*this, config, seed),
-            .frames = kViews};
+    PanopticHeadInputs inputs{.position_m = cloud_->position_m,
+                              .R_world_surfel = cloud_->R_world_surfel,
+                              .classes = label_scene_classes(),
+                              .query_seeds = {},
+                              .object_of_mask = {},
+                              .object_class = {},
+                              .frames = kViews};
+    prepare_head_inputs(head_name, *this, config, seed, inputs);
+    return inputs;
   }
 
   std::unique_ptr<PanopticHead> train(const std::string& head_name,
                                       const PanopticTrainingConfig& config,
                                       std::uint64_t seed = 1) {
-    auto head = make_panoptic_head(head_name, inputs(config, seed), config, seed);
+    auto head = make_panoptic_head(head_name, inputs(head_name, config, seed), config, seed);
     train_panoptic(*this, *head,
                    {.config = config,
                     .classes = label_scene_classes(),
