@@ -14,7 +14,10 @@
 #include <pcl/io/ply_io.h>
 
 #include "core/error.h"
+#include "core/file_io.h"
 #include "core/input/regular_file.h"
+#include "core/pictures/ply_check.h"
+#include "reconstruction/datasets/internal/pcd_check.h"
 
 namespace segsim::reconstruction {
 namespace {
@@ -42,6 +45,11 @@ Kind kind_of(const std::filesystem::path& file) {
 
 pcl::PCLPointCloud2 read_with_pcl(const std::filesystem::path& file) {
   const Kind kind = kind_of(file);
+  if (kind == Kind::kPcd) {
+    internal::check_pcd(core::read_file(file), file.string());
+  } else {
+    core::check_ply(core::read_file(file), file.string());
+  }
   const char* word = kind == Kind::kPcd ? "an intact PCD file" : "an intact PLY file";
   pcl::console::setVerbosityLevel(pcl::console::L_ALWAYS);  // Faults are reported here.
   pcl::PCLPointCloud2 cloud;

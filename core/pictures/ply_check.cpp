@@ -1,0 +1,209 @@
+#include "core/pictures/ply_check.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cstdint>
+#include <vector>
+
+#include "core/error.h"
+
+namespace segsim::core {
+namespace {
+
+constexpr std::string_view kBlanks = " \t\r\n\v\f";
+/// Of a list: polygons of a mesh have few corners.
+constexpr std::uint64_t kMostEntries = 1'000'000;
+
+struct Type {
+  std::string_view name, other_name;
+  std::size_t bytes;
+  bool is_real, is_signed;
+};
+constexpr auto kTypes = std::to_array<Type>({{"char", "int8", 1, false, true},
+                                             {"uchar", "uint8", 1, false, false},
+                                             {"short", "int16", 2, false, true},
+                                             {"ushort", "uint16", 2, false, false},
+                                             {"int", "int32", 4, false, true},
+                                             {"uint", "uint32", 4, false, false},
+                                             {"float", "float32", 4, true, true},
+                                             {"double", "float64", 8, true, true}});
+
+struct Property {
+  const Type* count = nullptr;  ///< Of a list: how many follow.
+  const Type* value = nullptr;
+};
+
+struct Element {
+  std::uint64_t count = 0;
+  std::vector<Property> properties;
+};
+
+enum class Format { kAscii, kLittleEndian, kBigEndian };
+
+class Checker {
+ public:
+  Checker(std::string_view bytes, const std::string& place) : left_(bytes), place_(place) {}
+
+  void check() {
+    read_header();
+    for (const Element& element : elements_) {
+      if (element.properties.empty() && element.count > 0) {
+        fail("elements with properties", "none");
+      }
+      for (std::uint64_t i = 0; i < element.count; ++i) {
+        for (const Property& property : element.properties) read(property);
+      }
+    }
+  }
+
+ private:
+  [[noreturn]] void fail(const std::string& expected, std::string_view found) const {
+    throw InputError::expected(place_, expected,
+                               "\"" + std::string(found.substr(0, 40)) + "\"");
+  }
+
+  /// The words of the next line.
+  std::vector<std::string_view> next_line() {
+    const std::size_t end = left_.find('\n');
+    if (end == std::string_view::npos) fail("a PLY header that ends (end_header)", left_);
+    std::string_view line = left_.substr(0, end);
+    left_.remove_prefix(end + 1);
+    std::vector<std::string_view> words;
+    while (true) {
+      line.remove_prefix(std::min(line.find_first_not_of(kBlanks), line.size()));
+      if (line.empty()) return words;
+      words.push_back(line.substr(0, line.find_first_of(kBlanks)));
+      line.remove_prefix(words.back().size());
+    }
+  }
+
+  const Type* type(std::string_view word) const {
+    for (const Type& known : kTypes) {
+      if (word == known.name || word == known.other_name) return &known;
+    }
+    fail("a type of a PLY property", word);
+  }
+
+  void read_header() {
+    if (const auto first = next_line(); first.size() != 1 || first[0] != "ply") {
+      fail("a PLY file", first.empty() ? "" : first[0]);
+    }
+    bool has_format = false;
+    while (true) {
+      const std::vector<std::string_view> words = next_line();
+      if (words.empty() || words[0] == "comment" || words[0] == "obj_info") continue;
+      if (words[0] == "end_header") break;
+      if (words[0] == "format" && words.size() == 3) {
+        read_format(words[1]);
+        has_format = true;
+      } else if (words[0] == "element" && words.size() == 3) {
+        elements_.emplace_back().count = count(words[2]);
+      } else if (words[0] == "property" && !elements_.empty()) {
+        read_property(words);
+      } else {
+        fail("a line of a PLY header", words[0]);
+      }
+    }
+    if (!has_format) fail("a PLY header with a format", "end_header");
+  }
+
+  void read_format(std::string_view word) {
+    if (word == "ascii") {
+      format_ = Format::kAscii;
+    } else if (word == "binary_little_endian") {
+      format_ = Format::kLittleEndian;
+    } else if (word == "binary_big_endian") {
+      format_ = Format::kBigEndian;
+    } else {
+      fail("a format of PLY", word);
+    }
+  }
+
+  [[nodiscard]] std::uint64_t count(std::string_view word) const {
+    std::uint64_t number = 0;
+    const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), number);
+    if (error != std::errc() || end != word.data() + word.size()) {
+      fail("a number of elements", word);
+    }
+    return number;
+  }
+
+  void read_property(const std::vector<std::string_view>& words) {
+    Property property;
+    if (words.size() == 5 && words[1] == "list") {
+      property = {type(words[2]), type(words[3])};
+      if (property.count->is_real) fail("a list with a whole number of entries", words[2]);
+    } else if (words.size() == 3) {
+      property.value = type(words[1]);
+    } else {
+      fail("property TYPE NAME, or property list TYPE TYPE NAME",
+           words.size() > 1 ? words[1] : words[0]);
+    }
+    elements_.back().properties.push_back(property);
+  }
+
+  void read(const Property& property) {
+    std::uint64_t values = 1;
+    if (property.count != nullptr) {
+      values = format_ == Format::kAscii ? count(next_word()) : binary_count(*property.count);
+      if (values > kMostEntries) fail("lists of at most a million", std::to_string(values));
+    }
+    if (format_ != Format::kAscii) {
+      (void)take(values * property.value->bytes);
+      return;
+    }
+    for (std::uint64_t i = 0; i < values; ++i) check_number(next_word());
+  }
+
+  std::string_view next_word() {
+    left_.remove_prefix(std::min(left_.find_first_not_of(kBlanks), left_.size()));
+    if (left_.empty()) fail("all numbers of a PLY file", "the end of the file");
+    const std::string_view word = left_.substr(0, left_.find_first_of(kBlanks));
+    left_.remove_prefix(word.size());
+    return word;
+  }
+
+  void check_number(std::string_view word) const {
+    double number = 0.0;
+    const char* begin = word.data() + (word.starts_with('+') ? 1 : 0);
+    const auto [end, error] = std::from_chars(begin, word.data() + word.size(), number);
+    // What is too small or too large for a double is a number all the same.
+    if (error == std::errc::invalid_argument || end != word.data() + word.size()) {
+      fail("a number", word);
+    }
+  }
+
+  std::string_view take(std::uint64_t bytes) {
+    if (bytes > left_.size()) fail("all bytes of a PLY file", "the end of the file");
+    const std::string_view taken = left_.substr(0, bytes);
+    left_.remove_prefix(bytes);
+    return taken;
+  }
+
+  std::uint64_t binary_count(const Type& type) {
+    const std::string_view bytes = take(type.bytes);
+    std::uint64_t number = 0;
+    for (std::size_t i = 0; i < bytes.size(); ++i) {
+      const std::size_t at = format_ == Format::kBigEndian ? i : bytes.size() - 1 - i;
+      number = (number << 8U) | static_cast<unsigned char>(bytes[at]);
+    }
+    if (type.is_signed && (number >> (8 * type.bytes - 1)) != 0) {
+      fail("a number of entries", "a negative one");
+    }
+    return number;
+  }
+
+  std::string_view left_;
+  const std::string& place_;
+  Format format_ = Format::kAscii;
+  std::vector<Element> elements_;
+};
+
+}  // namespace
+
+void check_ply(std::string_view bytes, const std::string& place) {
+  Checker(bytes, place).check();
+}
+
+}  // namespace segsim::core
