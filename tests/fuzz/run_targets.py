@@ -70,8 +70,8 @@ def fuzz(name, program, dictionary, seconds, out):
     begin, code = time.monotonic(), 0
     while (left := seconds - (time.monotonic() - begin)) >= 1:
         command = [program, str(corpus), f"-max_total_time={int(left)}", f"-timeout={MOST_INPUT_S}",
-                   f"-rss_limit_mb={MOST_MB}", f"-max_len={MOST_INPUT_BYTES}", "-print_final_stats=1", "-close_fd_mask=1",
-                   f"-artifact_prefix={findings}/"]
+                   f"-rss_limit_mb={MOST_MB}", f"-max_len={MOST_INPUT_BYTES}", "-print_final_stats=1",
+                   f"-report_slow_units={MOST_INPUT_S}", "-close_fd_mask=1", f"-artifact_prefix={findings}/"]
         if dictionary:
             command.append(f"-dict={dictionary}")
         code = fuzz_once(command, log, env)
@@ -151,7 +151,8 @@ def main():
         for run in concurrent.futures.as_completed(runs):
             results.append(run.result())
             r = results[-1]
-            print(f"{r['name']}: {r.get('error') or str(len(r['findings'])) + ' findings'}", file=sys.stderr, flush=True)
+            said = r.get("error") or f"{len(r['findings'])} findings"
+            print(f"{r['name']}: {said}", file=sys.stderr, flush=True)
     results.sort(key=lambda r: r["name"])
     print_table(results)
     done = [r for r in results if "error" not in r]
