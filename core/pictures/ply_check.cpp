@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <charconv>
+#include <cmath>
 #include <cstdint>
 #include <vector>
 
@@ -30,11 +32,14 @@ constexpr auto kTypes = std::to_array<Type>({{"char", "int8", 1, false, true},
                                              {"double", "float64", 8, true, true}});
 
 struct Property {
+  std::string name;
   const Type* count = nullptr;  ///< Of a list: how many follow.
   const Type* value = nullptr;
+  std::vector<double>* kept = nullptr;  ///< Where its numbers go, if somebody wants them.
 };
 
 struct Element {
+  std::string name;
   std::uint64_t count = 0;
   std::vector<Property> properties;
 };
@@ -47,6 +52,30 @@ class Checker {
 
   void check() {
     read_header();
+    read_body();
+  }
+
+  std::map<std::string, PlyProperty> keep(std::string_view element,
+                                          std::span<const std::string_view> names) {
+    read_header();
+    std::map<std::string, PlyProperty> kept;
+    for (Element& each : elements_) {
+      if (each.name != element) continue;
+      for (Property& property : each.properties) {
+        const bool wanted =
+            std::find(names.begin(), names.end(), property.name) != names.end();
+        if (!wanted || property.count != nullptr || kept.contains(property.name)) continue;
+        PlyProperty& column = kept[property.name];
+        column.type = property.value->name;
+        property.kept = &column.values;
+      }
+    }
+    read_body();
+    return kept;
+  }
+
+ private:
+  void read_body() {
     for (const Element& element : elements_) {
       if (element.properties.empty() && element.count > 0) {
         fail("elements with properties", "none");
@@ -57,7 +86,6 @@ class Checker {
     }
   }
 
- private:
   [[noreturn]] void fail(const std::string& expected, std::string_view found) const {
     throw InputError::expected(place_, expected,
                                "\"" + std::string(found.substr(0, 40)) + "\"");
@@ -98,7 +126,7 @@ class Checker {
         read_format(words[1]);
         has_format = true;
       } else if (words[0] == "element" && words.size() == 3) {
-        elements_.emplace_back().count = count(words[2]);
+        elements_.push_back({std::string(words[1]), count(words[2]), {}});
       } else if (words[0] == "property" && !elements_.empty()) {
         read_property(words);
       } else {
@@ -132,10 +160,10 @@ class Checker {
   void read_property(const std::vector<std::string_view>& words) {
     Property property;
     if (words.size() == 5 && words[1] == "list") {
-      property = {type(words[2]), type(words[3])};
+      property = {std::string(words[4]), type(words[2]), type(words[3]), nullptr};
       if (property.count->is_real) fail("a list with a whole number of entries", words[2]);
     } else if (words.size() == 3) {
-      property.value = type(words[1]);
+      property = {std::string(words[2]), nullptr, type(words[1]), nullptr};
     } else {
       fail("property TYPE NAME, or property list TYPE TYPE NAME",
            words.size() > 1 ? words[1] : words[0]);
@@ -150,10 +178,14 @@ class Checker {
       if (values > kMostEntries) fail("lists of at most a million", std::to_string(values));
     }
     if (format_ != Format::kAscii) {
-      (void)take(values * property.value->bytes);
+      const std::string_view bytes = take(values * property.value->bytes);
+      if (property.kept != nullptr) property.kept->push_back(binary_number(bytes, property));
       return;
     }
-    for (std::uint64_t i = 0; i < values; ++i) check_number(next_word());
+    for (std::uint64_t i = 0; i < values; ++i) {
+      const double value = number(next_word());
+      if (property.kept != nullptr) property.kept->push_back(value);
+    }
   }
 
   std::string_view next_word() {
@@ -164,14 +196,15 @@ class Checker {
     return word;
   }
 
-  void check_number(std::string_view word) const {
-    double number = 0.0;
+  /// What is too small or too large for a double is a number all the same: 0.
+  [[nodiscard]] double number(std::string_view word) const {
+    double value = 0.0;
     const char* begin = word.data() + (word.starts_with('+') ? 1 : 0);
-    const auto [end, error] = std::from_chars(begin, word.data() + word.size(), number);
-    // What is too small or too large for a double is a number all the same.
+    const auto [end, error] = std::from_chars(begin, word.data() + word.size(), value);
     if (error == std::errc::invalid_argument || end != word.data() + word.size()) {
       fail("a number", word);
     }
+    return value;
   }
 
   std::string_view take(std::uint64_t bytes) {
@@ -181,13 +214,30 @@ class Checker {
     return taken;
   }
 
-  std::uint64_t binary_count(const Type& type) {
-    const std::string_view bytes = take(type.bytes);
+  [[nodiscard]] std::uint64_t bits(std::string_view bytes) const {
     std::uint64_t number = 0;
     for (std::size_t i = 0; i < bytes.size(); ++i) {
       const std::size_t at = format_ == Format::kBigEndian ? i : bytes.size() - 1 - i;
       number = (number << 8U) | static_cast<unsigned char>(bytes[at]);
     }
+    return number;
+  }
+
+  [[nodiscard]] double binary_number(std::string_view bytes, const Property& property) const {
+    const std::uint64_t number = bits(bytes);
+    const Type& type = *property.value;
+    if (type.is_real) {
+      return type.bytes == 8 ? std::bit_cast<double>(number)
+                             : static_cast<double>(
+                                   std::bit_cast<float>(static_cast<std::uint32_t>(number)));
+    }
+    const double value = static_cast<double>(number);
+    const bool negative = type.is_signed && (number >> (8 * type.bytes - 1)) != 0;
+    return negative ? value - std::ldexp(1.0, static_cast<int>(8 * type.bytes)) : value;
+  }
+
+  std::uint64_t binary_count(const Type& type) {
+    const std::uint64_t number = bits(take(type.bytes));
     if (type.is_signed && (number >> (8 * type.bytes - 1)) != 0) {
       fail("a number of entries", "a negative one");
     }
@@ -204,6 +254,12 @@ class Checker {
 
 void check_ply(std::string_view bytes, const std::string& place) {
   Checker(bytes, place).check();
+}
+
+std::map<std::string, PlyProperty> read_ply_properties(
+    std::string_view bytes, const std::string& place, std::string_view element,
+    std::span<const std::string_view> names) {
+  return Checker(bytes, place).keep(element, names);
 }
 
 }  // namespace segsim::core

@@ -37,7 +37,8 @@ endforeach()
 segsim_fuzz_part(perception OF segsim::perception USES segsim::core
   FILES perception/data/class_map.cpp perception/data/dataset.cpp perception/data/image_file.cpp
     perception/data/scene_json.cpp perception/evaluation/coco_results.cpp perception/checkpoint/lineage.cpp
-    perception/checkpoint/pickle.cpp perception/checkpoint/safetensors.cpp perception/checkpoint/tensor_file.cpp
+    perception/checkpoint/pickle.cpp perception/checkpoint/safetensors.cpp perception/checkpoint/tensor_difference.cpp
+    perception/checkpoint/tensor_file.cpp
     perception/checkpoint/tfjs.cpp perception/checkpoint/torch_zip.cpp perception/checkpoint/weights_file.cpp
     perception/checkpoint/yolov13_scale.cpp perception/checkpoint/zip_file.cpp
   THIRD_PARTY nlohmann_json::nlohmann_json opencv_core opencv_imgproc opencv_imgcodecs)
@@ -104,21 +105,20 @@ segsim_fuzz_part(records OF segsim::experiments_suites segsim::experiments_episo
   USES segsim::surfel_files segsim::ground
   FILES experiments/support/gzip_file.cpp experiments/support/text_grid.cpp experiments/support/shipped_file.cpp
     experiments/episodes/episode_file.cpp experiments/episodes/habitat_read.cpp
-    experiments/records/failure_cause.cpp experiments/records/replay_log.cpp
-    experiments/records/results_digest.cpp experiments/records/row_words.cpp
+    experiments/records/failure_cause.cpp experiments/records/results_digest.cpp experiments/records/row_words.cpp
     experiments/records/scene_exposure.cpp experiments/records/store.cpp experiments/records/store_csv.cpp
-    experiments/records/store_trials.cpp experiments/records/trial_log.cpp
+    experiments/records/store_trials.cpp
     experiments/records/trial_outcome.cpp experiments/records/trial_row.cpp
-    experiments/records/internal/store_schema.cpp experiments/results/stored_run.cpp
+    experiments/records/trial_witness.cpp experiments/records/internal/store_schema.cpp
     experiments/scripted_trials/geo_path.cpp experiments/suites/layered_yaml.cpp
     experiments/suites/manifest.cpp experiments/suites/suite.cpp
+    sim/trial/goal_objects.cpp sim/trial/outcome.cpp
   THIRD_PARTY SQLite::SQLite3 ZLIB::ZLIB nlohmann_json::nlohmann_json)
 segsim_fuzz_target(experiments/episode_set LIBRARIES fuzz_part_records DICTIONARY json)
 segsim_fuzz_target(experiments/habitat_episodes LIBRARIES fuzz_part_records DICTIONARY json)
 segsim_fuzz_target(experiments/results_database LIBRARIES fuzz_part_records DICTIONARY sql)
 segsim_fuzz_target(experiments/geojson LIBRARIES fuzz_part_records DICTIONARY json)
 segsim_fuzz_target(experiments/suite LIBRARIES fuzz_part_records DICTIONARY yaml)
-segsim_fuzz_target(experiments/trial_logs LIBRARIES fuzz_part_records DICTIONARY json)
 segsim_link_third_party(fuzz_results_database SQLite::SQLite3)
 
 # Specs name policies and sensors, and so need all of them.
@@ -131,6 +131,12 @@ segsim_fuzz_part(specs OF segsim::experiments_scripted_trials USES segsim::nav s
     experiments/scripted_trials/scripted_trial.cpp experiments/scripted_trials/scripted_trial_steps.cpp
     experiments/support/shipped_file.cpp reconstruction/labels/panoptic_head_names.cpp
   THIRD_PARTY nlohmann_json::nlohmann_json)
+segsim_fuzz_part(trial_logs OF segsim::experiments_records USES segsim::sim segsim::surfel_files
+  FILES experiments/support/gzip_file.cpp experiments/records/failure_cause.cpp experiments/records/replay_log.cpp
+    experiments/records/scene_exposure.cpp experiments/records/trial_log.cpp
+    experiments/records/trial_outcome.cpp experiments/records/trial_witness.cpp
+  THIRD_PARTY ZLIB::ZLIB nlohmann_json::nlohmann_json)
+segsim_fuzz_target(experiments/trial_logs LIBRARIES fuzz_part_trial_logs DICTIONARY json)
 segsim_fuzz_target(experiments/latency_budget LIBRARIES fuzz_part_specs DICTIONARY yaml)
 segsim_fuzz_target(experiments/experiment_spec LIBRARIES fuzz_part_specs DICTIONARY yaml)
 segsim_fuzz_target(experiments/scripted_trial LIBRARIES fuzz_part_specs DICTIONARY yaml)

@@ -2,10 +2,9 @@
 // input that begins as an SQLite file is taken as it is.
 #include <sqlite3.h>
 
-#include "core/error.h"
-#include "core/file_io.h"
-#include "experiments/records/results_digest.h"
-#include "experiments/results/stored_run.h"
+#include <sstream>
+
+#include "experiments/records/store.h"
 #include "tests/fuzz/fuzz_target.h"
 #include "tests/fuzz/targets/experiments/limited_sql.h"
 #include "tests/system/small_results.h"
@@ -31,8 +30,14 @@ void parse(const std::string& bytes) {
   for (const auto& name : {"results.sqlite-wal", "results.sqlite-shm"}) {
     std::filesystem::remove(work_folder() / name);
   }
-  const results::StoredRun stored = results::load_run(file);
-  (void)records::Store::for_reading(file).finish_times(stored.run.run_id, 3);
+  const records::Store store = records::Store::for_reading(file);
+  for (const records::RunRow& run : store.runs()) {
+    (void)store.scenes(run.run_id);
+    (void)store.arms(run.run_id);
+    (void)store.finish_times(run.run_id, 3);
+    std::ostringstream csv;
+    records::write_trials_csv(csv, store.trials(run.run_id));
+  }
 }
 
 std::vector<std::string> seeds() {
