@@ -126,6 +126,7 @@ class Checker {
         read_format(words[1]);
         has_format = true;
       } else if (words[0] == "element" && words.size() == 3) {
+        check_name(words[1]);
         elements_.push_back({std::string(words[1]), count(words[2]), {}});
       } else if (words[0] == "property" && !elements_.empty()) {
         read_property(words);
@@ -134,6 +135,14 @@ class Checker {
       }
     }
     if (!has_format) fail("a PLY header with a format", "end_header");
+  }
+
+  /// assimp takes a number in the place of a name for the count.
+  void check_name(std::string_view word) const {
+    const char first = word[0];
+    const bool is_letter =
+        (first >= 'a' && first <= 'z') || (first >= 'A' && first <= 'Z') || first == '_';
+    if (!is_letter) fail("a name that begins with a letter", word);
   }
 
   void read_format(std::string_view word) {
@@ -168,6 +177,7 @@ class Checker {
       fail("property TYPE NAME, or property list TYPE TYPE NAME",
            words.size() > 1 ? words[1] : words[0]);
     }
+    check_name(property.name);
     elements_.back().properties.push_back(property);
   }
 

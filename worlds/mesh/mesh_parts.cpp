@@ -43,8 +43,21 @@ core::Image<core::Rgb8> from_embedded(const aiTexture& texture, const TextureRea
   return reader.from_bytes(bytes);
 }
 
-/// The file system without pipes and devices, which mesh files may name, and with one file
-/// whose text may have been mended.
+/// What a file of OBJ materials says from its first material on: assimp crashes at a colour
+/// before it. A comment if it has none.
+std::string from_first_material(const std::string& text) {
+  std::size_t begin = 0;
+  while (begin < text.size()) {
+    const std::size_t word = text.find_first_not_of(" \t\r\n", begin);
+    if (word == std::string::npos) break;
+    if (text.compare(word, 6, "newmtl") == 0) return text.substr(word);
+    begin = std::min(text.find('\n', word), text.size());
+  }
+  return "# No materials.\n";
+}
+
+/// The file system without pipes and devices, which mesh files may name, with one file
+/// whose text may have been mended, and with materials of OBJ files that begin with one.
 class CheckedFiles final : public Assimp::DefaultIOSystem {
  public:
   CheckedFiles(std::string file, const MendedText& mended)
@@ -53,12 +66,20 @@ class CheckedFiles final : public Assimp::DefaultIOSystem {
   bool Exists(const char* file) const override { return core::can_be_read(file); }
   Assimp::IOStream* Open(const char* file, const char* mode) override {
     if (!core::can_be_read(file)) return nullptr;
+    if (file != file_ && lower_case_extension(file_) == ".obj") return open_materials(file);
     if (!changed_ || file != file_) return DefaultIOSystem::Open(file, mode);
     return new Assimp::MemoryIOStream(reinterpret_cast<const std::uint8_t*>(text_.data()),
                                       text_.size());
   }
 
  private:
+  static Assimp::IOStream* open_materials(const char* file) {
+    const std::string text = from_first_material(core::read_file(file));
+    auto* owned = new std::uint8_t[text.size()];  // Of the stream.
+    std::memcpy(owned, text.data(), text.size());
+    return new Assimp::MemoryIOStream(owned, text.size(), true);
+  }
+
   std::string file_;
   bool changed_;
   const std::string& text_;
