@@ -1,6 +1,7 @@
 #include "reconstruction/datasets/point_cloud_file.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <exception>
@@ -11,10 +12,12 @@
 #include <pcl/PCLPointCloud2.h>
 #include <pcl/console/print.h>
 #include <pcl/io/pcd_io.h>
-#include <pcl/io/ply_io.h>
 
 #include "core/error.h"
+#include "core/file_io.h"
 #include "core/input/regular_file.h"
+#include "core/pictures/ply_check.h"
+#include "reconstruction/datasets/internal/pcd_check.h"
 
 namespace segsim::reconstruction {
 namespace {
@@ -41,8 +44,8 @@ Kind kind_of(const std::filesystem::path& file) {
 }
 
 pcl::PCLPointCloud2 read_with_pcl(const std::filesystem::path& file) {
-  const Kind kind = kind_of(file);
-  const char* word = kind == Kind::kPcd ? "an intact PCD file" : "an intact PLY file";
+  const char* word = "an intact PCD file";
+  internal::check_pcd(core::read_file(file), file.string());
   pcl::console::setVerbosityLevel(pcl::console::L_ALWAYS);  // Faults are reported here.
   pcl::PCLPointCloud2 cloud;
   Eigen::Vector4f origin;
@@ -50,11 +53,7 @@ pcl::PCLPointCloud2 read_with_pcl(const std::filesystem::path& file) {
   int version = 0;
   int result = -1;
   try {
-    if (kind == Kind::kPcd) {
-      result = pcl::PCDReader().read(file.string(), cloud, origin, orientation, version);
-    } else {
-      result = pcl::PLYReader().read(file.string(), cloud, origin, orientation, version);
-    }
+    result = pcl::PCDReader().read(file.string(), cloud, origin, orientation, version);
   } catch (const std::exception& error) {
     throw InputError::expected(file.string(), word, error.what());
   }
@@ -128,9 +127,7 @@ Field coordinate(const pcl::PCLPointCloud2& cloud, const std::string& name,
                              names.empty() ? "no fields" : names);
 }
 
-}  // namespace
-
-PointCloud read_point_cloud(const std::filesystem::path& file) {
+PointCloud read_pcd(const std::filesystem::path& file) {
   const pcl::PCLPointCloud2 read = read_with_pcl(file);
   const Field x = coordinate(read, "x", file), y = coordinate(read, "y", file),
               z = coordinate(read, "z", file);
@@ -140,13 +137,64 @@ PointCloud read_point_cloud(const std::filesystem::path& file) {
 
   PointCloud cloud;
   const std::size_t points = static_cast<std::size_t>(read.width) * read.height;
-  cloud.position_m.reserve(points);
   for (std::size_t i = 0; i < points; ++i) {
-    const glm::vec3 p_m(x.number(i), y.number(i), z.number(i));
-    if (!(std::isfinite(p_m.x) && std::isfinite(p_m.y) && std::isfinite(p_m.z))) continue;
-    cloud.position_m.push_back(p_m);
+    cloud.position_m.emplace_back(x.number(i), y.number(i), z.number(i));
     if (color) cloud.rgb.push_back(color->color(i));
   }
+  return cloud;
+}
+
+/// PCL ends the process at colours that are not all there, so that it does not read these.
+PointCloud read_ply(const std::filesystem::path& file) {
+  using Names = std::array<std::string_view, 3>;
+  constexpr Names kAxes{"x", "y", "z"}, kColors{"red", "green", "blue"};
+  const std::string bytes = core::read_file(file);
+  const auto axes = core::read_ply_properties(bytes, file.string(), "vertex", kAxes);
+  const auto colors = core::read_ply_properties(bytes, file.string(), "vertex", kColors);
+  for (const std::string_view name : kAxes) {
+    const auto axis = axes.find(std::string(name));
+    if (axis == axes.end() ||
+        (axis->second.type != "float" && axis->second.type != "double")) {
+      throw InputError::expected(file.string(),
+                                 "a property " + std::string(name) + " of floats", "none");
+    }
+  }
+  const bool colored = colors.size() == kColors.size() &&
+                       std::all_of(colors.begin(), colors.end(), [](const auto& named) {
+                         return named.second.type == "uchar";
+                       });
+  PointCloud cloud;
+  const auto number = [&](const char* name, std::size_t i) {
+    return static_cast<float>(axes.at(name).values[i]);
+  };
+  const auto byte = [&](const char* name, std::size_t i) {
+    return static_cast<std::uint8_t>(std::clamp(colors.at(name).values[i], 0.0, 255.0));
+  };
+  for (std::size_t i = 0; i < axes.at("x").values.size(); ++i) {
+    cloud.position_m.emplace_back(number("x", i), number("y", i), number("z", i));
+    if (colored) cloud.rgb.push_back({byte("red", i), byte("green", i), byte("blue", i)});
+  }
+  return cloud;
+}
+
+bool is_finite(const glm::vec3& p_m) {
+  return std::isfinite(p_m.x) && std::isfinite(p_m.y) && std::isfinite(p_m.z);
+}
+
+}  // namespace
+
+PointCloud read_point_cloud(const std::filesystem::path& file) {
+  PointCloud cloud = kind_of(file) == Kind::kPcd ? read_pcd(file) : read_ply(file);
+  const std::size_t points = cloud.position_m.size();
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < points; ++i) {
+    if (!is_finite(cloud.position_m[i])) continue;
+    cloud.position_m[kept] = cloud.position_m[i];
+    if (!cloud.rgb.empty()) cloud.rgb[kept] = cloud.rgb[i];
+    ++kept;
+  }
+  cloud.position_m.resize(kept);
+  if (!cloud.rgb.empty()) cloud.rgb.resize(kept);
   if (cloud.position_m.empty()) {
     throw InputError::expected(file.string(), "points with finite coordinates",
                                "none among " + std::to_string(points));

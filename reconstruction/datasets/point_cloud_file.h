@@ -1,8 +1,8 @@
 #pragma once
 
 /// @file
-/// Point clouds of laser scanners and other programs: PCD and PLY, ASCII and binary, read by
-/// PCL.
+/// Point clouds of laser scanners and other programs: PCD (read by PCL) and PLY, ASCII and
+/// binary.
 
 #include <filesystem>
 #include <vector>

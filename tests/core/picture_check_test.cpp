@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "core/pictures/ply_check.h"
 #include "tests/error_message.h"
 
 namespace segsim::core {
@@ -64,6 +65,45 @@ TEST(PictureCheck, OtherFilesAreNoPictures) {
     EXPECT_THAT(input_error_of([&] { (void)check_picture(text, "a.gif"); }),
                 HasSubstr("a.gif: expected a PNG or JPEG image"));
   }
+}
+
+const std::string kTriangle =
+    "ply\r\nformat ascii 1.0\ncomment by hand\nelement vertex 3\nproperty float x\n"
+    "property float64 y\nelement face 1\nproperty list uchar int vertex_indices\n"
+    "end_header\n0 1e-50\n+1 nan\n-inf 1\n3 0 1 2\n";
+
+TEST(PlyCheck, WholeFilesAreTaken) {
+  EXPECT_NO_THROW(check_ply(kTriangle, "a.ply"));
+  const std::string binary =
+      "ply\nformat binary_big_endian 1.0\nelement face 1\nproperty list ushort char i\n"
+      "end_header\n" +
+      bytes_of({0, 2, 5, 6});
+  EXPECT_NO_THROW(check_ply(binary, "a.ply"));
+  EXPECT_THAT(input_error_of([&] { check_ply(binary.substr(0, binary.size() - 1), "a.ply"); }),
+              HasSubstr("a.ply: expected all bytes of a PLY file"));
+}
+
+TEST(PlyCheck, EveryTruncationIsRefused) {
+  for (std::size_t bytes = 0; bytes + 2 < kTriangle.size(); ++bytes) {
+    EXPECT_NE(input_error_of([&] { check_ply(kTriangle.substr(0, bytes), "a.ply"); }),
+              "no error")
+        << bytes;
+  }
+}
+
+TEST(PlyCheck, WhatIsWrongIsNamed) {
+  const auto error_with = [](const std::string& from, const std::string& to) {
+    std::string text = kTriangle;
+    text.replace(text.find(from), from.size(), to);
+    return input_error_of([&] { check_ply(text, "a.ply"); });
+  };
+  EXPECT_THAT(error_with("vertex 3", "vertex -3"), HasSubstr("a number of elements"));
+  EXPECT_THAT(error_with("vertex 3", "vertex 99999999999"), HasSubstr("found \"the end"));
+  EXPECT_THAT(error_with("float x", "real x"), HasSubstr("a type of a PLY property"));
+  EXPECT_THAT(error_with("list uchar", "list float"), HasSubstr("whole number of entries"));
+  EXPECT_THAT(error_with("3 0 1 2", "x 0 1 2"), HasSubstr("found \"x\""));
+  EXPECT_THAT(error_with("+1 nan", "+1 1,5"), HasSubstr("expected a number, found \"1,5\""));
+  EXPECT_THAT(error_with("format ascii 1.0\n", ""), HasSubstr("a PLY header with a format"));
 }
 
 }  // namespace

@@ -14,9 +14,11 @@
 #include <glm/matrix.hpp>
 
 #include "core/error.h"
+#include "core/file_io.h"
 #include "core/formatted.h"
 #include "core/input/bounds.h"
 #include "core/input/regular_file.h"
+#include "core/pictures/ply_check.h"
 #include "worlds/mesh/internal/mesh_parts.h"
 #include "worlds/mesh/internal/number_mending.h"
 
@@ -41,8 +43,21 @@ core::Image<core::Rgb8> from_embedded(const aiTexture& texture, const TextureRea
   return reader.from_bytes(bytes);
 }
 
-/// The file system without pipes and devices, which mesh files may name, and with one file
-/// whose text may have been mended.
+/// What a file of OBJ materials says from its first material on: assimp crashes at a colour
+/// before it. A comment if it has none.
+std::string from_first_material(const std::string& text) {
+  std::size_t begin = 0;
+  while (begin < text.size()) {
+    const std::size_t word = text.find_first_not_of(" \t\r\n", begin);
+    if (word == std::string::npos) break;
+    if (text.compare(word, 6, "newmtl") == 0) return text.substr(word);
+    begin = std::min(text.find('\n', word), text.size());
+  }
+  return "# No materials.\n";
+}
+
+/// The file system without pipes and devices, which mesh files may name, with one file
+/// whose text may have been mended, and with materials of OBJ files that begin with one.
 class CheckedFiles final : public Assimp::DefaultIOSystem {
  public:
   CheckedFiles(std::string file, const MendedText& mended)
@@ -51,12 +66,20 @@ class CheckedFiles final : public Assimp::DefaultIOSystem {
   bool Exists(const char* file) const override { return core::can_be_read(file); }
   Assimp::IOStream* Open(const char* file, const char* mode) override {
     if (!core::can_be_read(file)) return nullptr;
+    if (file != file_ && lower_case_extension(file_) == ".obj") return open_materials(file);
     if (!changed_ || file != file_) return DefaultIOSystem::Open(file, mode);
     return new Assimp::MemoryIOStream(reinterpret_cast<const std::uint8_t*>(text_.data()),
                                       text_.size());
   }
 
  private:
+  static Assimp::IOStream* open_materials(const char* file) {
+    const std::string text = from_first_material(core::read_file(file));
+    auto* owned = new std::uint8_t[text.size()];  // Of the stream.
+    std::memcpy(owned, text.data(), text.size());
+    return new Assimp::MemoryIOStream(owned, text.size(), true);
+  }
+
   std::string file_;
   bool changed_;
   const std::string& text_;
@@ -66,7 +89,8 @@ class CheckedFiles final : public Assimp::DefaultIOSystem {
 /// them lie in one line.
 constexpr std::uint64_t kMostCorners = 1024, kMostCornersSquared = 300'000'000;
 
-/// @throws InputError for polygons that triangulation would not come to the end of.
+/// @throws InputError for polygons that triangulation would not come to the end of, and for
+/// those without corners, at which assimp ends the process.
 void check_polygons(const aiScene& scene, const fs::path& file) {
   std::uint64_t squared = 0;
   for (unsigned int m = 0; m < scene.mNumMeshes; ++m) {
@@ -74,13 +98,45 @@ void check_polygons(const aiScene& scene, const fs::path& file) {
     for (unsigned int i = 0; i < mesh.mNumFaces; ++i) {
       const std::uint64_t corners = mesh.mFaces[i].mNumIndices;
       if (corners > 4) squared += corners * corners;
-      if (corners > kMostCorners || squared > kMostCornersSquared) {
+      if (corners == 0 || corners > kMostCorners || squared > kMostCornersSquared) {
         throw core::InputError::expected(
-            file.string(), "polygons of at most " + std::to_string(kMostCorners) + " corners",
-            corners > kMostCorners ? "one of " + std::to_string(corners)
-                                   : "too many large ones");
+            file.string(), "polygons of 1 to " + std::to_string(kMostCorners) + " corners",
+            squared > kMostCornersSquared && corners <= kMostCorners
+                ? "too many large ones"
+                : "one of " + std::to_string(corners));
       }
     }
+  }
+}
+
+/// Not every importer looks whether what its file refers to is there.
+/// @throws InputError for indices beyond vertices, meshes or materials.
+void check_references(const aiScene& scene, const fs::path& file) {
+  const auto expect = [&](bool is_there, const char* what) {
+    if (is_there) return;
+    throw core::InputError::expected(file.string(),
+                                     std::string("indices of ") + what + " that are there",
+                                     "one beyond them");
+  };
+  for (unsigned int m = 0; m < scene.mNumMeshes; ++m) {
+    const aiMesh& mesh = *scene.mMeshes[m];
+    expect(mesh.mMaterialIndex < scene.mNumMaterials, "materials");
+    for (unsigned int i = 0; i < mesh.mNumFaces; ++i) {
+      const aiFace& face = mesh.mFaces[i];
+      for (unsigned int k = 0; k < face.mNumIndices; ++k) {
+        expect(face.mIndices[k] < mesh.mNumVertices, "vertices");
+      }
+    }
+  }
+  std::vector<const aiNode*> nodes{scene.mRootNode};
+  while (!nodes.empty()) {
+    const aiNode* node = nodes.back();
+    nodes.pop_back();
+    if (node == nullptr) continue;
+    for (unsigned int i = 0; i < node->mNumMeshes; ++i) {
+      expect(node->mMeshes[i] < scene.mNumMeshes, "meshes");
+    }
+    nodes.insert(nodes.end(), node->mChildren, node->mChildren + node->mNumChildren);
   }
 }
 
@@ -248,6 +304,9 @@ const std::vector<MeshPart>& MeshFileReader::read(const fs::path& file) {
   if (!core::can_be_read(file)) {
     throw core::InputError::expected(file.string(), "a mesh file", "none");
   }
+  if (lower_case_extension(file) == ".ply") {
+    core::check_ply(core::read_file(file), file.string());
+  }
   const MendedText mended = mend_numbers(file);
   if (mended.count > 0) {
     scene_.warnings.push_back("mended " + std::to_string(mended.count) + " numbers of " +
@@ -261,6 +320,7 @@ const std::vector<MeshPart>& MeshFileReader::read(const fs::path& file) {
   importer.SetPropertyBool(AI_CONFIG_IMPORT_COLLADA_IGNORE_UP_DIRECTION, true);
   const aiScene* file_scene = importer.ReadFile(file.string(), 0);
   if (file_scene != nullptr) {
+    check_references(*file_scene, file);
     check_polygons(*file_scene, file);
     file_scene =
         importer.ApplyPostProcessing(aiProcess_Triangulate | aiProcess_GenSmoothNormals |

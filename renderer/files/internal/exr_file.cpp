@@ -13,6 +13,7 @@
 
 #include "core/check.h"
 #include "core/error.h"
+#include "core/formatted.h"
 #include "core/system/remakeable_file.h"
 
 namespace segsim::renderer::internal {
@@ -135,9 +136,30 @@ ExrInput::ExrInput(const std::filesystem::path& file, const std::string& channel
   if (width < 1 || height < 1 || width > kMaxPixels / height) {
     fail("1 to " + std::to_string(kMaxPixels) + " pixels", size_text(window));
   }
+  check_budget();
   width_px_ = static_cast<int>(width);
   height_px_ = static_cast<int>(height);
   wanted_.resize(static_cast<std::size_t>(file_.parts()));
+}
+
+/// Memory for pixels is taken before they are read, so a header of a few bytes could ask for
+/// gigabytes.
+void ExrInput::check_budget() const {
+  constexpr double kFreeValues = 64e6, kValuesPerByte = 1024.0;  // What deflate can reach.
+  double values = 0.0;
+  for (int part = 0; part < file_.parts(); ++part) {
+    const Imf::Header& header = file_.header(part);
+    const Imath::Box2i& window = header.dataWindow();
+    int channels = 0;
+    for (auto at = header.channels().begin(); at != header.channels().end(); ++at) ++channels;
+    values +=
+        (1.0 + window.max.x - window.min.x) * (1.0 + window.max.y - window.min.y) * channels;
+  }
+  const auto bytes = static_cast<double>(std::filesystem::file_size(place_));
+  if (values > kFreeValues + kValuesPerByte * bytes) {
+    fail(core::print("a file that can hold the %.0f numbers of its pixels", values),
+         core::print("%.0f bytes", bytes));
+  }
 }
 
 void ExrInput::fail(const std::string& expected, const std::string& found) const {

@@ -124,6 +124,7 @@ class ExrInput {
 
  private:
   [[nodiscard]] int part_of(const std::string& channel) const;
+  void check_budget() const;
   void want(const std::string& channel, Imf::PixelType type, void* first,
             std::size_t stride_bytes);
 

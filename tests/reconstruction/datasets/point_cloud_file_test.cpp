@@ -94,6 +94,19 @@ TEST_F(PointCloudFile, PlyOfBothKinds) {
   }
 }
 
+TEST_F(PointCloudFile, ColorsOfAPlyAreTakenIfAllAreThere) {
+  std::string header = kPlyHeader;
+  header.replace(header.find("property uchar red\nproperty uchar green\n"), 40, "");
+  const PointCloud cloud = read_point_cloud(
+      write("a.ply", "ply\nformat ascii 1.0\n" + header + "1 3 4 30\n2 3 nan 30\n"));
+  ASSERT_EQ(cloud.position_m.size(), 1U);
+  EXPECT_TRUE(cloud.rgb.empty());
+  EXPECT_THAT(error_of("b.ply",
+                       "ply\nformat ascii 1.0\nelement vertex 1\n"
+                       "property float x\nproperty int y\nend_header\n1 2\n"),
+              HasSubstr("b.ply: expected a property y of floats"));
+}
+
 TEST_F(PointCloudFile, BadFilesAreNamed) {
   EXPECT_THAT(input_error_of([&] { (void)read_point_cloud(folder_.path() / "nothing.pcd"); }),
               ::testing::AllOf(HasSubstr("nothing.pcd"), HasSubstr("no such file")));
@@ -113,16 +126,16 @@ TEST_F(PointCloudFile, BadFilesAreNamed) {
 TEST_F(PointCloudFile, CutFilesAreRefused) {
   std::string pcd = kPcdHeader + "DATA binary\n";
   for (int i = 0; i < 9; ++i) append(pcd, 1.0F);  // 12 are announced.
-  EXPECT_THAT(error_of("a.pcd", pcd), HasSubstr("a.pcd: expected an intact PCD file"));
+  EXPECT_THAT(error_of("a.pcd", pcd), HasSubstr("a.pcd: expected all points"));
   EXPECT_THAT(error_of("a.pcd", kPcdHeader + "DATA ascii\n1 2 3 0\n"),
               HasSubstr("a.pcd: expected"));
   std::string ply = "ply\nformat binary_little_endian 1.0\n" + kPlyHeader;
   append(ply, 1.0F);
-  EXPECT_THAT(error_of("a.ply", ply), HasSubstr("a.ply: expected an intact PLY file"));
+  EXPECT_THAT(error_of("a.ply", ply), HasSubstr("a.ply: expected all bytes of a PLY file"));
   EXPECT_THAT(error_of("a.ply", "ply\nformat ascii 1.0\n" + kPlyHeader + "1 3 4 1 2 3\n"),
-              HasSubstr("a.ply: expected an intact PLY file"));
+              HasSubstr("a.ply: expected all numbers of a PLY file"));
   EXPECT_THAT(error_of("a.ply", "ply\nformat ascii 1.0\nelement vertex 2\n"),
-              HasSubstr("a.ply: expected an intact PLY file"));
+              HasSubstr("a.ply: expected a PLY header that ends"));
 }
 
 }  // namespace

@@ -55,6 +55,21 @@ void write_foreign(const fs::path& file, const Imf::Header& attributes,
   out.writePixels(size);
 }
 
+/// Their memory would be taken before anybody sees that the file is short.
+TEST_F(ExrBadFiles, HeadersOfMorePixelsThanTheFileCanHoldAreRefused) {
+  core::Frame frame;
+  frame.intrinsics = core::CameraIntrinsics::from_fov(16, 16, 1.2);
+  frame.depth_m = core::Image<float>(16, 16, 1.0F);
+  write_frame_exr(file_, frame, {}, {ExrLayout::kSinglePart, ExrCompression::kNone});
+  std::string bytes = core::read_file(file_);
+  const std::string name("dataWindow\0box2i\0", 17);
+  const std::size_t corner = bytes.find(name) + name.size() + 4 + 8;
+  bytes.replace(corner, 8, std::string("\xff\x3f\0\0\xff\x3f\0\0", 8));  // (16383, 16383)
+  std::ofstream(file_, std::ios::binary) << bytes;
+  EXPECT_THAT(input_error_of([&] { (void)read_depth_exr(file_); }),
+              HasSubstr("expected a file that can hold the 268435456 numbers of its pixels"));
+}
+
 TEST_F(ExrBadFiles, BadFilesAreRefusedByName) {
   EXPECT_THAT(input_error_of([&] { (void)read_depth_exr(file_); }),
               HasSubstr("view.exr: expected"));
