@@ -83,6 +83,25 @@ TEST_F(GazeboDrive, FindsThingsAndLeavesTheRowsOfARun) {
   EXPECT_THAT(table.str(), HasSubstr("moved by Gazebo, world tiny"));
 }
 
+/// The same policy, in our kinematics and in Gazebo's physics.
+TEST_F(GazeboDrive, FindsThingsInTheWorldThatWasExported) {
+#ifndef SEGSIM_HAS_DART
+  GTEST_SKIP() << "built without ignition-physics (libignition-physics-dev)";
+#endif
+  const fs::path exported = folder_.path() / "world";
+  Process exporter({SEGSIM_BINARY, "gazebo", "export-world", bundle_.string(), "-o",
+                    exported.string(), "--start", "-2", "-1", "0"},
+                   partition_, folder_.path() / "export.txt");
+  ASSERT_EQ(exporter.wait(60.0), 0) << exporter.output();
+  const auto world = physics({"sdf=" + (exported / "world.sdf").string()});
+  ASSERT_EQ(drive({"--goal", "couch", "--policy", "frontier", "--time-limit", "90"}), 0)
+      << said_ << world->output();
+  const auto trials = rows();
+  ASSERT_EQ(trials.size(), 1U);
+  EXPECT_TRUE(trials.front().success) << said_;
+  EXPECT_GT(trials.front().path_m, 1.0);
+}
+
 TEST_F(GazeboDrive, SaysWhatIsMissingBeforeAnythingIsMade) {
   EXPECT_EQ(drive({"--goal", "couch", "--wait", "1"}), 2);
   EXPECT_THAT(said_, HasSubstr("Gazebo, world tiny: expected poses of 'jackal' on "
