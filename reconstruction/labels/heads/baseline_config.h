@@ -33,14 +33,14 @@ struct DensityClusteringConfig {
 
 /// Contrastive Lift on surfels.
 struct ContrastiveLiftConfig {
-  double instance = 1.0;       ///< CL.
-  double semantic_from = 0.1;  ///< Share of training (CL epoch 1 of 10).
-  double instance_from = 0.4;  ///< CL epoch 4 of 10.
-  double segment_from = 0.7;   ///< CL epoch 7 of 10.
-  int pixels = 2048;           ///< Of a step's masks, half of them slow (ours; CL 1024).
-  double slow_momentum = 0.9;  ///< CL.
-  double feature_noise = 0.1;  ///< Features begin as N(0, this) (ours).
-  double rate = 5e-3;          ///< Of features (ours; CL's 5e-4 is for an MLP).
+  double instance = 1.0;        ///< CL.
+  double semantic_from = 0.1;   ///< Share of training (CL epoch 1 of 10).
+  double instance_from = 0.4;   ///< CL epoch 4 of 10.
+  double segment_from = 0.7;    ///< CL epoch 7 of 10.
+  int pixels = 2048;            ///< Of a step's masks, half of them slow (ours; CL 1024).
+  double slow_momentum = 0.9;   ///< CL.
+  double feature_noise = 0.01;  ///< Features begin as N(0, this) (ours).
+  double rate = 1e-2;           ///< Of features (ours; CL's 5e-4 is for an MLP).
   DensityClusteringConfig clustering;
 };
 
@@ -86,12 +86,12 @@ struct PvlffConfig {
   double language = 0.5;          ///< L1 distance of class features (PVLFF).
   double contrast = 0.1;          ///< InfoNCE (PVLFF) ...
   double centre = 0.5;            ///< ... and of it, the distance to a mask's centre (PVLFF).
-  int groups = 512;               ///< Anchors of a step (ours; PVLFF 32 for every 512 rays).
+  int groups = 2048;              ///< Anchors of a step (ours; PVLFF 32 for every 512 rays).
   int negatives = 14;             ///< Of an anchor (PVLFF).
   double temperature = 0.1;       ///< PVLFF.
   double centre_momentum = 0.95;  ///< Of an image's turn (PVLFF: of a refreshment).
-  double feature_noise = 0.1;     ///< Instance features begin as N(0, this) (ours).
-  double rate = 5e-3;             ///< Of features (PVLFF).
+  double feature_noise = 0.01;    ///< Instance features begin as N(0, this) (ours).
+  double rate = 2e-2;             ///< Of features (ours; PVLFF 5e-3).
   /// Of all pixels (PVLFF: clusters of 100 of 200 000 points).
   DensityClusteringConfig clustering{.points = 20000, .min_share = 0.005, .min_samples = 100};
 };

@@ -270,6 +270,7 @@ PanopticResult GaussianGroupingHead::result() const {
     const auto c = static_cast<std::size_t>(class_of.data_ptr<std::int64_t>()[id]);
     field.instance_class.push_back(id == 0 ? std::uint16_t{0} : inputs_.classes[c].id);
   }
+  if (used.size() == 1) field.instance_class.clear();  // Else all things were void.
   const Tensor rows = device_tensor(used, torch::kInt64, device_);
   field.instances = scores_of_logits(
       torch::addmm(classifier_bias_.value().index_select(0, rows), identity_.value(),

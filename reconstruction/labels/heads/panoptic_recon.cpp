@@ -82,6 +82,9 @@ class PanopticReconHead : public PanopticHead {
           static_cast<std::uint16_t>(result.field.instance_id.size()));
       result.field.instance_class.push_back(class_id);
     }
+    if (inputs_.object_class.empty()) {  // Else all things were void.
+      result.field.instance_class.clear();
+    }
     return result;
   }
 

@@ -123,12 +123,17 @@ TEST_F(Heads, GroupingLearnsIdsThatHoldInAllViews) {
   }
 }
 
-TEST_F(Heads, GroupingWithoutObjectsHasNoIds) {
+TEST_F(Heads, WithoutObjectsThereAreClassesAlone) {
   PanopticTrainingConfig config = LabelScene::config();
-  config.iterations = 20;
-  config.association.min_voxels = 1'000'000;  // No object is large enough.
+  config.association.min_voxels = 1'000'000;      // No object is large enough, ...
+  config.panoptic_recon.min_surfels = 1'000'000;  // ... nor a patch.
   const PanopticResult result = scene().train("gaussian-grouping", config)->result();
   EXPECT_EQ(result.field.instance_id, std::vector<std::uint16_t>{0});
+  EXPECT_TRUE(result.field.instance_class.empty());  // Things are not void.
+  EXPECT_GT(scene().evaluate(result.field).pq, 0.3);
+  const PanopticResult recon = scene().train("panoptic-recon", config)->result();
+  EXPECT_EQ(recon.field.instance_id, std::vector<std::uint16_t>{0});
+  EXPECT_TRUE(recon.field.instance_class.empty());
 }
 
 TEST_F(Heads, GroupsOfTheCodebookBecomeObjects) {
