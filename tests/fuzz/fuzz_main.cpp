@@ -29,7 +29,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kCopies = 25;  // Of each seed.
+constexpr int kCopies = 10;  // Of each seed.
 
 std::string from_hex(const std::string& text) {
   std::string bytes, digits;

@@ -145,7 +145,7 @@ ExrInput::ExrInput(const std::filesystem::path& file, const std::string& channel
 /// Memory for pixels is taken before they are read, so a header of a few bytes could ask for
 /// gigabytes.
 void ExrInput::check_budget() const {
-  constexpr double kFreeValues = 64e6, kValuesPerByte = 1024.0;  // What deflate can reach.
+  constexpr double kFreeValues = 16e6, kValuesPerByte = 1024.0;  // What deflate can reach.
   double values = 0.0;
   for (int part = 0; part < file_.parts(); ++part) {
     const Imf::Header& header = file_.header(part);
