@@ -23,8 +23,8 @@ namespace segsim::sim {
 struct GazeboDriveOptions {
   std::string world;
   std::string model = "jackal";
-  std::string pose_topic;     ///< Empty: /world/<world>/dynamic_pose/info
-  std::string command_topic;  ///< Empty: /model/<model>/cmd_vel
+  std::string pose_topic;     ///< Empty: /world/W/dynamic_pose/info, W the world
+  std::string command_topic;  ///< Empty: /model/M/cmd_vel, M the model
   GazeboFlavour flavour = GazeboFlavour::kBoth;
   double patience_s = 30.0;  ///< Wall time until a pose comes, or the service answers.
   double most_lag_s = 1.0;   ///< By which Gazebo's clock may have passed the trial's.

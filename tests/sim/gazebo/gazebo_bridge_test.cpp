@@ -1,5 +1,5 @@
 // The bridge alone, with a renderer that draws nothing, beside a second process on the real
-// transport. tests/system/gazebo_test.cpp has the whole program.
+// transport. tests/system/gazebo/gazebo_test.cpp has the whole program.
 
 #include "sim/gazebo/gazebo_bridge.h"
 
@@ -17,7 +17,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/error_message.h"
-#include "tests/system/gazebo_processes.h"
+#include "tests/system/gazebo/gazebo_processes.h"
 
 namespace segsim::sim {
 namespace {

@@ -1,4 +1,4 @@
-#include "tests/system/gazebo_dart.h"
+#include "tests/system/gazebo/gazebo_dart.h"
 
 #include <algorithm>
 #include <array>

@@ -30,7 +30,7 @@
 
 #include <ignition/transport/Node.hh>
 
-#include "tests/system/gazebo_dart.h"
+#include "tests/system/gazebo/gazebo_dart.h"
 
 namespace {
 
