@@ -257,6 +257,13 @@ void GazeboDrive::command(const core::VelocityCommand& command) {
   parts.send(command);
 }
 
+void GazeboDrive::end() noexcept {
+  try {
+    parts_->send({});
+  } catch (const std::exception&) {  // Nobody is left who could be told.
+  }
+}
+
 ExternalDrive::Moment GazeboDrive::next(core::TimeNs until_ns) {
   Parts& parts = *parts_;
   if (!parts.start_ns) {

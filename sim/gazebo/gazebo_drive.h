@@ -48,6 +48,7 @@ class GazeboDrive final : public ExternalDrive {
   core::Pose2 begin(const core::Pose2& start) override;
   void command(const core::VelocityCommand& command) override;
   Moment next(core::TimeNs until_ns) override;
+  void end() noexcept override;
 
  private:
   struct Parts;

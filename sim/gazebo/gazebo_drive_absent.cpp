@@ -22,4 +22,6 @@ void GazeboDrive::command(const core::VelocityCommand& /*command*/) {}
 
 ExternalDrive::Moment GazeboDrive::next(core::TimeNs /*until_ns*/) { return {}; }
 
+void GazeboDrive::end() noexcept {}
+
 }  // namespace segsim::sim

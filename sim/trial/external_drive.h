@@ -29,6 +29,8 @@ class ExternalDrive {
   /// at the first call after begin(). @throws core::InputError if nothing comes,
   /// core::Interrupted on a signal.
   virtual Moment next(core::TimeNs until_ns) = 0;
+  /// The trial is over, however it ended: the robot is to stand.
+  virtual void end() noexcept = 0;
 };
 
 }  // namespace segsim::sim

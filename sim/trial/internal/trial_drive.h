@@ -16,6 +16,11 @@ class TrialDrive {
  public:
   /// @throws core::InputError if the robot does not fit where the episode starts.
   explicit TrialDrive(const TrialParts& parts);
+  ~TrialDrive() {
+    if (external_ != nullptr) external_->end();
+  }
+  TrialDrive(const TrialDrive&) = delete;
+  TrialDrive& operator=(const TrialDrive&) = delete;
 
   /// Drives up to that time with the command that is in effect.
   /// @return  False if a contact that ends the trial cut it short.

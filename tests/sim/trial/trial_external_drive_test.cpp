@@ -34,7 +34,9 @@ class ObedientDrive final : public ExternalDrive {
     return {time_ns_ = next_ns, pose_};
   }
 
-  int begun_ = 0;
+  void end() noexcept override { ++ended_; }
+
+  int begun_ = 0, ended_ = 0;
   std::vector<core::VelocityCommand> commands_;
   core::TimeNs fails_ns_ = 1'000'000 * kMs;
 
@@ -57,6 +59,7 @@ class ExternalDriveTest : public TimedTrialTest {
 TEST_F(ExternalDriveTest, TheRobotIsWhereTheOtherSimulatorSays) {
   const TrialResult result = run([](const core::Observation&) { return command(0.5, 0.0); });
   EXPECT_EQ(other_.begun_, 1);
+  EXPECT_EQ(other_.ended_, 1);
   EXPECT_EQ(result.outcome, Outcome::kTimeout);
   EXPECT_NEAR(result.track.front().pose.x_m, episode_.start.x_m + 0.02, 1e-12);
   // Without this program's limits of acceleration: half a metre a second from the first
@@ -90,6 +93,7 @@ TEST_F(ExternalDriveTest, ItsFailureIsTheTrials) {
   other_.fails_ns_ = 500 * kMs;
   EXPECT_THROW(run([](const core::Observation&) { return command(0.5, 0.0); }),
                core::InputError);
+  EXPECT_EQ(other_.ended_, 1) << "the robot would drive on";
 }
 
 TEST_F(ExternalDriveTest, ItCannotWaitForUs) {
