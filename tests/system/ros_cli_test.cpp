@@ -6,7 +6,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "gazebo_processes.h"
 #include "ros/dds/topic_io.h"
 #include "ros/messages/geometry_msgs.h"
 #include "ros/messages/sensor_msgs.h"
@@ -14,6 +13,7 @@
 #include "segsim_process.h"
 #include "tests/experiments/tiny_scene.h"
 #include "tests/ros/dds/loopback.h"
+#include "tests/system/gazebo_processes.h"
 #include "tests/temporary_folder.h"
 
 namespace segsim::tests {

@@ -13,9 +13,9 @@
 #include <gtest/gtest.h>
 #include <sqlite3.h>
 
-#include "gazebo_processes.h"
 #include "scale_out.h"
 #include "segsim_process.h"
+#include "tests/system/gazebo_processes.h"
 
 namespace segsim::tests {
 namespace {

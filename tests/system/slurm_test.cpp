@@ -21,9 +21,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "gazebo_processes.h"
 #include "scale_out.h"
 #include "segsim_process.h"
+#include "tests/system/gazebo_processes.h"
 
 namespace segsim::tests {
 namespace {

@@ -10,11 +10,11 @@
 #include <gtest/gtest.h>
 
 #include "core/file_io.h"
-#include "gazebo_processes.h"
 #include "segsim_process.h"
 #include "tests/experiments/start_weights.h"
 #include "tests/experiments/tiny_scene.h"
 #include "tests/experiments/tiny_spec.h"
+#include "tests/system/gazebo_processes.h"
 #include "tests/temporary_folder.h"
 
 namespace segsim::tests {

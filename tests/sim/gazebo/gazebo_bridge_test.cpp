@@ -17,7 +17,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/error_message.h"
-#include "tests/system/gazebo/gazebo_processes.h"
+#include "tests/system/gazebo_processes.h"
 
 namespace segsim::sim {
 namespace {

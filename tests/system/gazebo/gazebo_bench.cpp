@@ -15,7 +15,7 @@
 #include "core/process/measurement_record.h"
 #include "core/scene_bundle.h"
 #include "tests/experiments/tiny_scene.h"
-#include "tests/system/gazebo/gazebo_processes.h"
+#include "tests/system/gazebo_processes.h"
 
 namespace {
 

@@ -9,7 +9,7 @@
 
 #include "experiments/results/stored_run.h"
 #include "tests/experiments/tiny_scene.h"
-#include "tests/system/gazebo/gazebo_processes.h"
+#include "tests/system/gazebo_processes.h"
 
 namespace segsim {
 namespace {

@@ -13,7 +13,7 @@
 #include "experiments/scenes/scene_surfels.h"
 #include "renderer/cpu_renderer.h"
 #include "tests/experiments/tiny_scene.h"
-#include "tests/system/gazebo/gazebo_processes.h"
+#include "tests/system/gazebo_processes.h"
 
 namespace segsim {
 namespace {
