@@ -16,6 +16,7 @@
 #include "experiments/episodes/habitat_episodes.h"
 #include "experiments/results/statistics.h"
 #include "experiments/scenes/scene_surfels.h"
+#include "experiments/support/listed.h"
 #include "experiments/trials/episode_validation.h"
 #include "renderer/cpu_renderer.h"
 
@@ -107,18 +108,12 @@ void generate(GenerateFlags& flags) {
   const scenes::SceneSurfels scene = scenes::load_scene_surfels(bundle);
   const auto eye = renderer::make_cpu_renderer(scene.surfels, {}, scene.labels);
   episodes::EpisodeRules& rules = flags.rules;
-  if (rules.goals.empty()) {
-    for (const core::SceneClass& c : bundle.manifest.classes) {
-      if (c.thing) rules.goals.push_back(c.name);
-    }
-  }
+  const std::vector<std::string> things = core::thing_names(bundle.manifest.classes);
+  if (rules.goals.empty()) rules.goals = things;
   for (const std::string& goal : rules.goals) {
     if (bundle.manifest.find_class(goal) != nullptr) continue;
-    std::string names;
-    for (const core::SceneClass& c : bundle.manifest.classes) {
-      if (c.thing) names += (names.empty() ? "" : ", ") + c.name;
-    }
-    throw core::InputError::expected("--goals", "classes of the bundle (" + names + ")",
+    throw core::InputError::expected("--goals",
+                                     "classes of the bundle (" + support::listed(things) + ")",
                                      "\"" + goal + "\"");
   }
   const episodes::EpisodeViewer viewer = flags.viewer.viewer(bundle.manifest);

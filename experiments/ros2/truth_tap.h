@@ -21,7 +21,7 @@ class TruthTap final : public core::Detector, public sim::GroundTruthSink {
       : inner_(inner),
         inner_truth_(inner_truth),
         robot_(robot),
-        oracle_(classes, things_of(classes), {.min_pixels = min_pixels}) {}
+        oracle_(classes, core::thing_names(classes), {.min_pixels = min_pixels}) {}
 
   [[nodiscard]] const std::vector<std::string>& class_names() const override {
     return inner_.class_names();
@@ -40,14 +40,6 @@ class TruthTap final : public core::Detector, public sim::GroundTruthSink {
   }
 
  private:
-  static std::vector<std::string> things_of(const std::vector<core::SceneClass>& classes) {
-    std::vector<std::string> names;
-    for (const core::SceneClass& c : classes) {
-      if (c.thing) names.push_back(c.name);
-    }
-    return names;
-  }
-
   core::Detector& inner_;
   sim::GroundTruthSink& inner_truth_;
   Ros2Policy& robot_;

@@ -69,14 +69,11 @@ Eyes make_eyes(const BoundScript& bound) {
     eyes.detector = perception::load_object_detector(script.weights, options);
     return eyes;
   }
-  std::vector<std::string> names;
-  for (const core::SceneClass& c : bound.bundle.manifest.classes) {
-    if (c.thing) names.push_back(c.name);
-  }
+  const std::vector<core::SceneClass>& classes = bound.bundle.manifest.classes;
   sim::OracleDetectorOptions options;
   options.seed = script.seed;
-  auto oracle = std::make_unique<sim::OracleDetector>(bound.bundle.manifest.classes,
-                                                      std::move(names), options);
+  auto oracle =
+      std::make_unique<sim::OracleDetector>(classes, core::thing_names(classes), options);
   eyes.truth = oracle.get();
   eyes.detector = std::move(oracle);
   return eyes;

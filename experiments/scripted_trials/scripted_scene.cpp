@@ -135,10 +135,7 @@ void check_ways(const BoundScript& bound) {
 }
 
 void check_categories(const BoundScript& bound) {
-  std::vector<std::string> names;
-  for (const core::SceneClass& c : bound.bundle.manifest.classes) {
-    if (c.thing) names.push_back(c.name);
-  }
+  const std::vector<std::string> names = core::thing_names(bound.bundle.manifest.classes);
   for (const ScriptStep& step : bound.script->steps) {
     if (step.kind != StepKind::kFind) continue;
     if (std::find(names.begin(), names.end(), step.category) != names.end()) continue;

@@ -246,15 +246,12 @@ TrialRunner::ArmDetectorSlot& TrialRunner::detector_for(const LoadedScene& scene
   if (slot.process != nullptr) slot.process->start();  // Not within a time that is measured.
   if (slot.detector != nullptr) return slot;
   if (oracle) {
-    std::vector<std::string> names;
-    for (const core::SceneClass& c : scene.bundle.manifest.classes) {
-      if (c.thing) names.push_back(c.name);
-    }
+    const std::vector<core::SceneClass>& classes = scene.bundle.manifest.classes;
     sim::OracleDetectorOptions options;
     options.min_pixels = spec_.success.visible_pixels;
     options.seed = spec_.seed;
     auto detector =
-        std::make_unique<sim::OracleDetector>(scene.bundle.manifest.classes, names, options);
+        std::make_unique<sim::OracleDetector>(classes, core::thing_names(classes), options);
     slot.truth = detector.get();
     slot.detector = std::move(detector);
   } else {

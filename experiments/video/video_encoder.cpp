@@ -103,6 +103,7 @@ VideoEncoder::VideoEncoder(const std::filesystem::path& file,
   SEGSIM_CHECK(size.width % 2 == 0 && size.height % 2 == 0 && frames_per_s > 0.0,
                parts_->name);
   Parts& p = *parts_;
+  av_log_set_level(AV_LOG_ERROR);  // x264 tells its statistics otherwise.
   AVFormatContext* context = nullptr;
   // The ending says what kind of file it is to be.
   const AVOutputFormat* kind = av_guess_format(nullptr, file.c_str(), nullptr);

@@ -58,10 +58,7 @@ void BundleSpec::check(const core::SceneManifest& scene) const {
     throw core::InputError::expected("--rate", "200 divided by a whole number",
                                      core::print("%g", rate_hz));
   }
-  std::vector<std::string> known;
-  for (const core::SceneClass& c : scene.classes) {
-    if (c.thing) known.push_back(c.name);
-  }
+  const std::vector<std::string> known = core::thing_names(scene.classes);
   for (const std::string& goal : goals) {
     if (std::find(known.begin(), known.end(), goal) == known.end()) {
       throw core::InputError::expected("--goal", support::listed(known), "\"" + goal + "\"");

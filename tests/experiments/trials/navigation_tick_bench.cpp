@@ -101,14 +101,11 @@ Eyes make_eyes(const Place& place, const std::string& name) {
             nullptr};
   }
   const std::vector<core::SceneClass>& classes = place.scene->bundle.manifest.classes;
-  std::vector<std::string> things;
-  for (const core::SceneClass& c : classes) {
-    if (c.thing) things.push_back(c.name);
-  }
   sim::OracleDetectorOptions options;
   options.min_pixels = place.spec.success.visible_pixels;
   options.seed = place.spec.seed;
-  auto oracle = std::make_unique<sim::OracleDetector>(classes, things, options);
+  auto oracle =
+      std::make_unique<sim::OracleDetector>(classes, core::thing_names(classes), options);
   sim::GroundTruthSink* const truth = oracle.get();
   return {std::move(oracle), truth};
 }
