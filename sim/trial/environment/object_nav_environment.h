@@ -77,7 +77,7 @@ class ObjectNavEnvironment {
   [[nodiscard]] core::Pose2 pose() const;
   [[nodiscard]] core::TimeNs time_ns() const;
   /// As it would stand in a result if the trial ended now: outcome, success, SPL, distances,
-  /// path, contacts, pixels of the goal. Without track and logs.
+  /// path, contacts. Pixels of the goal are known where labels are drawn, and after a STOP.
   [[nodiscard]] TrialResult result() const;
   /// Nothing more can be done in the episode.
   [[nodiscard]] bool over() const;
