@@ -15,8 +15,8 @@ from fastsegsim._native import (InputError, Recording, Renderer, Scene, SceneCla
                                 pinhole)
 from fastsegsim._native import build as _build
 
-__all__ = ["InputError", "Recording", "Renderer", "Scene", "SceneClass", "SceneInstance", "environments", "look_at",
-           "mast_camera", "pinhole", "results"]
+__all__ = ["InputError", "Recording", "Renderer", "Scene", "SceneClass", "SceneInstance", "look_at", "mast_camera",
+           "pinhole", "results"]
 InputError.__module__ = "fastsegsim"  # Where users catch it.
 __version__ = _build.partition(" ")[0]
 

@@ -47,6 +47,8 @@ int write_scene(const fs::path& folder) {
   episodes::EpisodeRules rules;
   rules.goals = {"couch", "chair"};
   rules.count = 12;
+  rules.min_start_m = 0.5;
+  rules.allow_visible_start = true;
   rules.camera = camera();
   episodes::write_episodes(folder / "episodes.jsonl",
                            episodes::generate_episodes("tiny", bundle, world, *eye, rules));

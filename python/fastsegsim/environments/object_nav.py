@@ -42,10 +42,15 @@ class ObjectNavEnv(gymnasium.Env[dict[str, Any], Any]):
         self.action_space = action_space_of(self.settings, self._batch)
         self.observation_space = observation_space_of(self.settings, self._batch)
         self.goal_classes = self._batch.goal_classes
+        self.goal_class_ids = np.array(self._batch.goal_class_ids)
         self.episode_ids = self._batch.episode_ids
         self._names = (np.array(self.episode_ids, object), np.array(self.goal_classes, object))
         self._begun = self._over = False
         self._picture: np.ndarray | None = None
+
+    def commands_of(self, action: int) -> list[tuple[float, float]]:
+        """What a discrete action is: metres and radians per second for each control period."""
+        return self._batch.commands(action)
 
     @property
     def infeasible_episodes(self) -> int:

@@ -46,11 +46,16 @@ class ObjectNavVectorEnv(VectorEnv[dict[str, Any], Any, np.ndarray]):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.goal_classes = self._batch.goal_classes
+        self.goal_class_ids = np.array(self._batch.goal_class_ids)
         self.episode_ids = self._batch.episode_ids
         self._names = (np.array(self.episode_ids, object), np.array(self.goal_classes, object))
         self._all = np.ones(num_envs, np.bool_)
         self._begun = False
         self._pictures: np.ndarray | None = None
+
+    def commands_of(self, action: int) -> list[tuple[float, float]]:
+        """What a discrete action is: metres and radians per second for each control period."""
+        return self._batch.commands(action)
 
     @property
     def infeasible_episodes(self) -> int:

@@ -6,6 +6,7 @@
 
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
@@ -168,9 +169,25 @@ std::vector<std::string> EnvironmentBatch::episode_ids() const {
   return ids;
 }
 
-double EnvironmentBatch::step_s(std::int64_t action) const {
-  const auto commands = discrete_->commands(static_cast<sim::DiscreteAction>(action));
-  return settings_.control_period_s * static_cast<double>(commands.size());
+std::vector<int> EnvironmentBatch::goal_class_ids() const {
+  std::vector<int> ids;
+  for (const std::string& name : goal_classes_) {
+    const core::SceneClass* found = bundle_.manifest.find_class(name);
+    ids.push_back(found != nullptr ? found->id : 0);
+  }
+  return ids;
+}
+
+std::vector<std::pair<double, double>> EnvironmentBatch::commands(int action) const {
+  if (action < 0 || action >= sim::kDiscreteActions) {
+    throw core::InputError::expected("action", "0 to 3", std::to_string(action));
+  }
+  std::vector<std::pair<double, double>> pairs;
+  for (const core::VelocityCommand& command :
+       discrete_->commands(static_cast<sim::DiscreteAction>(action))) {
+    pairs.emplace_back(command.forward_mps, command.turn_radps);
+  }
+  return pairs;
 }
 
 std::int64_t EnvironmentBatch::goal_number(std::size_t environment) const {
@@ -297,8 +314,10 @@ void bind_environment_batch(nb::module_& module) {
            "One step in every environment: observations, rewards, terminated, truncated, "
            "information. Where an episode is over, the next one begins, whatever the action. "
            "Other threads of Python run meanwhile.")
-      .def("step_s", &EnvironmentBatch::step_s, "action"_a,
-           "How long a discrete action takes, simulated seconds.")
+      .def("commands", &EnvironmentBatch::commands, "action"_a,
+           "What a discrete action is: forward and turning speed for each control period.")
+      .def_prop_ro("goal_class_ids", &EnvironmentBatch::goal_class_ids,
+                   "Their ids in semantic images; 0 for a class that the scene lacks.")
       .def_prop_ro("goal_classes", &EnvironmentBatch::goal_classes,
                    "Names of what the observation's goal counts.")
       .def_prop_ro("episode_ids", &EnvironmentBatch::episode_ids,

@@ -10,6 +10,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <nanobind/nanobind.h>
@@ -60,7 +61,10 @@ class EnvironmentBatch {
   [[nodiscard]] int infeasible() const { return infeasible_; }
   [[nodiscard]] const core::SceneManifest& manifest() const { return bundle_.manifest; }
   [[nodiscard]] const sim::RobotModel& robot() const { return world_->robot(); }
-  [[nodiscard]] double step_s(std::int64_t action) const;
+  /// Ids of the goal classes in semantic images; 0 for what the scene lacks.
+  [[nodiscard]] std::vector<int> goal_class_ids() const;
+  /// (v, w) for each control period of a discrete action.
+  [[nodiscard]] std::vector<std::pair<double, double>> commands(int action) const;
 
  private:
   void bind(experiments::episodes::EpisodeSet set, const std::string& place);

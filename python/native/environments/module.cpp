@@ -10,7 +10,8 @@
 NB_MODULE(_environments, module) {
   using namespace segsim;
   module.doc() = "What of fastsegsim.environments is C++.";
-  // InputError comes to Python by what _native registers, which the package always loads first.
+  // InputError comes to Python by what _native registers, which the package always loads
+  // first.
   std::vector<std::string> outcomes;
   for (int k = 0; k <= static_cast<int>(sim::Outcome::kAborted); ++k) {
     outcomes.emplace_back(sim::to_string(static_cast<sim::Outcome>(k)));
