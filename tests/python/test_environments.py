@@ -180,7 +180,7 @@ def test_episodes_come_in_the_order_that_was_asked_for(tiny, make):
     assert [turn.reset()[1]["episode_id"] for _ in ids] == ids[1:] + ids[:1]
     shuffled = [make().reset(seed=1)[1]["episode_id"]] + [make().reset()[1]["episode_id"] for _ in ids[1:]]
     assert sorted(shuffled) == sorted(ids) and shuffled != ids
-    assert make().reset(options={"episode": ids[5]})[1]["episode"] == 5
+    assert make().reset(options={"episode": ids[5]})[1]["episode_number"] == 5
 
 
 def test_without_a_file_episodes_are_made(tiny):
@@ -234,5 +234,5 @@ def test_the_example_trains(tiny):
     path = pathlib.Path(__file__).resolve().parents[2] / "python" / "examples" / "train_policy.py"
     printed = subprocess.run([sys.executable, path, tiny.bundle, "--minutes", "0", "--robots", "4", "--evaluate", "4"],
                              check=True, capture_output=True, text=True).stdout
-    assert "before: " in printed and "round 1: return " in printed and "after: " in printed
+    assert "before: " in printed and "round 1: earned " in printed and "after: " in printed
     assert printed.count("95 % interval") == 2 and "nan" not in printed

@@ -64,7 +64,7 @@ def with_names(info: dict[str, Any], ids: np.ndarray, classes: np.ndarray, goals
     """Numbers of episodes, goals and outcomes as words, too; an episode that goes on has the outcome ""."""
     words = np.array([*outcomes, ""], object)  # The number of the last one is -1.
     info["outcome"] = words[info["outcome"]]
-    info["episode_id"] = ids[info["episode"]]
+    info["episode_id"] = ids[info["episode_number"]]
     info["goal"] = classes[goals]
     return info
 

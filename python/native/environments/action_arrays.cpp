@@ -24,10 +24,9 @@ Numbers<Number> numbers_of(nb::handle value, const char* type, const std::string
                            const char* expected) {
   const nb::object numpy = nb::module_::import_("numpy");
   const nb::object array = numpy.attr("asarray")(value);
-  const auto kind = nb::cast<std::string>(array.attr("dtype").attr("kind"));
-  if (kinds.find(kind) == std::string::npos) {
-    throw core::InputError::expected("actions", expected,
-                                     nb::cast<std::string>(nb::str(array.attr("dtype"))));
+  const nb::object dtype = array.attr("dtype");
+  if (kinds.find(nb::cast<std::string>(dtype.attr("kind"))) == std::string::npos) {
+    throw core::InputError::expected("actions", expected, nb::str(dtype).c_str());
   }
   return nb::cast<Numbers<Number>>(numpy.attr("ascontiguousarray")(array, "dtype"_a = type));
 }

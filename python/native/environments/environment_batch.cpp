@@ -286,7 +286,7 @@ nb::dict EnvironmentBatch::information(std::span<const sim::VectorEnvironment::S
   info["shortest_path_m"] = owned_array(std::move(shortest_path_m), shape);
   info["time_s"] = owned_array(std::move(time_s), shape);
   info["true_pose"] = owned_array(std::move(pose), {count, 3});
-  info["episode"] = owned_array(std::move(episode), shape);
+  info["episode_number"] = owned_array(std::move(episode), shape);
   info["outcome"] = owned_array(std::move(outcome), shape);
   return info;
 }

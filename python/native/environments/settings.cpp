@@ -76,6 +76,8 @@ void check_settings(const EnvironmentSettings& s) {
   check_number("success_distance_m", s.success_distance_m, 0.01, 100.0);
   check_number("visible_pixels", s.visible_pixels, 1.0, 1e8);
   check_number("success_reward", s.success_reward, -1e9, 1e9);
+  check_number("min_start_m", s.min_start_m, 0.0, 1000.0);
+  check_number("max_start_m", s.max_start_m, s.min_start_m, 1000.0);
   check_number("episode_count", s.episode_count, 1.0, 1e6);
   const double substeps = s.control_period_s / sim::TrialOptions{}.substep_s;
   if (std::abs(substeps - std::round(substeps)) > 1e-6) {
@@ -140,6 +142,9 @@ experiments::episodes::EpisodeRules episode_rules(const EnvironmentSettings& s,
   rules.camera_pitch_down_rad = s.camera_pitch_down_rad;
   rules.min_visible_pixels = s.visible_pixels;
   rules.visible_start_pixels = s.visible_pixels;
+  rules.min_start_m = s.min_start_m;
+  rules.max_start_m = s.max_start_m;
+  rules.allow_visible_start = s.allow_visible_start;
   return rules;
 }
 
@@ -176,6 +181,10 @@ void bind_settings(nb::module_& module) {
               "What the observation's goal counts; empty: the goals.")
       .def_rw("episode_count", &S::episode_count, "Of episodes that are made.")
       .def_rw("episode_seed", &S::episode_seed, "Of episodes that are made.")
+      .def_rw("min_start_m", &S::min_start_m, "Way to the nearest view point, at least.")
+      .def_rw("max_start_m", &S::max_start_m, "Way to the nearest view point, at most.")
+      .def_rw("allow_visible_start", &S::allow_visible_start,
+              "Whether the goal may be in view from the start.")
       .def_rw("order", &S::order, "'shuffled' or 'in_turn'.");
 }
 

@@ -44,6 +44,8 @@ struct EnvironmentSettings {
   std::vector<std::string> goal_classes;  ///< What goals are numbered by; empty: `goals`.
   int episode_count = 100;
   std::uint64_t episode_seed = 1;
+  double min_start_m = 2.0, max_start_m = 15.0;
+  bool allow_visible_start = false;
   std::string order = "shuffled";
 };
 
