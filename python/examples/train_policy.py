@@ -22,7 +22,7 @@ from fastsegsim.environments import ObjectNavVectorEnv
 WEIGHTS = 8
 # What weights are drawn around at first, and how widely: STOP where the goal fills a share of the image.
 PRIOR, WIDTH = np.array([0.5, 0, 0, 0, 0, 0, 0, 0]), np.array([0.25, 1, 1, 1, 1, 1, 1, 1])
-STEPS_PER_ROUND = 60
+STEPS_PER_ROUND = 120
 
 
 def actions_of(observations: dict[str, np.ndarray], class_ids: np.ndarray, weights: np.ndarray) -> np.ndarray:
@@ -113,7 +113,7 @@ def main() -> None:
 
     # Small images, long steps and little time: what such a policy needs, and no more.
     settings = {"num_envs": arguments.robots, "size": (32, 24), "horizontal_fov_rad": 1.5, "visible_pixels": 8,
-                "images": ["depth", "semantic"], "forward_step_m": 0.5, "time_limit_s": 15.0, "success_reward": 5.0,
+                "images": ["depth", "semantic"], "forward_step_m": 0.5, "time_limit_s": 10.0, "success_reward": 5.0,
                 "min_start_m": 1.0, "allow_visible_start": True}
     training = ObjectNavVectorEnv(arguments.scene, episode_seed=1, **settings)
     unseen = ObjectNavVectorEnv(arguments.scene, episode_seed=2, **settings)

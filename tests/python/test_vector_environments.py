@@ -2,6 +2,7 @@
 
 import pathlib
 import re
+import subprocess
 import sys
 import threading
 
@@ -259,3 +260,10 @@ def test_an_episode_that_cannot_be_done_is_left_out(tiny, tmp_path):
     environment = environments.ObjectNavEnv(tiny.bundle, pathlib.Path(blocked), size=SIZE)
     assert environment.infeasible_episodes == 1
     assert environment.episode_ids == [e["id"] for k, e in enumerate(tiny.listed) if k != 2]
+
+
+def test_the_benchmark_measures_both(tiny):
+    ran = subprocess.run([sys.executable, pathlib.Path(__file__).parent / "bench_environments.py", tiny.program,
+                          "--steps", "2", "--rounds", "1", "--folder", tiny.folder],
+                         check=True, capture_output=True, text=True).stdout
+    assert re.search(r"128 x 128: C\+\+ \d+, Python \d+", ran) and "256 x 192: C++" in ran

@@ -5,6 +5,7 @@
 //   input; then the
 //                                               robot stops. Prints JSON with poses and
 //                                               result.
+#include <chrono>
 #include <cstdio>
 #include <iostream>
 #include <string>
@@ -12,6 +13,8 @@
 #include "experiments/episodes/episodes.h"
 #include "renderer/cpu_renderer.h"
 #include "renderer/files/scene_surfels.h"
+#include "sim/trial/environment/discrete_actions.h"
+#include "sim/trial/environment/vector_environment.h"
 #include "sim/trial/oracle_detector.h"
 #include "tests/experiments/tiny_scene.h"
 
@@ -91,6 +94,43 @@ int run(const fs::path& folder, std::size_t index, const std::string& robot_name
   return 0;
 }
 
+/// The steps of tests/python/bench_environments.py.
+int bench(const fs::path& folder, std::size_t count, int width_px, int height_px, int steps,
+          int threads) {
+  const core::SceneBundle bundle = core::load_bundle(folder / "bundle");
+  const sim::World world = sim::World::load(bundle, sim::RobotModel::jackal());
+  const renderer::SceneSurfels scene = renderer::load_scene_surfels(bundle);
+  const sim::EpisodePool pool(world,
+                              episodes::read_episodes(folder / "episodes.jsonl").episodes);
+  sim::EnvironmentOptions options;
+  options.trial.camera =
+      core::CameraIntrinsics::from_fov(width_px, height_px, 1.2217304763960306);
+  options.trial.camera_height_m = world.robot().camera_height_m;
+  sim::VectorEnvironment environments(
+      pool, options, {count, threads}, sim::EpisodeOrder::Kind::kShuffled, [&](int each) {
+        return renderer::make_cpu_renderer(scene.surfels, {.threads = each}, scene.labels);
+      });
+  const sim::DiscreteActions discrete(world.robot(), options.trial.control_period_s,
+                                      options.trial.substep_s);
+  std::vector<sim::VectorEnvironment::Reset> resets(count);
+  for (std::size_t i = 0; i < count; ++i) resets[i] = {true, i};
+  std::size_t images = 0;
+  const auto look = [](std::size_t, const sim::ObjectNavEnvironment&) {};
+  environments.reset(resets, look);
+  std::vector<sim::EnvironmentAction> actions(count);
+  const auto start = std::chrono::steady_clock::now();
+  for (int k = 0; k < steps; ++k) {
+    for (std::size_t i = 0; i < count; ++i) {
+      const auto number = 1 + (static_cast<std::size_t>(k) + i) * (k % 5 + 1U) % 3;
+      actions[i] = {false, discrete.commands(static_cast<sim::DiscreteAction>(number))};
+    }
+    images += environments.step(actions, look).size();
+  }
+  const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
+  std::printf("%.9g\n", images == 0 ? 0.0 : took.count());
+  return 0;
+}
+
 }  // namespace
 }  // namespace segsim
 
@@ -99,6 +139,10 @@ int main(int argc, char** argv) {
   if (what == "scene" && argc == 3) return segsim::write_scene(argv[2]);
   if (what == "run" && argc == 6) {
     return segsim::run(argv[2], std::stoul(argv[3]), argv[4], std::stod(argv[5]));
+  }
+  if (what == "bench" && argc == 8) {
+    return segsim::bench(argv[2], std::stoul(argv[3]), std::stoi(argv[4]), std::stoi(argv[5]),
+                         std::stoi(argv[6]), std::stoi(argv[7]));
   }
   return 2;
 }
