@@ -5,8 +5,9 @@
 
 SCENE is the folder of a bundle. The policy sees the depth ahead, to the left and to the right, and where and how large
 the goal is in view (from the rendered labels), and chooses stop, forward, left or right by a linear score for each. Its
-eight weights are found by the cross-entropy method (Rubinstein 1999): draw weights, keep the best quarter, draw around
-these. Every robot of a round drives with weights of its own through the same episodes.
+eight weights are found by a cross-entropy method (Rubinstein 1999) with memory: half of the robots drive on with the
+weights that earned most so far, the others with new ones that are drawn around the best. Every robot of a round drives
+with weights of its own through the same episodes.
 """
 
 import argparse
@@ -84,21 +85,26 @@ def evaluate(environment: ObjectNavVectorEnv, weights: np.ndarray, episodes: int
 
 
 def train(environment: ObjectNavVectorEnv, random: np.random.Generator, minutes: float) -> np.ndarray:
-    """The mean of the best weights."""
-    mean, deviation = PRIOR, WIDTH
+    """The weights that earned most."""
     robots, end_s = environment.num_envs, time.monotonic() + 60.0 * minutes
-    best = max(2, robots // 4)
+    half, best = robots // 2, max(2, robots // 8)
+    mean, deviation = PRIOR, WIDTH
+    kept, earned, rounds = np.empty((0, WEIGHTS)), np.empty(0), np.empty(0)  # Of the weights that drive on.
     for step in range(sys.maxsize):
-        weights = mean + deviation * random.normal(size=(robots, WEIGHTS))
+        drawn = mean + deviation * random.normal(size=(robots - len(kept), WEIGHTS))
+        kept = np.concatenate([kept, drawn])
+        earned, rounds = (np.concatenate([old, np.zeros(len(drawn))]) for old in (earned, rounds))
         seeds = [int(random.integers(1_000_000))] * robots  # The same episodes for all.
-        earned, success = run_steps(environment, weights, seeds)
-        chosen = weights[np.argsort(earned)[-best:]]
-        # Half of the way, and never quite certain: few episodes say little.
-        mean = 0.5 * mean + 0.5 * chosen.mean(axis=0)
-        deviation = 0.5 * deviation + 0.5 * np.maximum(chosen.std(axis=0), 0.2 * WIDTH)
-        print(f"round {step + 1}: earned {earned.mean():.2f}, success {success:.1%}", flush=True)
+        now, success = run_steps(environment, kept, seeds)
+        earned += now - now.mean()  # Some rounds have easier episodes than others.
+        rounds += 1
+        # One lucky round says little: it counts as if half a round had earned nothing.
+        order = np.argsort(-earned / (rounds + 0.5))[:half]
+        kept, earned, rounds = kept[order], earned[order], rounds[order]
+        mean, deviation = kept[:best].mean(axis=0), np.maximum(kept[:best].std(axis=0), 0.2 * WIDTH)
+        print(f"round {step + 1}: earned {now.mean():.2f}, success {success:.1%}", flush=True)
         if time.monotonic() >= end_s:
-            return mean
+            return kept[0]
     raise AssertionError
 
 
@@ -120,8 +126,8 @@ def main() -> None:
     random = np.random.default_rng(arguments.seed)
     untrained = PRIOR + WIDTH * random.normal(size=(arguments.robots, WEIGHTS))
     before = evaluate(unseen, untrained, arguments.evaluate, "before")
-    mean = train(training, random, arguments.minutes)
-    after = evaluate(unseen, np.broadcast_to(mean, untrained.shape), arguments.evaluate, "after")
+    trained = train(training, random, arguments.minutes)
+    after = evaluate(unseen, np.broadcast_to(trained, untrained.shape), arguments.evaluate, "after")
     print(f"gain: {after[0] / after[1] - before[0] / before[1]:+.1%}")
 
 
