@@ -267,3 +267,20 @@ def test_the_benchmark_measures_both(tiny):
                           "--steps", "2", "--rounds", "1", "--folder", tiny.folder],
                          check=True, capture_output=True, text=True).stdout
     assert re.search(r"128 x 128: C\+\+ \d+, Python \d+", ran) and "256 x 192: C++" in ran
+
+
+def test_threads_may_share_an_object(make):
+    environment = make(time_limit_s=100.0, threads=1)
+    environment.reset(seed=0)
+    times_s = []
+
+    def turn():
+        for _ in range(15):
+            times_s.append(environment.step([2, 3, 2])[-1]["time_s"].tolist())
+
+    threads = [threading.Thread(target=turn) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    np.testing.assert_allclose(sorted(times_s), [[0.1 * 4 * k] * COUNT for k in range(1, 31)])

@@ -91,6 +91,61 @@ nb::dict ObservationArrays::take() {
   return arrays;
 }
 
+InformationArrays::InformationArrays(std::size_t count)
+    : count_(count),
+      success_(count),
+      collided_(count),
+      spl_(count),
+      soft_spl_(count),
+      distance_m_(count),
+      path_m_(count),
+      shortest_path_m_(count),
+      time_s_(count),
+      pose_(3 * count),
+      collisions_(count),
+      episode_(count),
+      outcome_(count) {}
+
+void InformationArrays::put(std::size_t i, const sim::ObjectNavEnvironment& environment,
+                            std::size_t episode) {
+  const sim::TrialResult result = environment.result();
+  success_[i] = result.success ? 1 : 0;
+  spl_[i] = result.spl;
+  soft_spl_[i] = result.soft_spl;
+  distance_m_[i] = result.distance_to_goal_m;
+  path_m_[i] = result.path_m;
+  shortest_path_m_[i] = result.shortest_path_m;
+  time_s_[i] = result.sim_s;
+  pose_[3 * i] = result.final_pose.x_m;
+  pose_[3 * i + 1] = result.final_pose.y_m;
+  pose_[3 * i + 2] = result.final_pose.yaw_rad;
+  collisions_[i] = result.contacts;
+  episode_[i] = static_cast<std::int64_t>(episode);
+  outcome_[i] = environment.over() ? static_cast<std::int64_t>(result.outcome) : -1;
+}
+
+void InformationArrays::put_collided(std::span<const sim::VectorEnvironment::Step> steps) {
+  for (std::size_t i = 0; i < count_; ++i) collided_[i] = steps[i].step.collided ? 1 : 0;
+}
+
+nb::dict InformationArrays::take() {
+  nb::dict info;
+  const std::vector<std::size_t> shape{count_};
+  info["success"] = owned_array<bool>(std::move(success_), shape);
+  info["spl"] = owned_array(std::move(spl_), shape);
+  info["soft_spl"] = owned_array(std::move(soft_spl_), shape);
+  info["collisions"] = owned_array(std::move(collisions_), shape);
+  info["collided"] = owned_array<bool>(std::move(collided_), shape);
+  info["distance_m"] = owned_array(std::move(distance_m_), shape);
+  info["path_m"] = owned_array(std::move(path_m_), shape);
+  info["shortest_path_m"] = owned_array(std::move(shortest_path_m_), shape);
+  info["time_s"] = owned_array(std::move(time_s_), shape);
+  info["true_pose"] = owned_array(std::move(pose_), {count_, 3});
+  info["episode_number"] = owned_array(std::move(episode_), shape);
+  info["outcome"] = owned_array(std::move(outcome_), shape);
+  return info;
+}
+
 EnvironmentBatch::EnvironmentBatch(const std::filesystem::path& scene,
                                    const std::optional<std::filesystem::path>& file,
                                    const EnvironmentSettings& settings, int count, int threads)
@@ -190,8 +245,11 @@ std::vector<std::pair<double, double>> EnvironmentBatch::commands(int action) co
   return pairs;
 }
 
-std::int64_t EnvironmentBatch::goal_number(std::size_t environment) const {
-  return goal_of_[environments_->episode(environment)];
+void EnvironmentBatch::put(std::size_t index, const sim::ObjectNavEnvironment& environment,
+                           ObservationArrays& seen, InformationArrays& known) const {
+  const std::size_t episode = environments_->episode(index);
+  seen.put(index, environment, goal_of_[episode]);
+  known.put(index, environment, episode);
 }
 
 nb::tuple EnvironmentBatch::reset(const std::vector<std::optional<std::uint64_t>>& seeds,
@@ -211,16 +269,16 @@ nb::tuple EnvironmentBatch::reset(const std::vector<std::optional<std::uint64_t>
     resets.push_back({seeds[i].has_value(), seeds[i].value_or(0), wanted[i]});
   }
   ObservationArrays seen(settings_, count);
+  InformationArrays known(count);
   {
     const nb::gil_scoped_release released;
     const std::lock_guard lock(mutex_);
     environments_->reset(resets, [&](std::size_t i, const sim::ObjectNavEnvironment& one) {
-      seen.put(i, one, goal_number(i));
+      put(i, one, seen, known);
     });
     begun_ = true;
   }
-  const std::vector<sim::VectorEnvironment::Step> none(count);
-  return nb::make_tuple(seen.take(), information(none));
+  return nb::make_tuple(seen.take(), known.take());
 }
 
 nb::tuple EnvironmentBatch::step(nb::handle actions) {
@@ -229,15 +287,17 @@ nb::tuple EnvironmentBatch::step(nb::handle actions) {
   const ActionArrays decoded(
       actions, settings_.action == "discrete" ? discrete_.get() : nullptr, count);
   ObservationArrays seen(settings_, count);
+  InformationArrays known(count);
   std::vector<sim::VectorEnvironment::Step> steps;
   {
     const nb::gil_scoped_release released;
     const std::lock_guard lock(mutex_);
     steps = environments_->step(decoded.actions(),
                                 [&](std::size_t i, const sim::ObjectNavEnvironment& one) {
-                                  seen.put(i, one, goal_number(i));
+                                  put(i, one, seen, known);
                                 });
   }
+  known.put_collided(steps);
   std::vector<double> rewards;
   std::vector<std::uint8_t> terminated, truncated;
   for (const sim::VectorEnvironment::Step& step : steps) {
@@ -247,48 +307,7 @@ nb::tuple EnvironmentBatch::step(nb::handle actions) {
   }
   return nb::make_tuple(seen.take(), owned_array(std::move(rewards), {count}),
                         owned_array<bool>(std::move(terminated), {count}),
-                        owned_array<bool>(std::move(truncated), {count}), information(steps));
-}
-
-nb::dict EnvironmentBatch::information(std::span<const sim::VectorEnvironment::Step> steps) {
-  const std::size_t count = environments_->size();
-  std::vector<std::uint8_t> success, collided;
-  std::vector<double> spl, soft_spl, distance_m, path_m, shortest_path_m, time_s, pose;
-  std::vector<std::int64_t> collisions, episode, outcome;
-  for (std::size_t i = 0; i < count; ++i) {
-    const sim::ObjectNavEnvironment& environment = environments_->environment(i);
-    const sim::TrialResult result = environment.result();
-    success.push_back(result.success ? 1 : 0);
-    collided.push_back(steps[i].step.collided ? 1 : 0);
-    spl.push_back(result.spl);
-    soft_spl.push_back(result.soft_spl);
-    distance_m.push_back(result.distance_to_goal_m);
-    path_m.push_back(result.path_m);
-    shortest_path_m.push_back(result.shortest_path_m);
-    time_s.push_back(result.sim_s);
-    for (const double number :
-         {result.final_pose.x_m, result.final_pose.y_m, result.final_pose.yaw_rad}) {
-      pose.push_back(number);
-    }
-    collisions.push_back(result.contacts);
-    episode.push_back(static_cast<std::int64_t>(environments_->episode(i)));
-    outcome.push_back(environment.over() ? static_cast<std::int64_t>(result.outcome) : -1);
-  }
-  nb::dict info;
-  const std::vector<std::size_t> shape{count};
-  info["success"] = owned_array<bool>(std::move(success), shape);
-  info["spl"] = owned_array(std::move(spl), shape);
-  info["soft_spl"] = owned_array(std::move(soft_spl), shape);
-  info["collisions"] = owned_array(std::move(collisions), shape);
-  info["collided"] = owned_array<bool>(std::move(collided), shape);
-  info["distance_m"] = owned_array(std::move(distance_m), shape);
-  info["path_m"] = owned_array(std::move(path_m), shape);
-  info["shortest_path_m"] = owned_array(std::move(shortest_path_m), shape);
-  info["time_s"] = owned_array(std::move(time_s), shape);
-  info["true_pose"] = owned_array(std::move(pose), {count, 3});
-  info["episode_number"] = owned_array(std::move(episode), shape);
-  info["outcome"] = owned_array(std::move(outcome), shape);
-  return info;
+                        owned_array<bool>(std::move(truncated), {count}), known.take());
 }
 
 void bind_environment_batch(nb::module_& module) {

@@ -3,6 +3,7 @@
 /// @file
 /// Environments of one scene for Python: a bundle, its episodes, and steps as arrays.
 
+#include <atomic>
 #include <cstdint>
 #include <filesystem>
 #include <memory>
@@ -40,6 +41,24 @@ class ObservationArrays {
   std::vector<std::int64_t> goal_;
 };
 
+/// What no robot knows of several environments, likewise.
+class InformationArrays {
+ public:
+  explicit InformationArrays(std::size_t count);
+  /// Needs no Python. @param episode  In the pool.
+  void put(std::size_t index, const sim::ObjectNavEnvironment& environment,
+           std::size_t episode);
+  /// What was touched in the step.
+  void put_collided(std::span<const sim::VectorEnvironment::Step> steps);
+  [[nodiscard]] nanobind::dict take();
+
+ private:
+  std::size_t count_;
+  std::vector<std::uint8_t> success_, collided_;
+  std::vector<double> spl_, soft_spl_, distance_m_, path_m_, shortest_path_m_, time_s_, pose_;
+  std::vector<std::int64_t> collisions_, episode_, outcome_;
+};
+
 class EnvironmentBatch {
  public:
   /// @param episodes  File of a set; none: episodes are made.
@@ -68,7 +87,9 @@ class EnvironmentBatch {
 
  private:
   void bind(experiments::episodes::EpisodeSet set, const std::string& place);
-  [[nodiscard]] std::int64_t goal_number(std::size_t environment) const;
+  /// Writes down what an environment shows.
+  void put(std::size_t index, const sim::ObjectNavEnvironment& environment,
+           ObservationArrays& seen, InformationArrays& known) const;
   [[nodiscard]] nanobind::dict information(
       std::span<const sim::VectorEnvironment::Step> steps);
 
@@ -81,7 +102,7 @@ class EnvironmentBatch {
   std::unique_ptr<const sim::EpisodePool> pool_;
   std::unique_ptr<const sim::DiscreteActions> discrete_;
   std::unique_ptr<sim::VectorEnvironment> environments_;
-  bool begun_ = false;
+  std::atomic<bool> begun_ = false;
   std::mutex mutex_;  ///< One call at a time.
 };
 
