@@ -4,8 +4,9 @@
   bench_environments.py TINY_TRIAL [--steps 60] [--rounds 5] [--threads 0] [--folder FOLDER]
 
 TINY_TRIAL is the program of tests/python/tiny_trial.cpp. Both step the same eight environments of its scene with the
-same actions, in turns; the best round of each counts, because other programs only make rounds slower. The package must
-be on the path of Python. FOLDER keeps the scene; without it the scene is made anew.
+same actions, in turns; the best round of each counts, because other programs only make rounds slower. What Python
+takes is compared by the time of processors, which other programs disturb least. The package must be on the path of
+Python. FOLDER keeps the scene; without it the scene is made anew.
 """
 
 import argparse
@@ -23,15 +24,15 @@ COUNT = 8
 SIZES = ((128, 128), (256, 192))
 
 
-def python_s(environment: ObjectNavVectorEnv, steps: int) -> float:
-    """Seconds for the steps."""
+def python_s(environment: ObjectNavVectorEnv, steps: int) -> tuple[float, float]:
+    """Seconds for the steps: by the clock, and of processors."""
     environment.reset(seed=0)
     i = np.arange(COUNT)
     actions = [1 + (k + i) * (k % 5 + 1) % 3 for k in range(steps)]
-    start_s = time.perf_counter()
+    start_s, cpu_start_s = time.perf_counter(), time.process_time()
     for chosen in actions:
         environment.step(chosen)
-    return time.perf_counter() - start_s
+    return time.perf_counter() - start_s, time.process_time() - cpu_start_s
 
 
 def main() -> None:
@@ -56,11 +57,13 @@ def main() -> None:
             alone, through = [], []
             for _ in range(arguments.rounds):
                 ran = subprocess.run([str(word) for word in command], check=True, capture_output=True, text=True)
-                alone.append(float(ran.stdout))
+                alone.append(tuple(map(float, ran.stdout.split())))
                 through.append(python_s(environment, arguments.steps))
             steps = COUNT * arguments.steps
-            print(f"{width} x {height}: C++ {steps / min(alone):.0f}, Python {steps / min(through):.0f}, "
-                  f"Python takes {min(through) / min(alone) - 1:+.1%}")
+            (alone_s, alone_cpu_s), (through_s, through_cpu_s) = (np.min(times, axis=0) for times in (alone, through))
+            print(f"{width} x {height}: C++ {steps / alone_s:.0f} ({alone_cpu_s / steps * 1e3:.2f} ms of a processor each), "
+                  f"Python {steps / through_s:.0f} ({through_cpu_s / steps * 1e3:.2f} ms, "
+                  f"{through_cpu_s / alone_cpu_s - 1:+.1%})", flush=True)
 
 
 if __name__ == "__main__":

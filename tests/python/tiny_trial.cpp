@@ -1,12 +1,15 @@
 // The scene of the tests of environments, and what a trial in it makes of commands:
 //
-//   tiny_trial scene FOLDER                     writes FOLDER/bundle and FOLDER/episodes.jsonl
-//   tiny_trial run FOLDER EPISODE ROBOT PERIOD_S   reads "v w" of each tick from standard
-//   input; then the
-//                                               robot stops. Prints JSON with poses and
-//                                               result.
+//   tiny_trial scene FOLDER
+//       writes FOLDER/bundle and FOLDER/episodes.jsonl
+//   tiny_trial run FOLDER EPISODE ROBOT PERIOD_S
+//       reads "v w" of each tick from standard input; then the robot stops. Prints JSON with
+//       poses and result.
+//   tiny_trial bench FOLDER N WIDTH HEIGHT STEPS THREADS
+//       prints the seconds that N environments take for steps: by the clock, of processors
 #include <chrono>
 #include <cstdio>
+#include <ctime>
 #include <iostream>
 #include <string>
 
@@ -118,6 +121,7 @@ int bench(const fs::path& folder, std::size_t count, int width_px, int height_px
   const auto look = [](std::size_t, const sim::ObjectNavEnvironment&) {};
   environments.reset(resets, look);
   std::vector<sim::EnvironmentAction> actions(count);
+  const std::clock_t cpu_start = std::clock();
   const auto start = std::chrono::steady_clock::now();
   for (int k = 0; k < steps; ++k) {
     for (std::size_t i = 0; i < count; ++i) {
@@ -127,7 +131,8 @@ int bench(const fs::path& folder, std::size_t count, int width_px, int height_px
     images += environments.step(actions, look).size();
   }
   const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
-  std::printf("%.9g\n", images == 0 ? 0.0 : took.count());
+  const double cpu_s = static_cast<double>(std::clock() - cpu_start) / CLOCKS_PER_SEC;
+  std::printf("%.9g %.9g\n", images == 0 ? 0.0 : took.count(), cpu_s);
   return 0;
 }
 
