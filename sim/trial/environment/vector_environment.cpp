@@ -8,6 +8,7 @@
 #include <oneapi/tbb/task_arena.h>
 
 #include "core/check.h"
+#include "core/task_order.h"
 
 namespace segsim::sim {
 
@@ -44,10 +45,12 @@ void VectorEnvironment::for_each(
     for (std::size_t i = 0; i < count; ++i) work(i, *workers_->renderers[0]);
     return;
   }
+  core::TaskOrder order;
   workers_->arena.execute([&] {
     tbb::parallel_for(
         tbb::blocked_range<std::size_t>(0, count, 1),
         [&](const tbb::blocked_range<std::size_t>& range) {
+          const core::TaskOrder::Task task(order);
           const auto thread =
               static_cast<std::size_t>(tbb::this_task_arena::current_thread_index());
           core::Renderer& renderer = *workers_->renderers[thread];
@@ -58,6 +61,7 @@ void VectorEnvironment::for_each(
         },
         tbb::simple_partitioner{});
   });
+  order.wait();
 }
 
 void VectorEnvironment::begin(std::size_t index, std::size_t episode,
