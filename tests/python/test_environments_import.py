@@ -1,5 +1,6 @@
 """What importing environments asks for, and what it says where something is missing."""
 
+import ast
 import pathlib
 import shutil
 import subprocess
@@ -50,3 +51,12 @@ def test_importing_environments_gives_the_name():
             for member in ("reset", "step", "render", "commands_of", "infeasible_episodes"):
                 assert vars(documented)[member].__doc__, f"{name}.{member}"
             assert "InputError" in documented.__doc__ or "ObjectNavEnv" in documented.__doc__
+
+
+def test_environments_are_typed():
+    pytest.importorskip("gymnasium", reason="Gymnasium is not installed")
+    stubs = ast.parse((PACKAGE / "_environments.pyi").read_text())
+    classes = {node.name: ast.unparse(node) for node in stubs.body if isinstance(node, ast.ClassDef)}
+    assert set(classes) == {"EnvironmentBatch", "EnvironmentSettings"}
+    assert "def reset(self, seeds: Sequence[int | None]" in classes["EnvironmentBatch"]
+    assert "def horizontal_fov_rad(self) -> float" in classes["EnvironmentSettings"]
