@@ -80,7 +80,8 @@ def evaluate(environment: ObjectNavVectorEnv, weights: np.ndarray, episodes: int
     successes = run_episodes(environment, weights, each, seeds)
     count, total = int(successes.sum()), successes.size
     low, high = results.wilson_interval(count, total)
-    print(f"{name}: {count} of {total} episodes, {count / total:.1%} (95 % interval {low:.1%} to {high:.1%})", flush=True)
+    print(f"{name}: {count} of {total} episodes, {count / total:.1%} (95 % interval {low:.1%} to {high:.1%})",
+          flush=True)
     return count, total
 
 

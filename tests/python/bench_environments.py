@@ -61,7 +61,8 @@ def main() -> None:
                 through.append(python_s(environment, arguments.steps))
             steps = COUNT * arguments.steps
             (alone_s, alone_cpu_s), (through_s, through_cpu_s) = (np.min(times, axis=0) for times in (alone, through))
-            print(f"{width} x {height}: C++ {steps / alone_s:.0f} ({alone_cpu_s / steps * 1e3:.2f} ms of a processor each), "
+            print(f"{width} x {height}: "
+                  f"C++ {steps / alone_s:.0f} ({alone_cpu_s / steps * 1e3:.2f} ms of a processor each), "
                   f"Python {steps / through_s:.0f} ({through_cpu_s / steps * 1e3:.2f} ms, "
                   f"{through_cpu_s / alone_cpu_s - 1:+.1%})", flush=True)
 

@@ -30,19 +30,20 @@ def test_a_package_that_was_built_without_environments_says_so(tmp_path):
     pytest.importorskip("gymnasium", reason="Gymnasium is not installed")
     shutil.copytree(PACKAGE, tmp_path / "fastsegsim", ignore=shutil.ignore_patterns("_environments*"))
     (tmp_path / "fastsegsim" / "environments_missing.txt").write_text("libembree-dev librecast-dev\n")
-    printed = said_by("import fastsegsim\ntry:\n  fastsegsim.environments\nexcept ImportError as error:\n  print(error)",
-                      tmp_path)
+    printed = said_by("import fastsegsim\ntry:\n  fastsegsim.environments\n"
+                      "except ImportError as error:\n  print(error)", tmp_path)
     assert printed == ("this fastsegsim was built without environments, for want of: libembree-dev librecast-dev; "
                        "install them, and the package once more\n")
 
 
 def test_importing_environments_gives_the_name():
     pytest.importorskip("gymnasium", reason="Gymnasium is not installed")
-    assert said_by("import gymnasium; print('SegSim/ObjectNav-v0' in gymnasium.registry); import fastsegsim.environments;"
-                   "print('SegSim/ObjectNav-v0' in gymnasium.registry)") == "False\nTrue\n"
+    listed = "print('SegSim/ObjectNav-v0' in gymnasium.registry)"
+    assert said_by(f"import gymnasium; {listed}; import fastsegsim.environments; {listed}") == "False\nTrue\n"
     # Gymnasium imports what stands before a colon.
-    printed = said_by("import gymnasium\ntry:\n  gymnasium.make('fastsegsim.environments:SegSim/ObjectNav-v0', scene='no')"
-                      "\nexcept ValueError as error:\n  print(type(error).__name__, error)")
+    printed = said_by("import gymnasium\ntry:\n"
+                      "  gymnasium.make('fastsegsim.environments:SegSim/ObjectNav-v0', scene='no')\n"
+                      "except ValueError as error:\n  print(type(error).__name__, error)")
     assert printed.startswith("InputError no: expected a scene bundle")
     from fastsegsim import environments
     for name in environments.__all__:

@@ -64,8 +64,9 @@ class ObjectNavEnv(gymnasium.Env[dict[str, Any], Any]):
         if seed is None and not self._begun:
             seed = int(self.np_random.integers(2**63))
         episode = self._episode_of(options or {})
+        begun = self._batch.reset([seed], [episode])
         self._begun, self._over = True, False
-        return self._only(*self._batch.reset([seed], [episode]))
+        return self._only(*begun)
 
     def step(self, action: Any) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Act: see docs/python_environments.md for what actions mean."""
@@ -97,6 +98,7 @@ class ObjectNavEnv(gymnasium.Env[dict[str, Any], Any]):
         episode = options.get("episode", -1)
         if isinstance(episode, str):
             if episode not in self.episode_ids:
-                raise InputError(f"episode: expected the id of one of {len(self.episode_ids)} episodes, found {episode}")
+                count = len(self.episode_ids)
+                raise InputError(f"episode: expected the id of one of {count} episodes, found {episode}")
             return self.episode_ids.index(episode)
         return int(episode)

@@ -76,8 +76,9 @@ class ObjectNavVectorEnv(VectorEnv[dict[str, Any], Any, np.ndarray]):
             seeds = list(seed)
         if len(seeds) != self.num_envs:
             raise InputError(f"seed: expected one for each of {self.num_envs} environments, found {len(seeds)}")
+        begun = self._batch.reset(seeds, [-1] * self.num_envs)
         self._begun = True
-        return self._named(*self._batch.reset(seeds, [-1] * self.num_envs))
+        return self._named(*begun)
 
     def step(self, actions: Any) -> tuple[dict[str, Any], np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Act everywhere, or begin the next episode where one was over."""
