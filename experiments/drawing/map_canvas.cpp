@@ -26,10 +26,20 @@ int font(bool bold) { return bold ? cv::FONT_HERSHEY_DUPLEX : cv::FONT_HERSHEY_S
 /// A filled shape with a see-through inside.
 void fill_polygon(cv::Mat& image, const std::vector<cv::Point>& corners,
                   const cv::Scalar& color, double opacity) {
-  cv::Mat layer = image.clone();
+  const cv::Rect bounds = cv::boundingRect(corners);
+  const cv::Point first(bounds.x >> kShift, bounds.y >> kShift);
+  const cv::Point last((bounds.x + bounds.width) >> kShift,
+                       (bounds.y + bounds.height) >> kShift);
+  constexpr int kSoftEdge_px = 2;
+  const cv::Rect part = cv::Rect(first.x - kSoftEdge_px, first.y - kSoftEdge_px,
+                                 last.x - first.x + 2 * kSoftEdge_px + 1,
+                                 last.y - first.y + 2 * kSoftEdge_px + 1) &
+                        cv::Rect(cv::Point(), image.size());
+  if (part.empty()) return;
+  cv::Mat under = image(part), layer = under.clone();
   const std::vector<std::vector<cv::Point>> polygons{corners};
-  cv::fillPoly(layer, polygons, color, cv::LINE_AA, kShift);
-  cv::addWeighted(layer, opacity, image, 1.0 - opacity, 0.0, image);
+  cv::fillPoly(layer, polygons, color, cv::LINE_AA, kShift, -part.tl() * (1 << kShift));
+  cv::addWeighted(layer, opacity, under, 1.0 - opacity, 0.0, under);
 }
 
 }  // namespace
@@ -99,6 +109,12 @@ MapCanvas::MapCanvas(const FloorPlan& plan, double scale)
   unit_ = std::max(1.0, 0.022 * px_per_m_);
 }
 
+MapCanvas MapCanvas::clone() const {
+  MapCanvas other = *this;
+  other.image_ = image_.clone();
+  return other;
+}
+
 cv::Point2d MapCanvas::px(const glm::dvec2& p_m) const {
   return {(p_m.x - origin_m_.x) * px_per_m_, image_.rows - (p_m.y - origin_m_.y) * px_per_m_};
 }
@@ -149,13 +165,19 @@ class KnowledgeShade {
 void MapCanvas::draw_knowledge(const core::PolicyView& view) {
   static const KnowledgeShade kShade;
   if (view.cells.empty()) return;
+  const auto cell_at = [&](double x_m, double y_m) {
+    return (view_.to_odom({x_m, y_m}) - view.origin_m) / view.resolution_m;
+  };
+  // Cells of neighbouring pixels lie a constant step apart.
+  const glm::dvec2 step = (cell_at(1.0, 0.0) - cell_at(0.0, 0.0)) / px_per_m_;
   for (int y = 0; y < image_.rows; ++y) {
     cv::Vec3b* row = image_.ptr<cv::Vec3b>(y);
-    const double y_m = origin_m_.y + (image_.rows - (y + 0.5)) / px_per_m_;
+    const glm::dvec2 first = cell_at(origin_m_.x + 0.5 / px_per_m_,
+                                     origin_m_.y + (image_.rows - (y + 0.5)) / px_per_m_);
     for (int x = 0; x < image_.cols; ++x) {
-      const double x_m = origin_m_.x + (x + 0.5) / px_per_m_;
-      const glm::dvec2 at = (view_.to_odom({x_m, y_m}) - view.origin_m) / view.resolution_m;
-      const int i = static_cast<int>(std::floor(at.x)), j = static_cast<int>(std::floor(at.y));
+      const glm::dvec2 at = first + static_cast<double>(x) * step;
+      const int i = at.x < 0.0 ? -1 : static_cast<int>(at.x);
+      const int j = at.y < 0.0 ? -1 : static_cast<int>(at.y);
       kShade.apply(view.cells.contains(i, j) ? view.cells(i, j) : std::uint8_t{0}, row[x]);
     }
   }

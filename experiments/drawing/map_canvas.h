@@ -47,6 +47,8 @@ class MapCanvas {
  public:
   /// @param scale  Canvas pixels per pixel of the plan.
   MapCanvas(const FloorPlan& plan, double scale);
+  /// With pixels of its own: a copy draws on those of the first.
+  [[nodiscard]] MapCanvas clone() const;
 
   /// Where the frame of the views to come lies; without it they are taken for World's.
   void place_views(const OdomPlacement& placement) { view_ = placement; }

@@ -92,13 +92,16 @@ cv::Mat TrialPage::camera_pane(const core::Frame& frame,
   return pane;
 }
 
-cv::Mat TrialPage::map_pane(const core::PolicyView& view, const cv::Size& size) const {
-  const core::Image<core::Rgb8>& plan = scene_.plan->rgb;
-  const double fitted =
-      std::min(static_cast<double>(size.width) / std::max(1, plan.width_px()),
-               static_cast<double>(size.height) / std::max(1, plan.height_px()));
-  constexpr double kOversampling = 2.0;  // Smooths lines.
-  drawing::MapCanvas map(*scene_.plan, kOversampling * fitted);
+cv::Mat TrialPage::map_pane(const core::PolicyView& view, const cv::Size& size) {
+  if (!empty_map_) {
+    const core::Image<core::Rgb8>& plan = scene_.plan->rgb;
+    const double fitted =
+        std::min(static_cast<double>(size.width) / std::max(1, plan.width_px()),
+                 static_cast<double>(size.height) / std::max(1, plan.height_px()));
+    constexpr double kOversampling = 2.0;  // Smooths lines.
+    empty_map_.emplace(*scene_.plan, kOversampling * fitted);
+  }
+  drawing::MapCanvas map = empty_map_->clone();
   map.place_views(drawing::OdomPlacement(track_.back().pose, track_.back().estimate));
   map.draw_knowledge(view);
   map.draw_goals(*scene_.manifest, {*scene_.manifest, *scene_.episode});

@@ -15,6 +15,7 @@
 ///                                            |         map         |
 ///                                            +---------------------+
 
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -23,6 +24,7 @@
 
 #include "core/render.h"
 #include "core/stages.h"
+#include "experiments/drawing/map_canvas.h"
 #include "experiments/drawing/trial_picture.h"
 #include "sim/trial/trial.h"
 
@@ -53,7 +55,7 @@ class TrialPage {
   [[nodiscard]] cv::Mat camera_pane(const core::Frame& frame,
                                     std::span<const core::Detection> detections,
                                     const cv::Size& size) const;
-  [[nodiscard]] cv::Mat map_pane(const core::PolicyView& view, const cv::Size& size) const;
+  [[nodiscard]] cv::Mat map_pane(const core::PolicyView& view, const cv::Size& size);
   void draw_status(cv::Mat& page, const cv::Point& corner, int width_px,
                    const sim::TickRecord& tick,
                    std::span<const core::Detection> detections) const;
@@ -62,6 +64,7 @@ class TrialPage {
   std::vector<std::string> classes_;
   PageForm form_;
   std::vector<sim::TickRecord> track_;
+  std::optional<drawing::MapCanvas> empty_map_;  ///< The plan in the size of the pane.
   cv::Mat last_;
 };
 

@@ -4,14 +4,15 @@
 /// A video file, frame by frame.
 
 #include <filesystem>
+#include <memory>
 
 #include <opencv2/core.hpp>
-#include <opencv2/videoio.hpp>
+
+#include "experiments/video/video_encoder.h"
 
 namespace segsim::experiments::video::internal {
 
-/// H.264 in MP4 where OpenCV can encode it (browsers play that), MPEG-4 otherwise. The file
-/// appears under its name when it is complete; without finish() nothing stays behind.
+/// The file appears under its name when it is complete; without finish() nothing stays behind.
 class VideoFile {
  public:
   VideoFile(std::filesystem::path file, double frames_per_s);
@@ -21,12 +22,11 @@ class VideoFile {
 
   /// @param page  8-bit BGR, of equal size each time; a row and a column are added where a
   /// side is odd, which encoders refuse.
-  /// @throws core::InputError if there is no encoder or no place.
+  /// @throws core::InputError if there is no encoder, or no place (a full disk, for example).
   void write(const cv::Mat& page);
   /// The last page again. Not before the first.
   void hold(double duration_s);
-  /// Closes the file, reads back how many frames it has and gives it its name.
-  /// @throws core::InputError if frames are missing (a full disk, for example).
+  /// Closes the file and gives it its name.  @throws core::InputError if there is no place.
   void finish();
 
   [[nodiscard]] int frames() const { return frames_; }
@@ -35,11 +35,9 @@ class VideoFile {
   [[nodiscard]] const std::filesystem::path& file() const { return file_; }
 
  private:
-  void open(const cv::Size& size);
-
   std::filesystem::path file_, temporary_;
   double frames_per_s_;
-  cv::VideoWriter writer_;
+  std::unique_ptr<VideoEncoder> encoder_;
   cv::Mat last_;
   int frames_ = 0;
 };

@@ -74,5 +74,36 @@ TEST(MapCanvas, DrawsADriftedMapWhereItLiesInWorld) {
   EXPECT_NEAR(cell.y, 200.0 + 12.5, 1.0);
 }
 
+TEST(MapCanvas, ShadesTheInsideOfGoals) {
+  drawing::FloorPlan plan;
+  plan.rgb = core::Image<core::Rgb8>(400, 400, {200, 200, 200});
+  plan.px_per_m = 100.0;
+  core::SceneManifest manifest;
+  core::SceneInstance chair;
+  chair.id = 7;
+  chair.class_id = 3;
+  chair.box_min_m = {2.0, 1.0, 0.0};
+  chair.box_max_m = {3.0, 1.5, 1.0};
+  manifest.instances = {chair};
+  manifest.classes = {{.id = 3, .name = "chair", .thing = true}};
+  sim::Episode episode;
+  episode.class_name = "chair";
+  drawing::MapCanvas empty(plan, 1.0);
+  drawing::MapCanvas map = empty.clone();
+  map.draw_goals(manifest, {manifest, episode});
+  const auto pixel = [&map](int x, int y) { return map.image().at<cv::Vec3b>(y, x); };
+  const auto shade = [](int c) {
+    return static_cast<std::uint8_t>(std::lround(0.28 * drawing::ink::kGoal[c] + 0.72 * 200));
+  };
+  const cv::Vec3b inside(shade(0), shade(1), shade(2)), outside(200, 200, 200);
+  for (const int x : {205, 250, 295}) {
+    EXPECT_EQ(pixel(x, 255), inside) << x;
+    EXPECT_EQ(pixel(x, 295), inside) << x;
+  }
+  EXPECT_EQ(pixel(195, 275), outside);
+  EXPECT_EQ(pixel(250, 305), outside);
+  EXPECT_EQ(empty.image().at<cv::Vec3b>(275, 250), outside) << "the copy has its own pixels";
+}
+
 }  // namespace
 }  // namespace segsim::experiments
