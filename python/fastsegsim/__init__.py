@@ -1,4 +1,4 @@
-"""Fast-SegSim in Python: surfel scenes rendered with depth, normals and labels; results of runs.
+"""Fast-SegSim in Python: surfel scenes rendered with depth, normals and labels; environments; results of runs.
 
     scene = fastsegsim.Scene.load("out/flat/scene")
     renderer = fastsegsim.Renderer(scene)
@@ -22,7 +22,7 @@ __version__ = _build.partition(" ")[0]
 
 
 def __getattr__(name: str) -> Any:
-    # Databases and statistics are loaded by who uses them: `import fastsegsim` stays quick.
-    if name == "results":
-        return importlib.import_module("fastsegsim.results")
+    # Databases, statistics and environments are loaded by who uses them: `import fastsegsim` stays quick.
+    if name in ("environments", "results"):
+        return importlib.import_module(f"fastsegsim.{name}")
     raise AttributeError(f"module 'fastsegsim' has no attribute '{name}'")

@@ -42,8 +42,8 @@ constexpr std::size_t kScalars = sizeof(Pixel) / sizeof(ScalarOf<Pixel>);
 static_assert(kScalars<core::Rgb8> == 3 && kScalars<glm::vec3> == 3);
 
 /// Calls f(name, channel that draws it, image) for every image of a frame.
-template <class F>
-void visit_images(core::Frame& frame, F&& f) {
+template <class AnyFrame, class F>
+void visit_images(AnyFrame& frame, F&& f) {
   f("rgb", Channels::kRgb, frame.rgb);
   f("depth", Channels::kDepth, frame.depth_m);
   f("normal", Channels::kNormal, frame.normal);
@@ -58,8 +58,8 @@ void visit_images(core::Frame& frame, F&& f) {
 }
 
 /// Calls f(image) for the image of that name.
-template <class F>
-void visit_image(core::Frame& frame, const std::string& wanted, F&& f) {
+template <class AnyFrame, class F>
+void visit_image(AnyFrame& frame, const std::string& wanted, F&& f) {
   visit_images(frame, [&](const char* name, Channels /*channel*/, auto& image) {
     if (name == wanted) f(image);
   });
@@ -126,7 +126,7 @@ FrameBatch::FrameBatch(const ChannelChoice& choice, std::size_t count, int width
   }
 }
 
-void FrameBatch::put(std::size_t index, core::Frame& frame) {
+void FrameBatch::put(std::size_t index, const core::Frame& frame) {
   for (const Channel& channel : channels_) {
     visit_image(frame, channel.name, [&](const auto& image) {
       SEGSIM_CHECK(image.width_px() == width_px_ && image.height_px() == height_px_,

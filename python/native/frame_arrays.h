@@ -38,7 +38,7 @@ class FrameBatch {
   FrameBatch(const ChannelChoice& choice, std::size_t count, int width_px, int height_px);
 
   /// Copies the images of frame `index`; needs no Python.
-  void put(std::size_t index, core::Frame& frame);
+  void put(std::size_t index, const core::Frame& frame);
   [[nodiscard]] nanobind::dict take();
 
  private:

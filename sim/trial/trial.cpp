@@ -41,7 +41,7 @@ class Trial {
         readings_(parts.readings),
         paced_(parts.options.clock.mode == ClockMode::kRealtime && parts.drive == nullptr),
         period_ns_(control_period_ns(parts.options)),
-        drive_(parts),
+        drive_(parts.episode, parts.options, parts.world, parts.robot, parts.drive),
         camera_(camera_rate(parts.options), parts.episode.seed,
                 parts.options.faults.frame_drops),
         eye_(parts),

@@ -1,6 +1,7 @@
 """Scenes and programs that several tests use."""
 
 import hashlib
+import json
 import os
 import pathlib
 import shutil
@@ -59,6 +60,28 @@ def segsim():
         return ran.stdout
 
     return run
+
+
+class Tiny:
+    """Two rooms with a couch and a chair: a bundle to drive in, its episodes, and trials in it."""
+
+    def __init__(self, program: pathlib.Path, folder: pathlib.Path):
+        self.program, self.folder = program, folder
+        self.bundle, self.episodes = folder / "bundle", folder / "episodes.jsonl"
+        subprocess.run([program, "scene", folder], check=True)
+        self.listed = [json.loads(line) for line in self.episodes.read_text().splitlines()][1:]
+
+    def trial(self, episode: int, commands, robot: str = "jackal", period_s: float = 0.1) -> dict:
+        """What a trial in C++ makes of (v, w) for each tick and STOP."""
+        text = "".join(f"{float(v)!r} {float(w)!r}\n" for v, w in commands)
+        ran = subprocess.run([self.program, "run", self.folder, str(episode), robot, str(period_s)], input=text,
+                             capture_output=True, text=True, check=True)
+        return json.loads(ran.stdout)
+
+
+@pytest.fixture(scope="session")
+def tiny(tmp_path_factory) -> Tiny:
+    return Tiny(program_of("SEGSIM_TINY_TRIAL"), tmp_path_factory.mktemp("tiny"))
 
 
 @pytest.fixture(scope="session")

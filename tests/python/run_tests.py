@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
 """Builds the Python package and runs its tests on it.
 
-  run_tests.py ROOT WORK [SEGSIM SMALL_RESULTS]
+  run_tests.py ROOT WORK [SEGSIM SMALL_RESULTS TINY_TRIAL]
 
-ROOT is the repository, WORK a folder for the package; pip compiles in ROOT/build, as it does for users. SEGSIM and
-SMALL_RESULTS are the programs that the package's images and figures are compared with; without them those tests are
-skipped. Nothing is downloaded: where a module is missing that building or testing needs, the exit code is 77, and the
-reason is printed.
+ROOT is the repository, WORK a folder for the package; pip compiles in ROOT/build, as it does for users. SEGSIM,
+SMALL_RESULTS and TINY_TRIAL are the programs that the package's images, figures and environments are compared with;
+without them those tests are skipped. Nothing is downloaded: where a module is missing that building or testing needs,
+the exit code is 77, and the reason is printed. Without Gymnasium the tests of environments are skipped.
 """
 import importlib.util
 import os
@@ -18,7 +18,7 @@ SKIPPED = 77
 NEEDED = ("pip", "nanobind", "scikit_build_core", "numpy", "pytest")
 
 
-def main(root, work, segsim="", small_results=""):
+def main(root, work, segsim="", small_results="", tiny_trial=""):
     missing = [module for module in NEEDED if importlib.util.find_spec(module) is None]
     if sys.version_info < (3, 11):
         missing.append("3.11 of Python itself")
@@ -28,7 +28,7 @@ def main(root, work, segsim="", small_results=""):
     package = pathlib.Path(work).resolve() / "package"
     subprocess.run([sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-index",
                     "--no-build-isolation", "--no-deps", "--upgrade", "--target", str(package), root], check=True)
-    programs = {"SEGSIM_PROGRAM": segsim, "SEGSIM_SMALL_RESULTS": small_results}
+    programs = {"SEGSIM_PROGRAM": segsim, "SEGSIM_SMALL_RESULTS": small_results, "SEGSIM_TINY_TRIAL": tiny_trial}
     environment = {**os.environ, "PYTHONPATH": str(package), **{name: path for name, path in programs.items() if path}}
     tests = pathlib.Path(__file__).resolve().parent
     return subprocess.run([sys.executable, "-m", "pytest", "-q", "-ra", "-p", "no:cacheprovider", str(tests)],
@@ -36,6 +36,6 @@ def main(root, work, segsim="", small_results=""):
 
 
 if __name__ == "__main__":
-    if len(sys.argv) not in (3, 5):
+    if len(sys.argv) not in (3, 6):
         sys.exit(__doc__)
     sys.exit(main(*sys.argv[1:]))

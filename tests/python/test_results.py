@@ -47,11 +47,11 @@ def test_values_come_as_they_were_stored(database):
     change(database,
            "UPDATE trial SET state_hash = 'fedcba9876543210', spl = 0.25, distance_to_goal_m = 1.5 WHERE trial_id = 1",
            "INSERT INTO attribution VALUES "
-           "(1, 'gave_up', 5, 4, 10, 7, 6, 2, 3, 1, 0, 1, 55, 0.5, NULL, 2.5, 0, 0, 0, 12, -1, 'logs/1')")
+           "(1, 'gave_up', 5, 4, 10, 7, 6, 2, 3, 1, 0, 1, 55, 0.5, NULL, 2.5, 0, 0, 0, 12, -1, 3, 'logs/1')")
     first = results.load_run(database).trial_rows()[0]
     assert (first["state_hash"], first["spl"], first["distance_to_goal_m"]) == (0xFEDCBA9876543210, 0.25, 1.5)
     assert (first["cause"], first["visible_frames"], first["stopped"], first["object_m"]) == ("gave_up", 10, True, 0.5)
-    assert np.isnan(first["planar_m"])
+    assert np.isnan(first["planar_m"]) and first["stop_views"] == 3
 
 
 def test_figures_are_those_of_the_programs_table(database, segsim):
@@ -114,5 +114,5 @@ def test_what_is_no_database_of_results_is_refused(tmp_path, database):
     with pytest.raises(fastsegsim.InputError, match="found another SQLite database"):
         results.load_run(other)
     change(database, "UPDATE meta SET schema_version = 6")
-    with pytest.raises(fastsegsim.InputError, match="expected schema version 7, found version 6 .* up to date"):
+    with pytest.raises(fastsegsim.InputError, match="expected schema version 8, found version 6 .* up to date"):
         results.load_run(database)

@@ -33,14 +33,13 @@ std::uint16_t instance_at(const core::SceneManifest& manifest, const glm::dvec2&
 
 }  // namespace
 
-TrialDrive::TrialDrive(const TrialParts& parts)
-    : options_(parts.options),
-      world_(parts.world),
-      external_(parts.drive),
-      robot_(parts.robot, parts.episode.start),
-      substep_ns_(std::llround(parts.options.substep_s * 1e9)) {
-  const Episode& episode = parts.episode;
-  const TrialOptions& options = parts.options;
+TrialDrive::TrialDrive(const Episode& episode, const TrialOptions& options, const World& world,
+                       const RobotModel& robot, ExternalDrive* external)
+    : options_(options),
+      world_(world),
+      external_(external),
+      robot_(robot, episode.start),
+      substep_ns_(std::llround(options.substep_s * 1e9)) {
   const core::TimeNs period_ns = std::llround(options.control_period_s * 1e9);
   SEGSIM_CHECK(substep_ns_ > 0 && period_ns > 0 && period_ns % substep_ns_ == 0,
                "the control period is a whole number of substeps");
@@ -183,9 +182,9 @@ void TrialDrive::report(TrialResult& result) {
   result.final_pose = pose();
   result.final_estimate = estimate();
   result.sim_s = core::seconds(now_ns_);
-  result.path_m = path_m_;
+  result.path_m = path_m();
   result.contact_s = core::seconds(contact_ns_);
-  result.contacts = static_cast<int>(contacts_.size());
+  result.contacts = contacts();
   result.contact_log = std::move(contacts_);
   if (sensors_) result.sensors = sensors_->take_log();
 }

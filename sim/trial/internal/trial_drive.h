@@ -14,8 +14,10 @@ namespace segsim::sim::internal {
 
 class TrialDrive {
  public:
+  /// @param external  Moves the robot in place of this class; may be null. All outlive it.
   /// @throws core::InputError if the robot does not fit where the episode starts.
-  explicit TrialDrive(const TrialParts& parts);
+  TrialDrive(const Episode& episode, const TrialOptions& options, const World& world,
+             const RobotModel& robot, ExternalDrive* external = nullptr);
   ~TrialDrive() {
     if (external_ != nullptr) external_->end();
   }
@@ -47,6 +49,10 @@ class TrialDrive {
   }
   [[nodiscard]] core::TimeNs time_ns() const { return now_ns_; }
   [[nodiscard]] bool in_contact() const { return in_contact_; }
+  /// Driven so far.
+  [[nodiscard]] double path_m() const { return path_m_; }
+  /// Separate contacts so far.
+  [[nodiscard]] int contacts() const { return static_cast<int>(contacts_.size()); }
   /// Moves into the result what the drive amounts to: where it ended, contacts, and what the
   /// sensors other than the camera recorded.
   void report(TrialResult& result);

@@ -12,26 +12,6 @@
 namespace segsim::sim::internal {
 namespace {
 
-/// What a tick needs: images for the detector and the map, labels for the judge.
-constexpr core::Channels kTickChannels = core::Channels::kRgbd | core::Channels::kLabels;
-
-GoalView look_for_goal(const core::Frame& frame, const GoalObjects& goal) {
-  GoalView view;
-  if (goal.empty()) return view;
-  std::vector<std::pair<std::uint16_t, int>>
-      counts;  // Few instances of one class are in view.
-  for (std::size_t k = 0; k < frame.semantic.size(); ++k) {
-    const std::uint16_t id = frame.instance.pixels()[k];
-    if (!goal.holds(frame.semantic.pixels()[k], id)) continue;
-    ++view.pixels;
-    auto found = std::find_if(counts.begin(), counts.end(),
-                              [id](const auto& entry) { return entry.first == id; });
-    if (found == counts.end()) found = counts.insert(counts.end(), {id, 0});
-    view.largest_instance = std::max(view.largest_instance, ++found->second);
-  }
-  return view;
-}
-
 double invalid_share(const core::Image<float>& alpha) {
   if (alpha.empty()) return 0.0;
   const auto invalid = std::count_if(alpha.pixels().begin(), alpha.pixels().end(),
@@ -76,18 +56,9 @@ TrialEye::TrialEye(const TrialParts& parts)
       goal_{parts.episode.class_name, index_of_class(parts.detector, parts.episode.class_name),
             parts.episode.phrase},
       goal_objects_(parts.world.manifest(), parts.episode),
-      T_robot_camera_(core::mast_camera(parts.options.camera_height_m,
-                                        parts.options.camera_pitch_down_rad)),
+      camera_(parts.options, parts.episode.seed),
       seed_(parts.episode.seed) {
-  if (options_.sensors) depth_model_ = options_.sensors->camera.depth;
-  depth_model_.max_range_m = options_.depth_range_m;
   if (truth_ != nullptr) truth_->begin_episode(parts.episode);
-}
-
-void TrialEye::render(const core::Pose2& pose, core::Channels channels,
-                      core::Frame& frame) const {
-  const auto T_world_robot = core::transform_from_pose2<core::frame::World>(pose);
-  renderer_.render(T_world_robot * T_robot_camera_, options_.camera, channels, frame);
 }
 
 Capture& TrialEye::take(core::TimeNs time_ns, const core::Pose2& pose,
@@ -110,7 +81,7 @@ Capture& TrialEye::take(core::TimeNs time_ns, const core::Pose2& pose,
   capture.detections_hash = 0;
   capture.detect_ns = 0;
   const core::TimeNs start_ns = wall_ns();
-  render(pose, kTickChannels, capture.frame);
+  camera_.render(renderer_, pose, kJudgedChannels, capture.frame);
   capture.render_ns = wall_ns() - start_ns;
   // What it took when it was drawn: a renderer may know the view from an earlier trial.
   render_ms_ += capture.frame.stats.render_ms;
@@ -126,9 +97,7 @@ Capture& TrialEye::take(core::TimeNs time_ns, const core::Pose2& pose,
 /// From the exact images to what the camera delivers. Depth and labels of the frame stay as
 /// they are: they belong to the judge.
 void TrialEye::sense(Capture& capture, const core::VelocityCommand& velocity) {
-  measure_depth(depth_model_, options_.camera,
-                PixelNoise(seed_, "camera/depth", capture.index), capture.frame.depth_m,
-                capture.depth_m);
+  camera_.measure(capture.index, capture.frame.depth_m, capture.depth_m);
   if (!options_.sensors) return;
   const SensorSettings& sensors = *options_.sensors;
   const RgbModel& model = sensors.camera.rgb;
@@ -140,8 +109,8 @@ void TrialEye::sense(Capture& capture, const core::VelocityCommand& velocity) {
         mean.add(capture.frame.rgb);
         continue;
       }
-      render(drive_arc(capture.pose, velocity, offset_s), core::Channels::kRgb,
-             exposure_frame_);
+      camera_.render(renderer_, drive_arc(capture.pose, velocity, offset_s),
+                     core::Channels::kRgb, exposure_frame_);
       mean.add(exposure_frame_.rgb);
     }
     mean.finish(capture.frame.rgb);
@@ -176,7 +145,7 @@ core::Observation TrialEye::observation(const Capture& capture,
   seen.intrinsics = options_.camera;
   seen.T_odom_robot = core::transform_from_pose2<core::frame::Odom>(
       pose_at_use != nullptr ? *pose_at_use : capture.estimate);
-  seen.T_robot_camera = T_robot_camera_;
+  seen.T_robot_camera = camera_.T_robot_camera();
   seen.rgb = &capture.frame.rgb;
   seen.depth_m = &capture.depth_m;
   return seen;
@@ -221,7 +190,7 @@ void TrialEye::recycle() {
 }
 
 GoalView TrialEye::look(const core::Pose2& pose) {
-  render(pose, kTickChannels, look_frame_);
+  camera_.render(renderer_, pose, kJudgedChannels, look_frame_);
   return look_for_goal(look_frame_, goal_objects_);
 }
 

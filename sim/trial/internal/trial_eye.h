@@ -11,15 +11,10 @@
 #include <vector>
 
 #include "sim/trial/goal_objects.h"
+#include "sim/trial/internal/robot_camera.h"
 #include "sim/trial/trial.h"
 
 namespace segsim::sim::internal {
-
-/// What the true frame says about the goal.
-struct GoalView {
-  int pixels = 0;            ///< Of all goal instances.
-  int largest_instance = 0;  ///< Pixels of the one seen best.
-};
 
 /// One image, from the exposure until nothing refers to it any more.
 struct Capture {
@@ -84,7 +79,6 @@ class TrialEye {
   void report(TrialResult& result) const;
 
  private:
-  void render(const core::Pose2& pose, core::Channels channels, core::Frame& frame) const;
   void sense(Capture& capture, const core::VelocityCommand& velocity);
   void recycle();
 
@@ -94,7 +88,7 @@ class TrialEye {
   GroundTruthSink* truth_;
   core::ObjectGoal goal_;
   GoalObjects goal_objects_;
-  core::Transform<core::frame::Robot, core::frame::Camera> T_robot_camera_;
+  RobotCamera camera_;
   std::map<std::uint64_t, std::unique_ptr<Capture>> captures_;
   std::vector<std::unique_ptr<Capture>> spare_;
   Capture* newest_ = nullptr;
@@ -102,7 +96,6 @@ class TrialEye {
   Capture* in_use_ = nullptr;
   core::Frame look_frame_, exposure_frame_;
   std::uint64_t seed_;
-  DepthModel depth_model_;
   std::vector<Reading<RenderValidity>> validity_;
   std::uint64_t taken_ = 0, skipped_ = 0;
   int detected_ = 0;

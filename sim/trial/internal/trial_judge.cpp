@@ -2,20 +2,31 @@
 
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "sim/trial/metrics.h"
 
 namespace segsim::sim::internal {
 
+namespace {
+
+/// A scripted drive has no goal, and no use for the distances to it.
+std::shared_ptr<const DistanceField> distances_of(const Episode& episode, const World& world) {
+  if (episode.view_points_m.empty()) return nullptr;
+  return std::make_shared<const DistanceField>(world.distance_to(episode.view_points_m));
+}
+
+}  // namespace
+
 TrialJudge::TrialJudge(const Episode& episode, const TrialOptions& options, const World& world)
+    : TrialJudge(episode, options, distances_of(episode, world)) {}
+
+TrialJudge::TrialJudge(const Episode& episode, const TrialOptions& options,
+                       std::shared_ptr<const DistanceField> to_goal)
     : episode_(episode),
       options_(options),
-      limit_ns_(std::llround(options.time_limit_s * 1e9)) {
-  // A scripted drive has no goal, and no use for the distances to it.
-  if (!episode.view_points_m.empty()) {
-    to_goal_.emplace(world.distance_to(episode.view_points_m));
-  }
-}
+      limit_ns_(std::llround(options.time_limit_s * 1e9)),
+      to_goal_(std::move(to_goal)) {}
 
 double TrialJudge::distance_m(const core::Pose2& pose) const {
   if (!to_goal_) return std::numeric_limits<double>::infinity();

@@ -4,15 +4,19 @@
 /// What the world says about a trial: how far the goal is, whether it is in view, when time is
 /// over, and what the end is worth. Nothing here reaches the policy.
 
+#include <memory>
 #include <optional>
 
-#include "sim/trial/internal/trial_eye.h"
+#include "sim/trial/internal/robot_camera.h"
 
 namespace segsim::sim::internal {
 
 class TrialJudge {
  public:
   TrialJudge(const Episode& episode, const TrialOptions& options, const World& world);
+  /// @param to_goal  Distances to the episode's view points; null: it has none.
+  TrialJudge(const Episode& episode, const TrialOptions& options,
+             std::shared_ptr<const DistanceField> to_goal);
 
   /// A STOP at exactly the time limit still counts.
   [[nodiscard]] bool in_time(core::TimeNs now_ns) const { return now_ns <= limit_ns_; }
@@ -41,7 +45,7 @@ class TrialJudge {
   const Episode& episode_;
   const TrialOptions& options_;
   core::TimeNs limit_ns_;
-  std::optional<DistanceField> to_goal_;
+  std::shared_ptr<const DistanceField> to_goal_;
   Outcome outcome_ = Outcome::kTimeout;
   std::optional<core::StopReason> stop_reason_;
   GoalView stop_view_;
