@@ -149,7 +149,7 @@ segsim_fuzz_target(experiments/scripted_trial LIBRARIES fuzz_part_specs DICTIONA
 
 # On ATen: libtorch.
 find_package(ONNX CONFIG REQUIRED)
-segsim_fuzz_part(onnx OF segsim::models USES segsim::core
+segsim_fuzz_part(onnx OF segsim::models USES fuzz_part_perception
   FILES perception/models/model_session.cpp perception/models/internal/host_tensor_convert.cpp
     perception/models/internal/onnx/onnx_executor.cpp perception/models/internal/onnx/onnx_node_call.cpp
     perception/models/internal/onnx/onnx_operators.cpp perception/models/internal/onnx/onnx_ops_elementwise.cpp
@@ -159,11 +159,13 @@ segsim_fuzz_part(onnx OF segsim::models USES segsim::core
     perception/models/internal/onnx/onnx_ops_resample.cpp perception/models/internal/onnx/onnx_ops_shape.cpp
     perception/models/internal/onnx/onnx_ops_window.cpp perception/models/internal/onnx/onnx_reader.cpp
     perception/models/internal/onnx/onnx_session.cpp perception/models/internal/onnx/onnx_tensor.cpp
-    perception/models/internal/roi_align.cpp perception/models/internal/torchscript_session.cpp
+    perception/models/internal/resample.cpp perception/models/internal/roi_align.cpp
+    perception/models/internal/torchscript_session.cpp
   THIRD_PARTY torch torch_cpu onnx_proto protobuf::libprotobuf)
 segsim_fuzz_target(perception/onnx_graph LIBRARIES fuzz_part_onnx)
 if(SEGSIM_FUZZ)
   segsim_find_torch()
+  target_sources(fuzz_onnx_graph PRIVATE one_thread.cpp)
   target_include_directories(fuzz_part_onnx SYSTEM PRIVATE ${TORCH_INCLUDE_DIRS})
   target_compile_options(fuzz_part_onnx PRIVATE -include ${CMAKE_CURRENT_SOURCE_DIR}/clang_vector.h)
 endif()
