@@ -46,10 +46,11 @@ cat >"$folder/fuzz_all.sh" <<END
 #!/bin/bash
 # fuzz_all.sh JOBS SECONDS OUT [TARGET...]: 1 100 000 executions of every target (EXECUTIONS), as far as the time goes.
 # OUT/record.jsonl: a line for each process that has ended, the last one of a target counts. OUT/findings: inputs, and
-# what was said about them.
+# what was said about them: addresses in ld-linux.so are those of the target (addr2line -e build/fuzz/tests/fuzz/...).
 set -euo pipefail
 here=\$(cd "\$(dirname "\${BASH_SOURCE[0]}")" && pwd)
-there=\${LIBRARIES:-\$here/${there:+../$(realpath -s --relative-to="$(dirname "$folder")" "$there")}}
+there=\$(python3 -c 'import os, sys; print(os.path.normpath(os.path.join(*sys.argv[1:])))' "\$here" \
+  "${there:+$(realpath -s --relative-to="$folder" "$there")}" "\${LIBRARIES:-}")
 [[ -e \$there/ld-linux.so ]] || there=\$here/lib
 jobs=\$1 seconds=\$2 out=\$3
 shift 3
