@@ -1,0 +1,262 @@
+// Every call that can fail fails once under the executable: writing, syncing, renaming,
+// opening, mapping, large blocks of memory. README.md beside this file.
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <map>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "core/file_io.h"
+#include "scale_out.h"
+#include "segsim_process.h"
+#include "tests/experiments/start_weights.h"
+#include "tests/faults/fault_report.h"
+#include "tests/temporary_folder.h"
+
+namespace segsim::tests {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// SEGSIM_FAULTS_EVERY=1: every call instead of a sample of so many for each way to fail.
+bool every_call() { return std::getenv("SEGSIM_FAULTS_EVERY") != nullptr; }
+constexpr std::uint64_t kSample = 4;
+
+/// A way in which calls fail.
+struct Fault {
+  const char* name;
+  const char* calls;
+  const char* error;
+  bool lasting;
+};
+constexpr Fault kFaults[] = {
+    {"full disk", "write,sync,rename,open,map", "ENOSPC", true},
+    {"one failure", "write,sync,rename,open,map", "EIO", false},
+    {"no memory", "memory", "ENOMEM", false},
+};
+
+/// What is counted in a process and its children.
+class Report {
+ public:
+  explicit Report(const fs::path& file) {
+    std::ofstream(file) << std::string(sizeof(FaultReport), '\0');
+    const int descriptor = ::open(file.c_str(), O_RDWR | O_CLOEXEC);
+    report_ = static_cast<FaultReport*>(::mmap(
+        nullptr, sizeof(FaultReport), PROT_READ | PROT_WRITE, MAP_SHARED, descriptor, 0));
+    ::close(descriptor);
+  }
+  ~Report() { ::munmap(report_, sizeof(FaultReport)); }
+  Report(const Report&) = delete;
+  Report& operator=(const Report&) = delete;
+
+  [[nodiscard]] std::uint64_t calls() const { return report_->calls; }
+  [[nodiscard]] std::uint64_t failures() const { return report_->failures; }
+  [[nodiscard]] std::string what() const { return report_->what; }
+
+ private:
+  FaultReport* report_;
+};
+
+/// A command of `segsim` in a folder of its own.
+struct Command {
+  const char* name;
+  const char* program;  ///< Which the launcher becomes.
+  /// The arguments; results lie below the folder.
+  std::function<std::string(const fs::path& work)> arguments;
+  /// What was made, once the command has succeeded.
+  std::function<std::string(const fs::path& work, const std::string& said)> digest;
+  /// What the folder has before the command is run.
+  std::function<void(const fs::path& work)> prepare = [](const fs::path&) {};
+  /// Exit codes other than 2 that a failure may have.
+  std::vector<int> also = {};
+};
+
+class EveryCall {
+ public:
+  EveryCall(const fs::path& folder, Command command)
+      : folder_(folder / command.name), command_(std::move(command)) {
+    fs::create_directories(folder_);
+    const fs::path work = empty_work();
+    const ProcessOutput run = run_segsim(command_.arguments(work));
+    EXPECT_EQ(run.exit_code, 0) << run.text;
+    if (run.exit_code == 0) digest_ = command_.digest(work, run.text);
+  }
+
+  void run(const Fault& fault) {
+    const Report counted(folder_ / "report");
+    const ProcessOutput undisturbed = under(fault, 0, empty_work());
+    ASSERT_EQ(undisturbed.exit_code, 0) << undisturbed.text;
+    const std::uint64_t calls = counted.calls();
+    ASSERT_GT(calls, 0U) << "nothing was counted: is the library loaded?";
+    const std::uint64_t step =
+        every_call() ? 1 : std::max<std::uint64_t>((calls + kSample - 1) / kSample, 1);
+    std::map<int, int> codes;
+    std::uint64_t at = 1;
+    // Beyond the calls of the undisturbed one, because threads may change their number.
+    for (; once(fault, at, codes); at += step) {
+    }
+    std::printf("%s, %s: %llu calls, %llu runs, exit codes", command_.name, fault.name,
+                static_cast<unsigned long long>(calls),
+                static_cast<unsigned long long>((at - 1) / step));
+    for (const auto& [code, count] : codes) std::printf(" %d: %d", code, count);
+    std::printf("\n");
+    std::fflush(stdout);
+  }
+
+ private:
+  [[nodiscard]] fs::path empty_work() const {
+    const fs::path work = folder_ / "work";
+    fs::remove_all(work);
+    fs::create_directories(work);
+    command_.prepare(work);
+    return work;
+  }
+
+  [[nodiscard]] ProcessOutput under(const Fault& fault, std::uint64_t at,
+                                    const fs::path& work) const {
+    const std::string library = SEGSIM_FAULTS;
+    return run_shell(
+        std::string("ASAN_OPTIONS=\"$ASAN_OPTIONS:verify_asan_link_order=0\"") +
+        " LD_PRELOAD='" + library + "' SEGSIM_FAULT_CALLS=" + fault.calls +
+        " SEGSIM_FAULT_AT=" + std::to_string(at) + " SEGSIM_FAULT_ERROR=" + fault.error +
+        (fault.lasting ? " SEGSIM_FAULT_LASTING=1" : "") + " SEGSIM_FAULT_FOLDER='" +
+        work.string() + "' SEGSIM_FAULT_PROGRAM=" + command_.program +
+        " SEGSIM_FAULT_REPORT='" + (folder_ / "report").string() + "' timeout 120 " +
+        SEGSIM_BINARY + " " + command_.arguments(work));
+  }
+
+  /// @return  Whether a call failed: else there are not so many.
+  bool once(const Fault& fault, std::uint64_t at, std::map<int, int>& codes) {
+    const fs::path work = empty_work();
+    const Report report(folder_ / "report");
+    const ProcessOutput run = under(fault, at, work);
+    if (report.failures() == 0) return false;
+    ++codes[run.exit_code];
+    SCOPED_TRACE(std::string(command_.name) + ", " + fault.name + ", call " +
+                 std::to_string(at) + ": " + report.what());
+    expect_clear_end(run);
+    const ProcessOutput again = run_segsim(command_.arguments(work));
+    EXPECT_EQ(again.exit_code, 0) << again.text << "\nafter:\n" << run.text;
+    if (again.exit_code == 0) {
+      EXPECT_EQ(command_.digest(work, again.text), digest_) << run.text;
+    }
+    return true;
+  }
+
+  /// A failure that does no harm may pass; what was made is compared in any case.
+  void expect_clear_end(const ProcessOutput& run) const {
+    if (run.exit_code == 0) return;
+    const bool known =
+        run.exit_code == 2 ||
+        std::count(command_.also.begin(), command_.also.end(), run.exit_code) > 0;
+    EXPECT_TRUE(known) << "exit code " << run.exit_code << ": " << run.text;
+    EXPECT_THAT(run.text, ::testing::HasSubstr("expected "));
+    for (const char* word : {"internal error", "terminate called", "Sanitizer"}) {
+      EXPECT_THAT(run.text, ::testing::Not(::testing::HasSubstr(word)));
+    }
+  }
+
+  fs::path folder_;
+  Command command_;
+  std::string digest_;
+};
+
+std::string quoted(const fs::path& path) { return "'" + path.string() + "'"; }
+
+class Faults : public testing::TestWithParam<Fault> {
+ protected:
+  TemporaryFolder folder_{"faults"};
+};
+
+TEST_P(Faults, ARunGoesOn) {
+  const ScaleOutFolder trials(2);
+  EveryCall(
+      folder_.path(),
+      {.name = "run",
+       .program = "segsim-main",
+       .arguments =
+           [&](const fs::path& work) {
+             return trials.arguments("", "--workers 1 --work " + quoted(work / "out"));
+           },
+       .digest = [](const fs::path&, const std::string& said) { return sha256_in(said); },
+       .also = {1}})  // A trial that failed runs again.
+      .run(GetParam());
+}
+
+TEST_P(Faults, AMergeIsWholeOrNothing) {
+  const ScaleOutFolder trials(2);
+  for (const char* shard : {"0/2", "1/2"}) {
+    ASSERT_EQ(trials.segsim("parts", std::string("--shard ") + shard).exit_code, 0);
+  }
+  EveryCall(
+      folder_.path(),
+      {.name = "merge",
+       .program = "segsim-main",
+       .arguments = [](const fs::path& work) { return "merge " + quoted(work / "parts"); },
+       .digest = [](const fs::path&, const std::string& said) { return sha256_in(said); },
+       .prepare =
+           [&](const fs::path& work) {
+             fs::copy(trials.path() / "parts", work / "parts", fs::copy_options::recursive);
+           }})
+      .run(GetParam());
+}
+
+TEST_P(Faults, AReconstructionGoesOn) {
+  const fs::path recording = folder_ / "recording";
+  const ProcessOutput captured = run_segsim("capture --flat 3 --out " + quoted(recording) +
+                                            " --frames 6 --width 48 --height 36");
+  ASSERT_EQ(captured.exit_code, 0) << captured.text;
+  EveryCall(folder_.path(),
+            {.name = "reconstruct",
+             .program = "segsim-main",
+             .arguments =
+                 [&](const fs::path& work) {
+                   return "reconstruct " + quoted(recording) +
+                          " --floor-height 0 --voxel 0.2 --iterations 3 --label-iterations 3"
+                          " --threads 1 --resume --out " +
+                          quoted(work / "bundle");
+                 },
+             .digest =
+                 [](const fs::path& work, const std::string&) {
+                   return core::sha256_of_file(work / "bundle" / "surfels.ply") +
+                          core::sha256_of_file(work / "bundle" / "panoptic.bin");
+                 }})
+      .run(GetParam());
+}
+
+TEST_P(Faults, AFineTuningGoesOn) {
+  experiments::write_start_weights(folder_.path());
+  EveryCall(folder_.path(),
+            {.name = "finetune",
+             .program = "segsim-main",
+             .arguments =
+                 [&](const fs::path& work) {
+                   return "detector finetune --from " + quoted(folder_ / "start.weights") +
+                          " --train " + quoted(folder_ / "far.json") + " --out " +
+                          quoted(work / "after.weights") + " --steps 3 --batch 2 --threads 1";
+                 },
+             .digest =
+                 [](const fs::path& work, const std::string&) {
+                   return core::sha256_of_file(work / "after.weights");
+                 }})
+      .run(GetParam());
+}
+
+INSTANTIATE_TEST_SUITE_P(Calls, Faults, testing::ValuesIn(kFaults), [](const auto& at) {
+  std::string name = at.param.name;
+  std::replace(name.begin(), name.end(), ' ', '_');
+  return name;
+});
+
+}  // namespace
+}  // namespace segsim::tests
