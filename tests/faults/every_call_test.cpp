@@ -1,13 +1,8 @@
 // Every call that can fail fails once under the executable: writing, syncing, renaming,
 // opening, mapping, large blocks of memory. README.md beside this file.
-#include <fcntl.h>
-#include <sys/mman.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <functional>
 #include <map>
 #include <string>
@@ -20,7 +15,7 @@
 #include "scale_out.h"
 #include "segsim_process.h"
 #include "tests/experiments/start_weights.h"
-#include "tests/faults/fault_report.h"
+#include "tests/faults/preloaded.h"
 #include "tests/temporary_folder.h"
 
 namespace segsim::tests {
@@ -36,45 +31,15 @@ std::uint64_t every() {
 }
 constexpr std::uint64_t kSample = 1;
 
-/// A way in which calls fail.
-struct Fault {
-  const char* name;
-  const char* calls;
-  const char* error;
-  bool lasting;
-};
 constexpr Fault kFaults[] = {
-    {"full disk", "write,sync,rename,open,map", "ENOSPC", true},
-    {"one failure", "write,sync,rename,open,map", "EIO", false},
+    kFullDisk,
+    {"one failure", kDiskCalls, "EIO", false},
     {"no memory", "memory", "ENOMEM", false},
-};
-
-/// What is counted in a process and its children.
-class Report {
- public:
-  explicit Report(const fs::path& file) {
-    std::ofstream(file) << std::string(sizeof(FaultReport), '\0');
-    const int descriptor = ::open(file.c_str(), O_RDWR | O_CLOEXEC);
-    report_ = static_cast<FaultReport*>(::mmap(
-        nullptr, sizeof(FaultReport), PROT_READ | PROT_WRITE, MAP_SHARED, descriptor, 0));
-    ::close(descriptor);
-  }
-  ~Report() { ::munmap(report_, sizeof(FaultReport)); }
-  Report(const Report&) = delete;
-  Report& operator=(const Report&) = delete;
-
-  [[nodiscard]] std::uint64_t calls() const { return report_->calls; }
-  [[nodiscard]] std::uint64_t failures() const { return report_->failures; }
-  [[nodiscard]] std::string what() const { return report_->what; }
-
- private:
-  FaultReport* report_;
 };
 
 /// A command of `segsim` in a folder of its own.
 struct Command {
   const char* name;
-  const char* program;  ///< Which the launcher becomes.
   /// The arguments; results lie below the folder.
   std::function<std::string(const fs::path& work)> arguments;
   /// What was made, once the command has succeeded.
@@ -111,15 +76,8 @@ class EveryCall {
 
   [[nodiscard]] ProcessOutput under(const Fault& fault, std::uint64_t at,
                                     const fs::path& work) const {
-    const std::string library = SEGSIM_FAULTS;
-    return run_shell(
-        std::string("ASAN_OPTIONS=\"$ASAN_OPTIONS:verify_asan_link_order=0\"") +
-        " LD_PRELOAD='" + library + "' SEGSIM_FAULT_CALLS=" + fault.calls +
-        " SEGSIM_FAULT_AT=" + std::to_string(at) + " SEGSIM_FAULT_ERROR=" + fault.error +
-        (fault.lasting ? " SEGSIM_FAULT_LASTING=1" : "") + " SEGSIM_FAULT_FOLDER='" +
-        work.string() + "' SEGSIM_FAULT_PROGRAM=" + command_.program +
-        " SEGSIM_FAULT_REPORT='" + (folder_ / "report").string() + "' timeout 120 " +
-        SEGSIM_BINARY + " " + command_.arguments(work));
+    return run_shell(with_fault(fault, at, work, folder_ / "report") + "timeout 120 " +
+                     SEGSIM_BINARY + " " + command_.arguments(work));
   }
 
   void run(const Fault& fault) {
@@ -211,7 +169,6 @@ TEST_F(Faults, ARunGoesOn) {
   EveryCall(
       folder_.path(),
       {.name = "run",
-       .program = "segsim-main",
        .arguments =
            [&](const fs::path& work) {
              return trials.arguments((work / "out").string(), "--workers 1");
@@ -229,7 +186,6 @@ TEST_F(Faults, AMergeIsWholeOrNothing) {
   EveryCall(
       folder_.path(),
       {.name = "merge",
-       .program = "segsim-main",
        .arguments = [](const fs::path& work) { return "merge " + quoted(work / "parts"); },
        .digest = [](const fs::path&, const std::string& said) { return sha256_in(said); },
        .prepare =
@@ -246,7 +202,6 @@ TEST_F(Faults, AReconstructionGoesOn) {
   ASSERT_EQ(captured.exit_code, 0) << captured.text;
   EveryCall(folder_.path(),
             {.name = "reconstruct",
-             .program = "segsim-main",
              .arguments =
                  [&](const fs::path& work) {
                    return "reconstruct " + quoted(recording) +
@@ -266,7 +221,6 @@ TEST_F(Faults, AFineTuningGoesOn) {
   experiments::write_start_weights(folder_.path());
   EveryCall(folder_.path(),
             {.name = "finetune",
-             .program = "segsim-main",
              .arguments =
                  [&](const fs::path& work) {
                    return "detector finetune --from " + quoted(folder_ / "start.weights") +
