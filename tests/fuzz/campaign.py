@@ -19,7 +19,7 @@ MOST_INPUT_S, MOST_MB, MOST_INPUT_BYTES, MOST_FINDINGS = 20, 2048, 65536, 10
 FIRST_SLICE_S, SLICE_S = 10, 60
 SANITIZERS = {
     # Libraries of others are compiled without sanitizers, and containers that they fill look overflown. A fuzzer finds
-    # what the program holds on to by its memory; leaks at the end are libraries' own, and looking for them needs ptrace.
+    # what the program holds on to by its memory; leaks at the end are libraries' own, and finding them takes ptrace.
     "ASAN_OPTIONS": "detect_leaks=0:detect_container_overflow=0:allocator_may_return_null=1:handle_abort=1:"
                     "quarantine_size_mb=16:max_allocation_size_mb=2048",
     "UBSAN_OPTIONS": "print_stacktrace=1",
@@ -66,6 +66,12 @@ class Target:
     def found(self):
         return sorted(str(p) for p in set(self.findings.iterdir()) - self.before if p.suffix != ".txt")
 
+    def go_on(self, result):
+        """From what an earlier campaign has written of it."""
+        for name in ("executions", "seconds", "peak_mb", "coverage", "slices"):
+            setattr(self, name, result.get(name, 0))
+        self.before = set()
+
     def open(self):
         return self.error is None and self.failures < MOST_FINDINGS
 
@@ -76,8 +82,8 @@ class Target:
         if self.error:
             return {"name": self.program.name, "error": self.error}
         return {"name": self.program.name, "executions": self.executions, "seconds": round(self.seconds, 1),
-                "peak_mb": self.peak_mb, "coverage": self.coverage, "inputs": len(list(self.corpus.iterdir())),
-                "findings": self.found()}
+                "peak_mb": self.peak_mb, "coverage": self.coverage, "slices": self.slices,
+                "inputs": len(list(self.corpus.iterdir())), "findings": self.found()}
 
     def seed(self, machine):
         if not Path(self.program.file).exists():
@@ -118,10 +124,14 @@ class Target:
 
 
 class Campaign:
-    def __init__(self, programs, out, machine, jobs, seconds, executions=None):
+    def __init__(self, programs, out, machine, jobs, seconds, executions=None, resume=False):
         self.machine, self.jobs, self.executions, self.out = machine, jobs, executions, out
         out.mkdir(parents=True, exist_ok=True)
         self.targets = [Target(program, out) for program in programs]
+        if resume:
+            last = self.read()
+            for target in self.targets:
+                target.go_on(last.get(target.program.name, {}))
         self.end = time.monotonic() + seconds
         # Without a number of executions each has the same time.
         self.share = max(seconds * min(jobs, len(self.targets)) / len(self.targets), 5.0)
@@ -189,6 +199,19 @@ class Campaign:
         code = self.machine.run(
             self.machine.command(target.program, target.arguments(seconds, executions, number)), log, target.logs)
         return log, time.monotonic() - begin, code
+
+    def read(self):
+        """The last lines of targets."""
+        last = {}
+        file = self.out / "record.jsonl"
+        for line in file.read_text(encoding="utf-8").splitlines() if file.exists() else []:
+            try:
+                result = json.loads(line)
+            except ValueError:
+                continue  # It was killed while it wrote.
+            if "error" not in result:
+                last[result["name"]] = result
+        return last
 
     def write(self, target):
         with open(self.out / "record.jsonl", "a", encoding="utf-8") as file:

@@ -44,7 +44,8 @@ cp tests/fuzz/run_targets.py tests/fuzz/campaign.py "$folder/"
 git rev-parse HEAD >"$folder/commit"
 cat >"$folder/fuzz_all.sh" <<END
 #!/bin/bash
-# fuzz_all.sh JOBS SECONDS OUT [TARGET...]: 1 100 000 executions of every target (EXECUTIONS), as far as the time goes.
+# fuzz_all.sh JOBS SECONDS OUT [TARGET...]: 1 100 000 executions of every target (EXECUTIONS), as far as the time goes;
+# called again with the same OUT it counts on.
 # OUT/record.jsonl: a line for each process that has ended, the last one of a target counts. OUT/findings: inputs, and
 # what was said about them: addresses in ld-linux.so are those of the target (addr2line -e build/fuzz/tests/fuzz/...).
 set -euo pipefail
@@ -58,8 +59,8 @@ mkdir -p "\$out/corpus"
 cp -rn "\$here/corpus/." "\$out/corpus/"
 export SEGSIM_SOURCE=\$here/source SEGSIM_COMMIT=\$(cat "\$here/commit")
 minutes=\$(python3 -c "print(\$seconds / 60)")
-exec python3 "\$here/run_targets.py" --executions "\${EXECUTIONS:-1100000}" --jobs "\$jobs" --loader "\$there/ld-linux.so" \\
-  --library-path "\$here/lib:\$there" "\$here/targets.txt" "\$out" "\$minutes" "\$@"
+exec python3 "\$here/run_targets.py" --resume --executions "\${EXECUTIONS:-1100000}" --jobs "\$jobs" \\
+  --loader "\$there/ld-linux.so" --library-path "\$here/lib:\$there" "\$here/targets.txt" "\$out" "\$minutes" "\$@"
 END
 chmod +x "$folder/fuzz_all.sh" "$folder/run_targets.py"
 du -sh "$folder"

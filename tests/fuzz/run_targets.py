@@ -26,7 +26,8 @@ def read_targets(file, wanted):
     folder = Path(file).resolve().parent
     for line in Path(file).read_text().splitlines():
         name, program, *dictionary = line.split()
-        targets[name] = campaign.Program(name, str(folder / program), str(folder / dictionary[0]) if dictionary else None)
+        words = str(folder / dictionary[0]) if dictionary else None
+        targets[name] = campaign.Program(name, str(folder / program), words)
     unknown = sorted(set(wanted) - set(targets))
     if unknown:
         sys.exit(f"run_targets.py: expected targets among {', '.join(sorted(targets))}, found {', '.join(unknown)}")
@@ -88,6 +89,7 @@ def main():
     parser.add_argument("minutes", type=float)
     parser.add_argument("wanted", nargs="*", metavar="TARGET")
     parser.add_argument("--executions", type=int, metavar="N", help="of each target")
+    parser.add_argument("--resume", action="store_true", help="count on from what record.jsonl of OUT has")
     parser.add_argument("--jobs", type=int, default=int(os.environ.get("JOBS", "2")), metavar="N",
                         help="processes at a time (JOBS, or 2)")
     parser.add_argument("--loader", metavar="FILE", help="ld-linux.so that starts the programs: where the libraries "
@@ -97,7 +99,8 @@ def main():
     programs = read_targets(options.targets, options.wanted)
     machine = campaign.Machine(options.loader, options.library_path)
     out = options.out.resolve()
-    results = campaign.Campaign(programs, out, machine, options.jobs, options.minutes * 60, options.executions).run(
+    results = campaign.Campaign(programs, out, machine, options.jobs, options.minutes * 60, options.executions,
+                                options.resume).run(
         lambda target: print(f"{target.program.name}: {target.error or f'{target.executions} executions'}, "
                              f"{len(target.found())} findings", file=sys.stderr, flush=True))
     print_table(results)
