@@ -142,7 +142,7 @@ void write_stream_and_rename(const fs::path& file, Durability durability,
     std::ofstream stream(temporary, std::ios::binary);
     if (!stream) refuse_place(file, errno);
     write(stream);
-    stream.flush();
+    stream.close();  // Network file systems tell only here that the disk is full.
     if (!stream) {
       throw InputError::expected(file.string(), "room to write", std::strerror(errno));
     }

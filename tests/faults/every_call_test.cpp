@@ -103,7 +103,9 @@ class EveryCall {
     std::printf("%s, %s: %llu calls, exit codes", command_.name, fault.name,
                 static_cast<unsigned long long>(calls));
     for (const auto& [code, count] : codes) std::printf(" %d: %d", code, count);
+    for (const auto& [what, count] : harmless_) std::printf(", %s: %d", what.c_str(), count);
     std::printf("\n");
+    harmless_.clear();
     std::fflush(stdout);
   }
 
@@ -124,6 +126,7 @@ class EveryCall {
     const ProcessOutput run = under(fault, at, work);
     if (report.failures() == 0) return false;
     ++codes[run.exit_code];
+    if (run.exit_code == 0) ++harmless_["done without " + report.what()];
     SCOPED_TRACE(std::string(command_.name) + ", " + fault.name + ", call " +
                  std::to_string(at) + ": " + report.what());
     expect_clear_end(run);
@@ -155,6 +158,7 @@ class EveryCall {
   Command command_;
   std::string digest_;
   std::map<std::string, std::uint64_t> calls_;
+  std::map<std::string, int> harmless_;
 };
 
 std::string quoted(const fs::path& path) { return "'" + path.string() + "'"; }
