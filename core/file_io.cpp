@@ -91,9 +91,8 @@ class Sha256 {
   std::unique_ptr<EVP_MD_CTX, decltype(&EVP_MD_CTX_free)> context_;
 };
 
-}  // namespace
-
-void sync_to_disk(const fs::path& file_or_folder) {
+/// @param name  Of messages.
+void sync_as(const fs::path& file_or_folder, const fs::path& name) {
   const int descriptor = ::open(file_or_folder.c_str(), O_RDONLY | O_CLOEXEC);
   const bool opened = descriptor >= 0;
   const bool done = opened && ::fsync(descriptor) == 0;
@@ -101,11 +100,9 @@ void sync_to_disk(const fs::path& file_or_folder) {
   if (opened) ::close(descriptor);
   // Some network and FUSE file systems cannot sync folders: they have nothing to wait for.
   if (done || (opened && code == EINVAL)) return;
-  throw InputError::expected(file_or_folder.string(), "a disk that keeps what is written",
+  throw InputError::expected(name.string(), "a disk that keeps what is written",
                              std::strerror(code));
 }
-
-namespace {
 
 void make_parent(const fs::path& file) {
   if (!file.has_parent_path()) return;
@@ -125,9 +122,9 @@ void write_and_rename(const fs::path& file, Durability durability,
   try {
     write(temporary);
     // In this order: else a power cut could leave the name without what it stands for.
-    if (waits) sync_to_disk(temporary);
+    if (waits) sync_as(temporary, file);
     fs::rename(temporary, file);
-    if (waits) sync_to_disk(folder_of(file));
+    if (waits) sync_as(folder_of(file), file);
   } catch (const fs::filesystem_error& error) {
     std::error_code ignored;
     fs::remove(temporary, ignored);
@@ -145,7 +142,7 @@ void write_stream_and_rename(const fs::path& file, Durability durability,
     std::ofstream stream(temporary, std::ios::binary);
     if (!stream) refuse_place(file, errno);
     write(stream);
-    stream.flush();
+    stream.close();  // Network file systems tell only here that the disk is full.
     if (!stream) {
       throw InputError::expected(file.string(), "room to write", std::strerror(errno));
     }
@@ -153,6 +150,8 @@ void write_stream_and_rename(const fs::path& file, Durability durability,
 }
 
 }  // namespace
+
+void sync_to_disk(const fs::path& file_or_folder) { sync_as(file_or_folder, file_or_folder); }
 
 void write_via_temporary(const fs::path& file,
                          const std::function<void(const fs::path&)>& write) {

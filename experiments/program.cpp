@@ -50,6 +50,21 @@ int end_on_input(const std::string& place, const std::string& expected,
   return end(kInputError, core::InputError::expected(place, expected, found).what());
 }
 
+/// Whether an exception of a library that has no type for it says that memory is short:
+/// libtorch, OpenCV.
+bool is_about_memory(const std::exception& error) {
+  const std::string text = error.what();
+  for (const char* words : {"can't allocate memory", "out of memory", "not enough memory",
+                            "Insufficient memory", "Failed to allocate"}) {
+    if (text.find(words) != std::string::npos) return true;
+  }
+  return false;
+}
+
+int end_without_memory() {
+  return end(kInputError, "expected memory for the scene and its images, found none");
+}
+
 /// What every exception means to the user: the one place that decides. Readers throw
 /// core::InputError with the place; what libraries throw in their stead is the fault of the
 /// input as well, and only says less about where. What is left is a bug of ours.
@@ -72,11 +87,12 @@ int end_of(const std::exception_ptr& thrown, const std::string& command) {
   } catch (const nlohmann::json::exception& error) {
     return end_on_input(command, "JSON of the documented form", error.what());
   } catch (const std::bad_alloc&) {
-    return end(kInputError, "expected memory for the scene and its images, found none");
+    return end_without_memory();
   } catch (const std::length_error& error) {
     return end_on_input(command, "sizes that fit into memory",
                         std::string("one that does not (") + error.what() + ")");
   } catch (const std::exception& error) {
+    if (is_about_memory(error)) return end_without_memory();
     return end(kInternalError, std::string("internal error: ") + error.what());
   } catch (...) {
     return end(kInternalError, "internal error: an exception of unknown kind");

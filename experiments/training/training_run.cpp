@@ -1,8 +1,10 @@
 #include "experiments/training/training_run.h"
 
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
 #include <cstdio>
+#include <cstring>
 #include <fstream>
 #include <memory>
 #include <numbers>
@@ -60,17 +62,25 @@ class Every {
 class LossTable {
  public:
   LossTable(const fs::path& file, bool append)
-      : out_(file, append ? std::ios::app : std::ios::trunc) {
-    if (!append) out_ << "stage,iteration,seconds,surfels,loss,value\n";
+      : file_(file), out_(file, append ? std::ios::app : std::ios::trunc) {
+    if (!append) out_ << "stage,iteration,seconds,surfels,loss,value\n" << std::flush;
+    check();
   }
   void add(const char* stage, std::int64_t iteration, double seconds, std::int64_t surfels,
            const std::string& loss, double value) {
     out_ << stage << ',' << iteration << ',' << seconds << ',' << surfels << ',' << loss << ','
          << value << '\n'
          << std::flush;
+    check();
   }
 
  private:
+  void check() const {
+    if (out_) return;
+    throw core::InputError::expected(file_.string(), "room to write", std::strerror(errno));
+  }
+
+  fs::path file_;
   std::ofstream out_;
 };
 

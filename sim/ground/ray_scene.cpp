@@ -4,6 +4,7 @@
 #include <cstring>
 #include <deque>
 #include <limits>
+#include <new>
 #include <string>
 #include <tuple>
 
@@ -186,7 +187,7 @@ void attach_mesh(RTCDevice device, RTCScene scene, const SubMesh& mesh, MeshBuff
     void* indices =
         rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
                                 sizeof(glm::uvec3), mesh.triangles.size());
-    SEGSIM_CHECK(vertices != nullptr && indices != nullptr, "Embree is out of memory");
+    if (vertices == nullptr || indices == nullptr) throw std::bad_alloc();
     std::memcpy(vertices, mesh.positions_m.data(),
                 mesh.positions_m.size() * sizeof(glm::vec3));
     std::memcpy(indices, mesh.triangles.data(), mesh.triangles.size() * sizeof(glm::uvec3));
@@ -237,7 +238,9 @@ RayScene::RayScene(const MeshScene& scene, int threads) : embree_(std::make_uniq
   }
   tbb::task_arena arena(threads == 0 ? tbb::task_arena::automatic : threads);
   arena.execute([&] { rtcJoinCommitScene(embree_->scene); });
-  SEGSIM_CHECK(rtcGetDeviceError(embree_->device) == RTC_ERROR_NONE, "Embree could not build");
+  const RTCError error = rtcGetDeviceError(embree_->device);
+  if (error == RTC_ERROR_OUT_OF_MEMORY) throw std::bad_alloc();
+  SEGSIM_CHECK(error == RTC_ERROR_NONE, "Embree could not build");
 }
 
 RayScene::~RayScene() = default;

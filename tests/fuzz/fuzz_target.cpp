@@ -49,7 +49,8 @@ std::string written(const std::function<void(const fs::path& file)>& write,
 }
 
 std::string project_file(const std::string& name) {
-  return core::read_file(fs::path(SEGSIM_SOURCE) / name);
+  const char* elsewhere = std::getenv("SEGSIM_SOURCE");
+  return core::read_file(fs::path(elsewhere != nullptr ? elsewhere : SEGSIM_SOURCE) / name);
 }
 
 std::string join_parts(const std::vector<std::string>& parts) {

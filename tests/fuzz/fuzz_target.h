@@ -32,7 +32,8 @@ void parse(const std::string& bytes);
     const std::function<void(const std::filesystem::path& file)>& write,
     const std::string& name = "written");
 
-/// A text file of this project, for seeds.
+/// A text file of this project, for seeds. The environment variable SEGSIM_SOURCE says where
+/// the project is if it is not where it was built.
 [[nodiscard]] std::string project_file(const std::string& name);
 
 /// One input for parsers of several files: their contents with kPartsMark between them.

@@ -75,10 +75,15 @@ segsim_fuzz_part(worlds OF segsim::worlds USES segsim::ground
     worlds/mesh/gazebo/world_plan.cpp worlds/capture/capture_plan.cpp
   THIRD_PARTY assimp::assimp sdformat12::sdformat12 PkgConfig::minizip opencv_core opencv_imgcodecs opencv_imgproc)
 segsim_fuzz_target(worlds/mesh_obj LIBRARIES fuzz_part_worlds DICTIONARY obj)
+if(SEGSIM_FUZZ)
+  target_sources(fuzz_mesh_obj PRIVATE large_block.cpp)
+endif()
 segsim_fuzz_target(worlds/mesh_ply LIBRARIES fuzz_part_worlds DICTIONARY ply)
 segsim_fuzz_target(worlds/mesh_gltf LIBRARIES fuzz_part_worlds DICTIONARY json)
 segsim_fuzz_target(worlds/mesh_dae LIBRARIES fuzz_part_worlds GTest::gtest DICTIONARY xml)
 segsim_fuzz_target(worlds/gazebo_world LIBRARIES fuzz_part_worlds DICTIONARY xml)
+pkg_check_modules(tinyxml2 REQUIRED IMPORTED_TARGET tinyxml2)  # Comes with libsdformat.
+segsim_link_third_party(fuzz_gazebo_world PkgConfig::tinyxml2)
 segsim_fuzz_target(worlds/furniture_library LIBRARIES fuzz_part_worlds)
 segsim_fuzz_target(worlds/trajectory LIBRARIES fuzz_part_worlds)
 segsim_link_third_party(fuzz_furniture_library PkgConfig::minizip)
@@ -126,6 +131,7 @@ segsim_fuzz_part(specs OF segsim::experiments_scripted_trials USES segsim::nav s
   FILES experiments/specs/budget_file.cpp experiments/specs/clock_spec.cpp experiments/specs/gazebo_spec.cpp
     experiments/specs/home_spec.cpp experiments/specs/rig_spec.cpp experiments/specs/sensor_spec.cpp
     experiments/specs/spec.cpp experiments/specs/tuning_set.cpp experiments/specs/internal/spec_arms.cpp
+    experiments/specs/internal/spec_motion.cpp
     experiments/specs/internal/spec_phrases.cpp experiments/specs/internal/spec_repetitions.cpp
     experiments/specs/internal/spec_scenes.cpp experiments/scripted_trials/geo_path.cpp
     experiments/scripted_trials/scripted_trial.cpp experiments/scripted_trials/scripted_trial_steps.cpp
@@ -143,7 +149,7 @@ segsim_fuzz_target(experiments/scripted_trial LIBRARIES fuzz_part_specs DICTIONA
 
 # On ATen: libtorch.
 find_package(ONNX CONFIG REQUIRED)
-segsim_fuzz_part(onnx OF segsim::models USES segsim::core
+segsim_fuzz_part(onnx OF segsim::models USES fuzz_part_perception
   FILES perception/models/model_session.cpp perception/models/internal/host_tensor_convert.cpp
     perception/models/internal/onnx/onnx_executor.cpp perception/models/internal/onnx/onnx_node_call.cpp
     perception/models/internal/onnx/onnx_operators.cpp perception/models/internal/onnx/onnx_ops_elementwise.cpp
@@ -153,7 +159,14 @@ segsim_fuzz_part(onnx OF segsim::models USES segsim::core
     perception/models/internal/onnx/onnx_ops_resample.cpp perception/models/internal/onnx/onnx_ops_shape.cpp
     perception/models/internal/onnx/onnx_ops_window.cpp perception/models/internal/onnx/onnx_reader.cpp
     perception/models/internal/onnx/onnx_session.cpp perception/models/internal/onnx/onnx_tensor.cpp
-    perception/models/internal/roi_align.cpp perception/models/internal/torchscript_session.cpp
+    perception/models/internal/resample.cpp perception/models/internal/roi_align.cpp
+    perception/models/internal/torchscript_session.cpp
   THIRD_PARTY torch torch_cpu onnx_proto protobuf::libprotobuf)
 segsim_fuzz_target(perception/onnx_graph LIBRARIES fuzz_part_onnx)
+if(SEGSIM_FUZZ)
+  segsim_find_torch()
+  target_sources(fuzz_onnx_graph PRIVATE one_thread.cpp)
+  target_include_directories(fuzz_part_onnx SYSTEM PRIVATE ${TORCH_INCLUDE_DIRS})
+  target_compile_options(fuzz_part_onnx PRIVATE -include ${CMAKE_CURRENT_SOURCE_DIR}/clang_vector.h)
+endif()
 segsim_link_third_party(fuzz_onnx_graph onnx_proto protobuf::libprotobuf)

@@ -15,6 +15,7 @@
 #include "core/error.h"
 #include "core/formatted.h"
 #include "core/system/remakeable_file.h"
+#include "renderer/files/internal/exr_header_check.h"
 
 namespace segsim::renderer::internal {
 namespace {
@@ -47,6 +48,11 @@ std::string size_text(const Imath::Box2i& window) {
   };
   return length(window.min.x, window.max.x) + " x " + length(window.min.y, window.max.y) +
          " pixels";
+}
+
+const std::filesystem::path& checked(const std::filesystem::path& file) {
+  check_exr_header(file);
+  return file;
 }
 
 }  // namespace
@@ -124,7 +130,7 @@ void ExrOutput::write(const std::filesystem::path& file) {
 }
 
 ExrInput::ExrInput(const std::filesystem::path& file, const std::string& channel)
-    : place_(file.string()), file_(file.c_str(), kThreads) {
+    : place_(file.string()), file_(checked(file).c_str(), kThreads) {
   int part = 0;
   if (!channel.empty()) {
     part = part_of(channel);

@@ -70,6 +70,26 @@ TEST_F(ExrBadFiles, HeadersOfMorePixelsThanTheFileCanHoldAreRefused) {
               HasSubstr("expected a file that can hold the 268435456 numbers of its pixels"));
 }
 
+/// The library takes that memory before it reads.
+TEST_F(ExrBadFiles, HeadersThatAskForMoreThanTheFileIsAreRefused) {
+  core::Frame frame;
+  frame.intrinsics = core::CameraIntrinsics::from_fov(16, 16, 1.2);
+  frame.depth_m = core::Image<float>(16, 16, 1.0F);
+  write_frame_exr(file_, frame, {}, {ExrLayout::kSinglePart, ExrCompression::kNone});
+  const std::string whole = core::read_file(file_);
+  const auto error_with = [&](const std::string& name, std::size_t behind,
+                              const std::string& bytes) {
+    std::string changed = whole;
+    changed.replace(changed.find(name) + name.size() + behind, bytes.size(), bytes);
+    std::ofstream(file_, std::ios::binary) << changed;
+    return input_error_of([&] { (void)read_depth_exr(file_); });
+  };
+  EXPECT_THAT(error_with(std::string("software\0string\0", 16), 0, "\xff\xff\xff\x7f"),
+              HasSubstr(" bytes of attribute software, found 2147483647"));
+  EXPECT_THAT(error_with(std::string("dataWindow\0box2i\0", 17), 4 + 12, "\xff\xff\xff\x7f"),
+              HasSubstr("chunks of pixels, found a header of more"));
+}
+
 TEST_F(ExrBadFiles, BadFilesAreRefusedByName) {
   EXPECT_THAT(input_error_of([&] { (void)read_depth_exr(file_); }),
               HasSubstr("view.exr: expected"));

@@ -1,6 +1,5 @@
 // Runs graphs node by node, and does so once at load for what is constant.
 #include <algorithm>
-#include <ranges>
 #include <unordered_map>
 #include <unordered_set>
 
@@ -40,11 +39,11 @@ bool may_be_kept(const Values& results) {
 void find_last_uses(Graph& graph) {
   const std::unordered_set<Slot> outputs(graph.outputs.begin(), graph.outputs.end());
   std::unordered_set<Slot> seen = outputs;
-  for (Node& node : std::views::reverse(graph.nodes)) {
-    node.released.clear();
-    for (const std::vector<Slot>* slots : {&node.outputs, &node.inputs}) {
+  for (auto node = graph.nodes.rbegin(); node != graph.nodes.rend(); ++node) {
+    node->released.clear();
+    for (const std::vector<Slot>* slots : {&node->outputs, &node->inputs}) {
       for (const Slot slot : *slots) {
-        if (slot != kNoSlot && seen.insert(slot).second) node.released.push_back(slot);
+        if (slot != kNoSlot && seen.insert(slot).second) node->released.push_back(slot);
       }
     }
   }

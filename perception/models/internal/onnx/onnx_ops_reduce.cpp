@@ -1,6 +1,5 @@
 // Operators that sum up axes.
 #include <numeric>
-#include <ranges>
 
 #include "perception/models/internal/onnx/onnx_node_call.h"
 
@@ -49,7 +48,8 @@ Values reduce(const NodeCall& call) {
   Tensor result = axes.empty() ? Function(x.reshape({1}), {0}).reshape({}) : Function(x, axes);
   result = result.to(x.scalar_type());
   if (call.attribute_or("keepdims", 1) == 0) {
-    for (const std::int64_t axis : std::views::reverse(axes)) result = result.squeeze(axis);
+    for (auto axis = axes.rbegin(); axis != axes.rend(); ++axis)
+      result = result.squeeze(*axis);
   }
   return {result};
 }

@@ -1,10 +1,27 @@
 // Gazebo worlds (worlds/mesh/gazebo/gazebo_import.h).
+#include <functional>
+
+#include <tinyxml2.h>
+
 #include "tests/fuzz/fuzz_target.h"
 #include "worlds/mesh/gazebo/gazebo_import.h"
 
 namespace segsim::fuzz {
+namespace {
+
+/// For each file libsdformat first reads its own schema, which takes a fifth of a second here,
+/// and then gives the file to tinyxml2. What that refuses need not wait for the schema every
+/// time.
+bool is_left_out(const std::string& bytes) {
+  tinyxml2::XMLDocument document;
+  const bool is_xml = document.Parse(bytes.data(), bytes.size()) == tinyxml2::XML_SUCCESS;
+  return !is_xml && std::hash<std::string>()(bytes) % 16 != 0;
+}
+
+}  // namespace
 
 void parse(const std::string& bytes) {
+  if (is_left_out(bytes)) return;
   worlds::GazeboImportOptions options;
   (void)worlds::load_gazebo_world(in_file(bytes, "input.world"), options,
                                   worlds::blank_textures());
