@@ -126,8 +126,7 @@ class Checker {
         read_format(words[1]);
         has_format = true;
       } else if (words[0] == "element" && words.size() == 3) {
-        check_name(words[1]);
-        elements_.push_back({std::string(words[1]), count(words[2]), {}});
+        add_element(words[1], count(words[2]));
       } else if (words[0] == "property" && !elements_.empty()) {
         read_property(words);
       } else {
@@ -135,6 +134,14 @@ class Checker {
       }
     }
     if (!has_format) fail("a PLY header with a format", "end_header");
+  }
+
+  void add_element(std::string_view name, std::uint64_t count) {
+    check_name(name);
+    const bool is_known = std::any_of(elements_.begin(), elements_.end(),
+                                      [&](const Element& each) { return each.name == name; });
+    if (is_known) fail("each element once", name);
+    elements_.push_back({std::string(name), count, {}});
   }
 
   /// assimp takes a number in the place of a name for the count.

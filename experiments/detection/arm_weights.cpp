@@ -10,6 +10,7 @@
 #include "core/file_io.h"
 #include "perception/checkpoint/lineage.h"
 #include "perception/checkpoint/weights_file.h"
+#include "perception/data/checked_json.h"
 #include "perception/data/dataset.h"
 #include "perception/detector/evaluate.h"
 
@@ -35,7 +36,7 @@ std::string describe_inputs(const fs::path& weights, const HeldOutSets& sets,
 std::optional<records::HeldOutPrecision> read_measurement(const fs::path& file,
                                                           const std::string& inputs) {
   if (!fs::exists(file)) return std::nullopt;
-  const auto json = nlohmann::json::parse(core::read_file(file), nullptr, false);
+  const auto json = perception::CheckedJson::parse(core::read_file(file), nullptr, false);
   if (json.is_discarded() || json.value("inputs", "") != inputs) return std::nullopt;
   records::HeldOutPrecision result;
   result.views = json.value("views", 0);

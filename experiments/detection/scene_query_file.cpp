@@ -11,7 +11,7 @@
 namespace segsim::experiments::detection {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using perception::Json;
 using perception::JsonNode;
 
 constexpr const char* kSchema = "segsim.scene_query/1";

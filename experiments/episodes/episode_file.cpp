@@ -15,7 +15,7 @@
 namespace segsim::experiments::episodes {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using perception::Json;
 using perception::JsonNode;
 
 // What stands in the file is taken as it is or not at all: conversions would make 1 of `true`

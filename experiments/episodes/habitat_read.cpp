@@ -8,12 +8,13 @@
 #include "core/file_io.h"
 #include "experiments/episodes/habitat_episodes.h"
 #include "experiments/support/gzip_file.h"
+#include "perception/data/checked_json.h"
 
 namespace segsim::experiments::episodes {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::json;
+using Json = perception::CheckedJson;
 
 glm::dvec3 vector_from(const Json& json) {
   if (json.size() != 3) throw std::runtime_error("a position must have 3 numbers");

@@ -8,12 +8,13 @@
 #include "core/check.h"
 #include "core/error.h"
 #include "core/file_io.h"
+#include "perception/data/checked_json.h"
 #include "reconstruction/evaluation/panoptic_report.h"
 
 namespace segsim::experiments::panoptic {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using Json = perception::OrderedCheckedJson;
 using Figures = std::vector<std::pair<std::string, double>>;
 
 constexpr const char* kSchema = "segsim.table1.scene/1";

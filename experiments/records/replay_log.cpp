@@ -12,6 +12,7 @@
 #include "core/error.h"
 #include "core/file_io.h"
 #include "core/formatted.h"
+#include "perception/data/checked_json.h"
 #include "renderer/files/exr_io.h"
 #include "renderer/files/frame_writer.h"
 
@@ -19,7 +20,7 @@ namespace segsim::experiments::records {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;
+using Json = perception::OrderedCheckedJson;
 
 std::uint64_t from_hex(const std::string& text) {
   std::uint64_t value = 0;

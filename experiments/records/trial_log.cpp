@@ -7,11 +7,12 @@
 
 #include "core/error.h"
 #include "experiments/support/gzip_file.h"
+#include "perception/data/checked_json.h"
 
 namespace segsim::experiments::records {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using Json = perception::OrderedCheckedJson;
 
 /// A tenth of a millimetre, and about as fine in angle: enough for a story and its pictures.
 double rounded(double value) { return std::round(value * 1e4) / 1e4; }

@@ -11,13 +11,14 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
+#include "perception/data/checked_json.h"
 
 namespace segsim::experiments::scene_labels {
 namespace {
 
 namespace fs = std::filesystem;
 using core::InputError;
-using Json = nlohmann::ordered_json;
+using Json = perception::OrderedCheckedJson;
 using Kind = JournalRecord::Kind;
 using Move = renderer::LabelEdits::Move;
 using Run = renderer::LabelEdits::Run;

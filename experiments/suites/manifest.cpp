@@ -9,11 +9,12 @@
 #include "core/error.h"
 #include "core/file_io.h"
 #include "experiments/records/results_digest.h"
+#include "perception/data/checked_json.h"
 
 namespace segsim::experiments::suites {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using Json = perception::OrderedCheckedJson;
 
 constexpr const char* kWeights = "weights/";
 

@@ -6,11 +6,12 @@
 #include "core/input/json_depth.h"
 #include "perception/checkpoint/byte_reader.h"
 #include "perception/checkpoint/internal/formats.h"
+#include "perception/data/checked_json.h"
 
 namespace segsim::perception {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using Json = OrderedCheckedJson;
 
 constexpr std::uint64_t kMaxHeaderBytes = std::uint64_t{100} << 20U;
 

@@ -6,12 +6,13 @@
 #include "core/file_io.h"
 #include "core/input/json_depth.h"
 #include "perception/checkpoint/internal/formats.h"
+#include "perception/data/checked_json.h"
 
 namespace segsim::perception {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;
+using Json = OrderedCheckedJson;
 
 /// How the numbers lie in the file: `dtype` is what they are after loading.
 ElementType stored_type(const Json& entry, const std::string& place) {

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <string>
 #include <utility>
 #include <vector>
@@ -10,10 +11,11 @@
 
 #include "core/error.h"
 #include "core/input/json_depth.h"
+#include "perception/data/checked_json.h"
 
 namespace segsim::perception {
 
-using Json = nlohmann::ordered_json;
+using Json = OrderedCheckedJson;
 
 /// @throws core::InputError that starts with `place`.
 [[nodiscard]] inline Json parse_json(const std::string& text, const std::string& place) {
@@ -49,9 +51,15 @@ class JsonNode {
     }
     return nodes;
   }
+  /// Whether it is one that 64 bits hold with a sign.
+  [[nodiscard]] bool is_integer() const {
+    constexpr std::uint64_t kMost = std::numeric_limits<std::int64_t>::max();
+    return json_.is_number_unsigned() ? json_.get<std::uint64_t>() <= kMost
+                                      : json_.is_number_integer();
+  }
   [[nodiscard]] std::int64_t integer(std::int64_t lo, std::int64_t hi) const {
-    const bool fits = json_.is_number_integer() && json_.get<std::int64_t>() >= lo &&
-                      json_.get<std::int64_t>() <= hi;
+    const bool fits =
+        is_integer() && json_.get<std::int64_t>() >= lo && json_.get<std::int64_t>() <= hi;
     if (!fits) {
       fail("an integer in [" + std::to_string(lo) + ", " + std::to_string(hi) + "]");
     }

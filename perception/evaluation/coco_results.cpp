@@ -24,9 +24,8 @@ RegionPx region_from(const JsonNode& node) {
 /// Index that a result's id stands for.
 int index_from(const std::map<std::int64_t, int>& index_of, const JsonNode& node,
                const std::string& expected) {
-  const Json& json = node.json();
   const auto found =
-      json.is_number_integer() ? index_of.find(json.get<std::int64_t>()) : index_of.end();
+      node.is_integer() ? index_of.find(node.json().get<std::int64_t>()) : index_of.end();
   if (found == index_of.end()) node.fail(expected);
   return found->second;
 }

@@ -168,7 +168,8 @@ PointCloud read_ply(const std::filesystem::path& file) {
     return static_cast<float>(axes.at(name).values[i]);
   };
   const auto byte = [&](const char* name, std::size_t i) {
-    return static_cast<std::uint8_t>(std::clamp(colors.at(name).values[i], 0.0, 255.0));
+    const double value = colors.at(name).values[i];  // In a text it may be "nan".
+    return static_cast<std::uint8_t>(value > 0.0 ? std::min(value, 255.0) : 0.0);
   };
   for (std::size_t i = 0; i < axes.at("x").values.size(); ++i) {
     cloud.position_m.emplace_back(number("x", i), number("y", i), number("z", i));

@@ -274,7 +274,8 @@ TriangleMesh read_mesh_ply(const std::filesystem::path& file) {
   if (elements.empty() || elements[0].name != "vertex") {
     throw core::InputError::expected(place, "vertices first", "another element");
   }
-  const auto begin = static_cast<std::size_t>(in.tellg());
+  // No line ends behind `end_header` at the end of a file: then the stream has no position.
+  const std::size_t begin = in.eof() ? text.size() : static_cast<std::size_t>(in.tellg());
   ByteReader bytes(text.data() + begin, text.size() - begin, place);
   TriangleMesh mesh;
   read_vertices(elements[0], bytes, place, mesh);

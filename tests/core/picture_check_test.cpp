@@ -104,6 +104,8 @@ TEST(PlyCheck, WhatIsWrongIsNamed) {
   EXPECT_THAT(error_with("3 0 1 2", "x 0 1 2"), HasSubstr("found \"x\""));
   EXPECT_THAT(error_with("+1 nan", "+1 1,5"), HasSubstr("expected a number, found \"1,5\""));
   EXPECT_THAT(error_with("format ascii 1.0\n", ""), HasSubstr("a PLY header with a format"));
+  EXPECT_THAT(error_with("end_header", "element vertex 0\nend_header"),
+              HasSubstr("expected each element once, found \"vertex\""));
 }
 
 }  // namespace

@@ -62,7 +62,8 @@ find_package(sdformat12 REQUIRED)
 find_package(PkgConfig REQUIRED)
 pkg_check_modules(minizip REQUIRED IMPORTED_TARGET minizip)
 segsim_fuzz_part(worlds OF segsim::worlds USES segsim::ground
-  FILES worlds/mesh/blank_textures.cpp worlds/mesh/class_names.cpp worlds/mesh/image_textures.cpp
+  FILES worlds/mesh/blank_textures.cpp worlds/mesh/class_names.cpp worlds/mesh/collada_check.cpp
+    worlds/mesh/image_textures.cpp
     worlds/mesh/mesh_builder.cpp worlds/mesh/mesh_import.cpp worlds/mesh/mesh_parts.cpp
     worlds/mesh/number_mending.cpp worlds/mesh/plain_mesh.cpp
     worlds/mesh/furniture/furniture_catalogue.cpp worlds/mesh/furniture/furniture_mesh.cpp

@@ -142,6 +142,26 @@ TEST_F(MeshImport, AWordAmongTheIndicesOfColladaIsRefused) {
   }
 }
 
+/// assimp would read beyond them.
+TEST_F(MeshImport, AccessorsOfColladaBeyondTheirArraysAreRefused) {
+  const auto error_with = [&](const std::string& from, const std::string& to) {
+    std::string text = collada_triangle("0.01", "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1");
+    text.replace(text.find(from), from.size(), to);
+    folder_.write("a.dae", text);
+    return refusal(folder_.path() / "a.dae");
+  };
+  EXPECT_THAT(
+      error_with("count=\"9\"", "count=\"8\""),
+      HasSubstr("an accessor of source \"p\" within the 8 entries of its array, found 9"));
+  EXPECT_THAT(error_with("stride=", "offset='1' stride="), HasSubstr("found 10"));
+  EXPECT_THAT(error_with("count=\"3\"", "count=\"-1\""), HasSubstr("found \"-1\""));
+  EXPECT_THAT(error_with("<float_array id=\"pa\" count=\"9\">0 0 0 100 0 0 0 100 0</float",
+                         "<Name_array id=\"pa\" count=\"9\">a b c d e f g h i</Name"),
+              HasSubstr("expected numbers of corners, found names: p"));
+  // Parameters of what is no accessor are none of it.
+  EXPECT_EQ(error_with("<vertices", "<x><param/></x><vertices"), "no error");
+}
+
 TEST_F(MeshImport, PolygonsThatTakeTooLongToCutAreRefused) {
   std::string text = "o chair\n", face = "f";
   for (int k = 0; k < 3000; ++k) {

@@ -19,6 +19,7 @@
 #include "core/input/bounds.h"
 #include "core/input/regular_file.h"
 #include "core/pictures/ply_check.h"
+#include "worlds/mesh/internal/collada_check.h"
 #include "worlds/mesh/internal/mesh_parts.h"
 #include "worlds/mesh/internal/number_mending.h"
 
@@ -304,9 +305,9 @@ const std::vector<MeshPart>& MeshFileReader::read(const fs::path& file) {
   if (!core::can_be_read(file)) {
     throw core::InputError::expected(file.string(), "a mesh file", "none");
   }
-  if (lower_case_extension(file) == ".ply") {
-    core::check_ply(core::read_file(file), file.string());
-  }
+  const std::string extension = lower_case_extension(file);
+  if (extension == ".ply") core::check_ply(core::read_file(file), file.string());
+  if (extension == ".dae") check_collada(core::read_file(file), file.string());
   const MendedText mended = mend_numbers(file);
   if (mended.count > 0) {
     scene_.warnings.push_back("mended " + std::to_string(mended.count) + " numbers of " +

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <sstream>
 
 #include "core/error.h"
@@ -107,6 +108,16 @@ class TextLines {
     }
     return value;
   }
+  /// An id or a size.
+  [[nodiscard]] std::uint32_t whole_number(std::size_t i) const {
+    constexpr auto kMost = std::numeric_limits<std::uint32_t>::max();
+    const double value = number(i);
+    if (!(value >= 0.0 && value <= kMost && value == std::floor(value))) {
+      throw InputError::expected(place(), "a whole number from 0 to " + std::to_string(kMost),
+                                 "'" + words_[i] + "'");
+    }
+    return static_cast<std::uint32_t>(value);
+  }
   void expect_words(std::size_t count, const std::string& what) const {
     if (words_.size() < count) {
       throw InputError::expected(place(), what, std::to_string(words_.size()) + " words");
@@ -146,7 +157,7 @@ void read_text_points(const fs::path& file, ColmapModel& result) {
     lines.expect_words(8, "id, x, y, z, red, green, blue and error");
     std::vector<std::uint32_t> image_ids;
     for (std::size_t i = 8; i + 1 < lines.words().size(); i += 2) {
-      image_ids.push_back(static_cast<std::uint32_t>(lines.number(i)));
+      image_ids.push_back(lines.whole_number(i));
     }
     add_point({lines.number(1), lines.number(2), lines.number(3)}, lines.number(7), image_ids,
               lines.place(), result);
@@ -169,9 +180,8 @@ void read_text_cameras(const fs::path& file, ColmapModel& result) {
     std::vector<double> parameters;
     for (std::size_t i = 0; i < model->parameters; ++i)
       parameters.push_back(lines.number(4 + i));
-    result.cameras[static_cast<std::uint32_t>(lines.number(0))] =
-        lens_of(*model, std::llround(lines.number(2)), std::llround(lines.number(3)),
-                parameters, lines.place());
+    result.cameras[lines.whole_number(0)] = lens_of(
+        *model, lines.whole_number(2), lines.whole_number(3), parameters, lines.place());
   }
 }
 
@@ -183,8 +193,8 @@ void read_text_images(const fs::path& file, ColmapModel& result) {
     for (std::size_t i = 0; i < pose.size(); ++i) pose[i] = lines.number(1 + i);
     ColmapImage image;
     image.place = lines.place();
-    image.camera_id = static_cast<std::uint32_t>(lines.number(8));
-    result.image_of_id[static_cast<std::uint32_t>(lines.number(0))] = result.images.size();
+    image.camera_id = lines.whole_number(8);
+    result.image_of_id[lines.whole_number(0)] = result.images.size();
     image.T_world_camera = pose_of(pose, image.place);
     image.name = lines.words()[9];
     for (std::size_t i = 10; i < lines.words().size(); ++i) {

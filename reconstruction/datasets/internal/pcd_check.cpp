@@ -12,7 +12,8 @@
 namespace segsim::reconstruction::internal {
 namespace {
 
-constexpr std::string_view kBlanks = " \t\r\v\f";
+/// Between words, for PCL.
+constexpr std::string_view kBlanks = " \t\r";
 constexpr std::uint64_t kMostFields = 1000, kMostCount = 100'000, kMostPoints = 1U << 30U;
 
 using Words = std::vector<std::string_view>;
@@ -56,7 +57,10 @@ class Checker {
   /// The next line of the header that says something.
   Words next_entry() {
     while (!left_.empty()) {
+      const bool is_empty = left_.front() == '\n';
       const Words words = next_line();
+      // PCL passes over empty lines, but to others that say nothing the header ends for it.
+      if (words.empty() && !is_empty) fail("a header of words", "a line of blanks");
       if (!words.empty() && !words[0].starts_with('#')) return words;
     }
     fail("the header of a PCD file", "the end of the file");

@@ -148,7 +148,10 @@ class Tile {
         require(triangle[corner] < corners + detail.vertCount,
                 "triangles of a polygon's own corners", found);
       }
-      has_edge = has_edge || triangle[3] != 0;
+      for (int edge = 0; edge < 3; ++edge) {
+        has_edge = has_edge ||
+                   (dtGetDetailTriEdgeFlags(triangle[3], edge) & DT_DETAIL_EDGE_BOUNDARY) != 0;
+      }
     }
     // Detour takes the nearest point of the boundary without asking whether there is one.
     require(has_edge, "a boundary of every polygon", found);

@@ -258,6 +258,10 @@ TEST(Checkpoint, RefusesSafetensorsOutsideTheFile) {
   EXPECT_THAT(refusal(R"({"w":{"dtype":"F32","shape":[2]}})"),
               HasSubstr("a safetensors header"));
   EXPECT_THAT(refusal(R"({"w":[]})"), HasSubstr("a safetensors header"));
+  EXPECT_THAT(refusal(R"({"w":{"dtype":"F32","shape":[2],"data_offsets":[1e30,8]}})"),
+              HasSubstr("expected a whole number from 0"));
+  EXPECT_THAT(refusal(R"({"w":{"dtype":"F32","shape":[2],"data_offsets":[-8,0]}})"),
+              HasSubstr("expected a whole number from 0"));
 }
 
 /// Reading must end in tensors or in an InputError, whatever the bytes.

@@ -174,6 +174,9 @@ TEST(Colmap, NamesTheLineOfAFault) {
            {cameras, colmap_image(9, 0, "a.png", 4), "images.txt:2", "camera 4"},
            {cameras, "1 2 0 0 0 1 2 3 1 a.png\n\n", "images.txt:2", "unit quaternion"},
            {cameras, "1 1 0 0 0 1 2 3 1\n\n", "images.txt:2", "9 words"},
+           {"1 PINHOLE 1e30 12 20 21 8 6\n", images, "cameras.txt:2", "found '1e30'"},
+           {cameras, "-7 1 0 0 0 1 2 3 1 a.png\n\n", "images.txt:2", "found '-7'"},
+           {cameras, "1 1 0 0 0 1 2 3 1.5 a.png\n\n", "images.txt:2", "found '1.5'"},
            {cameras, "", "sparse/0", "at least one image"},
            {cameras + "2 PINHOLE 16 12 30 21 8.25 6\n",
             images + colmap_image(8, 1, "b c.png", 2), "images.txt:4", "one for all"}}) {

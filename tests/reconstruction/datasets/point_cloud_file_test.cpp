@@ -123,6 +123,19 @@ TEST_F(PointCloudFile, BadFilesAreNamed) {
               ::testing::AllOf(HasSubstr("a field z of floats"), HasSubstr("x y i rgb")));
 }
 
+/// PCL passes over empty lines alone.
+TEST_F(PointCloudFile, BlanksBetweenTheLinesOfAPcdHeaderAreRefused) {
+  const std::string points = "DATA ascii\n1 2 3 0\n1 2 3 0\n1 2 3 0\n";
+  const auto header_with = [](const std::string& line) {
+    std::string header = kPcdHeader;
+    return header.insert(header.find("FIELDS"), line);
+  };
+  EXPECT_EQ(error_of("a.pcd", header_with("\n") + points), "no error");
+  for (const char* line : {"\r\n", " \t\n", "\v\n"}) {
+    EXPECT_THAT(error_of("a.pcd", header_with(line) + points), HasSubstr("a.pcd: expected"));
+  }
+}
+
 TEST_F(PointCloudFile, CutFilesAreRefused) {
   std::string pcd = kPcdHeader + "DATA binary\n";
   for (int i = 0; i < 9; ++i) append(pcd, 1.0F);  // 12 are announced.

@@ -114,6 +114,14 @@ TEST_F(TriangleMeshFile, RefusesWhatAsksForTooMuch) {
   EXPECT_THAT(tests::input_error_of([&] { (void)read_mesh_ply(file_); }),
               HasSubstr("expected more data"));
 
+  // Nothing, not even the end of a line, behind the header.
+  write(
+      "ply\nformat binary_little_endian 1.0\nelement vertex 0\nproperty float x\n"
+      "property float y\nproperty float z\nelement face 1\n"
+      "property list uchar int vertex_indices\nend_header");
+  EXPECT_THAT(tests::input_error_of([&] { (void)read_mesh_ply(file_); }),
+              HasSubstr("expected more data"));
+
   std::string header = "ply\nformat binary_little_endian 1.0\nelement vertex 1\n";
   for (int k = 0; k < 2000; ++k) header += "property char p" + std::to_string(k) + "\n";
   write(header + "end_header\n");
