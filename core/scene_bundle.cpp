@@ -191,14 +191,6 @@ const SceneInstance* SceneManifest::find_instance(std::uint16_t instance_id) con
   return nullptr;
 }
 
-std::vector<std::string> thing_names(std::span<const SceneClass> classes) {
-  std::vector<std::string> names;
-  for (const SceneClass& c : classes) {
-    if (c.thing) names.push_back(c.name);
-  }
-  return names;
-}
-
 std::string SceneManifest::class_name(std::uint16_t class_id) const {
   const SceneClass* found = find_class(class_id);
   return found == nullptr ? "void" : found->name;

@@ -16,7 +16,6 @@
 #include <cstdint>
 #include <filesystem>
 #include <optional>
-#include <span>
 #include <string>
 #include <vector>
 
@@ -29,9 +28,6 @@ struct SceneClass {
   std::string name;  ///< Lower case, COCO's word where COCO has one: "couch", "dining table".
   bool thing = false;  ///< Countable objects have instances; stuff (wall, floor) has none.
 };
-
-/// Names of the classes that have instances, in their order.
-[[nodiscard]] std::vector<std::string> thing_names(std::span<const SceneClass> classes);
 
 struct SceneInstance {
   std::uint16_t id = 0;  ///< Unique in the scene; 0 is none.

@@ -10,6 +10,7 @@
 
 #include "core/bundle_parts.h"
 #include "core/error.h"
+#include "core/thing_names.h"
 #include "experiments/commands/commands.h"
 #include "experiments/commands/light/flag_values.h"
 #include "experiments/episodes/episodes.h"

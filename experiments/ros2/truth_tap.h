@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/scene_bundle.h"
+#include "core/thing_names.h"
 #include "experiments/ros2/ros2_policy.h"
 #include "sim/trial/oracle_detector.h"
 

@@ -11,6 +11,7 @@
 #include "core/formatted.h"
 #include "core/progress.h"
 #include "core/random.h"
+#include "core/thing_names.h"
 #include "experiments/episodes/episodes.h"
 #include "experiments/records/trial_witness.h"
 #include "experiments/scripted_trials/internal/script_metrics.h"

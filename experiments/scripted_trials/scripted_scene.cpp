@@ -5,6 +5,7 @@
 
 #include "core/error.h"
 #include "core/formatted.h"
+#include "core/thing_names.h"
 #include "experiments/reproducibility/backend_warning.h"
 #include "experiments/scenes/mesh_floor_plan.h"
 #include "experiments/scenes/mesh_source.h"

@@ -6,6 +6,7 @@
 
 #include "core/error.h"
 #include "core/random.h"
+#include "core/thing_names.h"
 #include "core/version.h"
 #include "experiments/drawing/trial_picture.h"
 #include "experiments/reproducibility/backend_warning.h"

@@ -7,6 +7,7 @@
 
 #include "core/error.h"
 #include "core/formatted.h"
+#include "core/thing_names.h"
 #include "experiments/commands/light/flag_values.h"
 #include "experiments/suites/layered_yaml.h"
 #include "experiments/support/listed.h"

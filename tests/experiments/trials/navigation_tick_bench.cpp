@@ -23,6 +23,7 @@
 
 #include "core/quantile.h"
 #include "core/random.h"
+#include "core/thing_names.h"
 #include "experiments/runs/prepare.h"
 #include "experiments/trials/trial_options.h"
 #include "experiments/trials/trial_runner.h"
