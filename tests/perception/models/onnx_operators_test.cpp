@@ -1,10 +1,11 @@
 // Operators of the ONNX executor against results worked out by hand from the standard. The
 // standard's own node tests run in onnx_node_suite_test.cpp where they are at hand.
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 
 #include <cmath>
 
 #include "core/error.h"
+#include "tests/error_message.h"
 #include "tests/perception/models/onnx_operator_case.h"
 
 namespace segsim::perception {
@@ -348,6 +349,12 @@ TEST(OnnxResample, NearestAndLinear) {
                  {real({1, 1, 1, 1}, {2})});
   EXPECT_THROW(run_operator({"Resize", {x, kNothing, real({4}, {1, 1, 1e6F, 1e6F})}}, false),
                core::InputError);
+  const OperatorCase below_zero{
+      "Resize", {x, kNothing, kNothing, whole({4}, {1, 1, 1, -2})}, [](NodeBuilder& n) {
+        n.with("keep_aspect_ratio_policy", std::string("not_larger"));
+      }};
+  EXPECT_THAT(tests::input_error_of([&] { (void)run_operator(below_zero, false); }),
+              testing::HasSubstr("expected scales and sizes from 0 to 2^30, found -2"));
 }
 
 TEST(OnnxRegion, SuppressionKeepsTheBest) {

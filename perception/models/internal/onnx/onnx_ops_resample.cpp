@@ -124,6 +124,11 @@ std::vector<AxisPlan> plan_axes(const NodeCall& call, const Tensor& x,
     call.fail("a scale or a size for each axis",
               std::to_string(scales.size()) + " and " + std::to_string(sizes.size()));
   }
+  for (const double value : scales.empty() ? sizes : scales) {
+    if (!(value >= 0.0 && value <= static_cast<double>(kMaxElements))) {
+      call.fail("scales and sizes from 0 to 2^30", std::to_string(value));
+    }
+  }
   const std::string policy = call.text_or("keep_aspect_ratio_policy", "stretch");
   if (!sizes.empty() && policy != "stretch") {
     if (policy != "not_larger" && policy != "not_smaller") {
@@ -135,6 +140,7 @@ std::vector<AxisPlan> plan_axes(const NodeCall& call, const Tensor& x,
           sizes[i] / static_cast<double>(plans[static_cast<std::size_t>(axes[i])].input);
       common = policy == "not_larger" ? std::min(common, ratio) : std::max(common, ratio);
     }
+    if (!std::isfinite(common)) call.fail("axes with entries", "an empty one");
     for (const std::int64_t axis : axes) {
       AxisPlan& plan = plans[static_cast<std::size_t>(axis)];
       plan.scale = common;
@@ -145,9 +151,6 @@ std::vector<AxisPlan> plan_axes(const NodeCall& call, const Tensor& x,
   for (std::size_t i = 0; i < axes.size(); ++i) {
     AxisPlan& plan = plans[static_cast<std::size_t>(axes[i])];
     const double value = scales.empty() ? sizes[i] : scales[i];
-    if (!(value >= 0.0 && value <= static_cast<double>(kMaxElements))) {
-      call.fail("scales and sizes from 0 to 2^30", std::to_string(value));
-    }
     const auto in = static_cast<double>(plan.input);
     plan.scale = scales.empty() ? value / in : value;
     plan.output = static_cast<std::int64_t>(std::floor(scales.empty() ? value : in * value));
