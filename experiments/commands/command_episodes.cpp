@@ -10,7 +10,6 @@
 
 #include "core/bundle_parts.h"
 #include "core/error.h"
-#include "core/thing_names.h"
 #include "experiments/commands/commands.h"
 #include "experiments/commands/light/flag_values.h"
 #include "experiments/episodes/episodes.h"
@@ -20,6 +19,7 @@
 #include "experiments/support/listed.h"
 #include "experiments/trials/episode_validation.h"
 #include "renderer/cpu_renderer.h"
+#include "sim/trial/thing_names.h"
 
 namespace segsim::experiments::commands {
 namespace {
@@ -109,7 +109,7 @@ void generate(GenerateFlags& flags) {
   const scenes::SceneSurfels scene = scenes::load_scene_surfels(bundle);
   const auto eye = renderer::make_cpu_renderer(scene.surfels, {}, scene.labels);
   episodes::EpisodeRules& rules = flags.rules;
-  const std::vector<std::string> things = core::thing_names(bundle.manifest.classes);
+  const std::vector<std::string> things = sim::thing_names(bundle.manifest.classes);
   if (rules.goals.empty()) rules.goals = things;
   for (const std::string& goal : rules.goals) {
     if (bundle.manifest.find_class(goal) != nullptr) continue;

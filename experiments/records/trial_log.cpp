@@ -56,7 +56,12 @@ Json json_tick(const TrialLog& log, std::size_t k) {
 void add_tick(const Json& json, TrialLog& log) {
   if (json.size() != 13) throw std::runtime_error("a tick must have 13 numbers");
   sim::TickRecord t;
-  t.time_ns = json[0].get<std::int64_t>() * 1000;
+  const auto time_us = json[0].get<std::int64_t>();
+  constexpr std::int64_t kLatest_us = std::numeric_limits<std::int64_t>::max() / 1000;
+  if (time_us < 0 || time_us > kLatest_us) {
+    throw std::runtime_error("time " + std::to_string(time_us));
+  }
+  t.time_ns = time_us * 1000;
   t.pose = {json[1], json[2], json[3]};
   t.command = {json[4], json[5]};
   const int mode = json[6];
@@ -66,6 +71,12 @@ void add_tick(const Json& json, TrialLog& log) {
   t.mode = static_cast<core::PolicyMode>(mode);
   t.in_contact = json[7].get<int>() != 0;
   const TickEvidence e{json[8], json[9], json[10], json[11]};
+  constexpr int kMostDetections = 1 << 20;
+  for (const int count : {e.true_detections, e.false_detections}) {
+    if (count < 0 || count > kMostDetections) {
+      throw std::runtime_error(std::to_string(count) + " detections");
+    }
+  }
   t.goal_pixels = e.largest_px;
   t.detections_of_goal = e.true_detections + e.false_detections;
   log.track.push_back(t);

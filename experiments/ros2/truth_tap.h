@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "core/scene_bundle.h"
-#include "core/thing_names.h"
 #include "experiments/ros2/ros2_policy.h"
 #include "sim/trial/oracle_detector.h"
+#include "sim/trial/thing_names.h"
 
 namespace segsim::experiments::ros2 {
 
@@ -22,7 +22,7 @@ class TruthTap final : public core::Detector, public sim::GroundTruthSink {
       : inner_(inner),
         inner_truth_(inner_truth),
         robot_(robot),
-        oracle_(classes, core::thing_names(classes), {.min_pixels = min_pixels}) {}
+        oracle_(classes, sim::thing_names(classes), {.min_pixels = min_pixels}) {}
 
   [[nodiscard]] const std::vector<std::string>& class_names() const override {
     return inner_.class_names();

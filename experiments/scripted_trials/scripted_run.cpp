@@ -11,7 +11,6 @@
 #include "core/formatted.h"
 #include "core/progress.h"
 #include "core/random.h"
-#include "core/thing_names.h"
 #include "experiments/episodes/episodes.h"
 #include "experiments/records/trial_witness.h"
 #include "experiments/scripted_trials/internal/script_metrics.h"
@@ -26,6 +25,7 @@
 #include "sim/ground/geodesy.h"
 #include "sim/trial/oracle_detector.h"
 #include "sim/trial/oracle_way.h"
+#include "sim/trial/thing_names.h"
 
 namespace segsim::experiments::scripted_trials {
 namespace {
@@ -74,7 +74,7 @@ Eyes make_eyes(const BoundScript& bound) {
   sim::OracleDetectorOptions options;
   options.seed = script.seed;
   auto oracle =
-      std::make_unique<sim::OracleDetector>(classes, core::thing_names(classes), options);
+      std::make_unique<sim::OracleDetector>(classes, sim::thing_names(classes), options);
   eyes.truth = oracle.get();
   eyes.detector = std::move(oracle);
   return eyes;

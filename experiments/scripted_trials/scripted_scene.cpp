@@ -5,7 +5,6 @@
 
 #include "core/error.h"
 #include "core/formatted.h"
-#include "core/thing_names.h"
 #include "experiments/reproducibility/backend_warning.h"
 #include "experiments/scenes/mesh_floor_plan.h"
 #include "experiments/scenes/mesh_source.h"
@@ -13,6 +12,7 @@
 #include "experiments/scripted_trials/scripted_run.h"
 #include "renderer/renderer_backend.h"
 #include "sim/trial/oracle_way.h"
+#include "sim/trial/thing_names.h"
 #include "worlds/capture/mesh_renderer.h"
 #include "worlds/mesh/plain_mesh.h"
 
@@ -136,7 +136,7 @@ void check_ways(const BoundScript& bound) {
 }
 
 void check_categories(const BoundScript& bound) {
-  const std::vector<std::string> names = core::thing_names(bound.bundle.manifest.classes);
+  const std::vector<std::string> names = sim::thing_names(bound.bundle.manifest.classes);
   for (const ScriptStep& step : bound.script->steps) {
     if (step.kind != StepKind::kFind) continue;
     if (std::find(names.begin(), names.end(), step.category) != names.end()) continue;

@@ -6,7 +6,6 @@
 
 #include "core/error.h"
 #include "core/random.h"
-#include "core/thing_names.h"
 #include "core/version.h"
 #include "experiments/drawing/trial_picture.h"
 #include "experiments/reproducibility/backend_warning.h"
@@ -19,6 +18,7 @@
 #include "nav/policies/built_in_policies.h"
 #include "renderer/renderer_backend.h"
 #include "sim/trial/oracle_way.h"
+#include "sim/trial/thing_names.h"
 
 namespace segsim::experiments::trials {
 namespace {
@@ -252,7 +252,7 @@ TrialRunner::ArmDetectorSlot& TrialRunner::detector_for(const LoadedScene& scene
     options.min_pixels = spec_.success.visible_pixels;
     options.seed = spec_.seed;
     auto detector =
-        std::make_unique<sim::OracleDetector>(classes, core::thing_names(classes), options);
+        std::make_unique<sim::OracleDetector>(classes, sim::thing_names(classes), options);
     slot.truth = detector.get();
     slot.detector = std::move(detector);
   } else {

@@ -1,6 +1,7 @@
 #include "experiments/video/video_encoder.h"
 
 #include <cstdint>
+#include <new>
 #include <string>
 
 extern "C" {
@@ -49,7 +50,13 @@ struct VideoEncoder::Parts {
   std::unique_ptr<SwsContext, FreedScaler> to_yuv;
   AVStream* stream = nullptr;
 
-  /// Of a call that gives a negative number where it failed.
+  /// What a library had memory for.
+  template <typename T>
+  static T* present(T* made) {
+    if (made == nullptr) throw std::bad_alloc();
+    return made;
+  }
+  /// Of a call on the file, negative where it failed.
   int checked(int result) const {
     if (result >= 0) return result;
     throw core::InputError::expected(name, "a place for a video", words(result));
@@ -63,7 +70,7 @@ void VideoEncoder::Parts::open_codec(const cv::Size& size, AVRational frame_dura
   const AVCodec* kind = h264 != nullptr ? h264 : avcodec_find_encoder(AV_CODEC_ID_MPEG4);
   if (kind == nullptr)
     throw core::InputError::expected(name, "an encoder for a video", "none");
-  codec.reset(avcodec_alloc_context3(kind));
+  codec.reset(present(avcodec_alloc_context3(kind)));
   codec->width = size.width;
   codec->height = size.height;
   codec->pix_fmt = AV_PIX_FMT_YUV420P;
@@ -110,23 +117,30 @@ VideoEncoder::VideoEncoder(const std::filesystem::path& file,
   p.checked(avformat_alloc_output_context2(&context, kind, kind == nullptr ? "mp4" : nullptr,
                                            nullptr));
   p.file.reset(context);
+  if ((context->oformat->flags & AVFMT_NOFILE) != 0) {
+    throw core::InputError::expected(p.name, "a kind of file for a video, like .mp4",
+                                     context->oformat->name);
+  }
   p.open_codec(size, av_inv_q(av_d2q(frames_per_s, 1001)));
-  p.stream = avformat_new_stream(context, nullptr);
+  p.stream = Parts::present(avformat_new_stream(context, nullptr));
   p.stream->time_base = p.codec->time_base;
   p.stream->avg_frame_rate = p.codec->framerate;
   p.checked(avcodec_parameters_from_context(p.stream->codecpar, p.codec.get()));
   p.checked(avio_open(&context->pb, ("file:" + file.string()).c_str(), AVIO_FLAG_WRITE));
-  p.checked(avformat_write_header(context, nullptr));
-  p.packet.reset(av_packet_alloc());
-  p.picture.reset(av_frame_alloc());
+  if (const int error = avformat_write_header(context, nullptr); error < 0) {
+    throw core::InputError::expected(p.name, "a kind of file for a video, like .mp4",
+                                     words(error));
+  }
+  p.packet.reset(Parts::present(av_packet_alloc()));
+  p.picture.reset(Parts::present(av_frame_alloc()));
   p.picture->pts = 0;
   p.picture->format = p.codec->pix_fmt;
   p.picture->width = size.width;
   p.picture->height = size.height;
   p.checked(av_frame_get_buffer(p.picture.get(), 0));
-  p.to_yuv.reset(sws_getContext(size.width, size.height, AV_PIX_FMT_BGR24, size.width,
-                                size.height, p.codec->pix_fmt, SWS_BICUBIC, nullptr, nullptr,
-                                nullptr));
+  p.to_yuv.reset(Parts::present(sws_getContext(size.width, size.height, AV_PIX_FMT_BGR24,
+                                               size.width, size.height, p.codec->pix_fmt,
+                                               SWS_BICUBIC, nullptr, nullptr, nullptr)));
 }
 
 VideoEncoder::~VideoEncoder() = default;

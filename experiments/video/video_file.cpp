@@ -23,10 +23,9 @@ VideoFile::VideoFile(fs::path file, double frames_per_s)
 }
 
 VideoFile::~VideoFile() {
-  if (encoder_ == nullptr) return;
   encoder_.reset();
   std::error_code ignored;
-  fs::remove(temporary_, ignored);
+  fs::remove(temporary_, ignored);  // After finish() there is none of that name.
 }
 
 void VideoFile::write(const cv::Mat& page) {

@@ -97,6 +97,7 @@ class EveryCall {
              codes);
       }
     }
+    EXPECT_FALSE(codes.empty()) << command_.name << ", " << fault.name << ": no call failed";
     std::printf("%s, %s: %llu calls, exit codes", command_.name, fault.name,
                 static_cast<unsigned long long>(calls));
     for (const auto& [code, count] : codes) std::printf(" %d: %d", code, count);
@@ -129,6 +130,9 @@ class EveryCall {
     SCOPED_TRACE(std::string(command_.name) + ", " + fault.name + ", call " +
                  std::to_string(at) + ": " + report.what());
     expect_clear_end(run);
+    if (run.exit_code == 0) {
+      EXPECT_EQ(command_.digest(work, run.text), digest_) << run.text;
+    }
     const ProcessOutput again = run_segsim(command_.arguments(work));
     EXPECT_EQ(again.exit_code, 0) << again.text << "\nafter:\n" << run.text;
     if (again.exit_code == 0) {

@@ -4,9 +4,9 @@
 /// What the preloaded library of faults and who runs a program under it tell each other. The
 /// library reads these variables of the environment:
 ///
-///     SEGSIM_FAULT_CALLS    kinds of calls that are counted, with commas: write, sync,
-///     rename,
-///                           open (for writing), map (of files), memory (large blocks)
+///     SEGSIM_FAULT_CALLS    kinds of calls that are counted, with commas:
+///                           write, sync, rename, open (for writing), map (of files),
+///                           memory (large blocks)
 ///     SEGSIM_FAULT_AT       the number of the call that fails, from 1; 0: none does
 ///     SEGSIM_FAULT_LASTING  set: so do all that follow
 ///     SEGSIM_FAULT_ERROR    ENOSPC, EIO or ENOMEM

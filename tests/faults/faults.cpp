@@ -94,9 +94,8 @@ __attribute__((constructor)) void begin() {
 }
 
 /// Counts a call. @return  Whether it fails; errno is set then.
-bool fails(Kind kind, const char* name, const char* file) {
+bool fails(const char* name, const char* file) {
   const std::uint64_t number = plan.report->calls.fetch_add(1) + 1;
-  (void)kind;
   if (plan.at == 0 || number < plan.at || (number > plan.at && !plan.lasting)) return false;
   if (plan.report->failures.fetch_add(1) == 0) {
     const char* slash = std::strrchr(file, '/');
@@ -121,7 +120,7 @@ bool fails_at_path(Kind kind, const char* name, const char* path) {
   const bool below =
       *path == '/' ? below_folder(path)
                    : syscall(SYS_getcwd, working, sizeof working) > 0 && below_folder(working);
-  return below && fails(kind, name, path);
+  return below && fails(name, path);
 }
 
 bool fails_at_descriptor(Kind kind, const char* name, int descriptor) {
@@ -131,11 +130,11 @@ bool fails_at_descriptor(Kind kind, const char* name, int descriptor) {
   const long length = syscall(SYS_readlink, link, path, sizeof path - 1);
   if (length <= 0) return false;
   path[length] = '\0';
-  return below_folder(path) && fails(kind, name, path);
+  return below_folder(path) && fails(name, path);
 }
 
 bool fails_at_size(Kind kind, const char* name, std::uint64_t size) {
-  return size >= kLargeBlock && counts(kind) && fails(kind, name, "of a large block");
+  return size >= kLargeBlock && counts(kind) && fails(name, "of a large block");
 }
 
 bool writes(int flags) { return (flags & O_ACCMODE) != O_RDONLY; }
@@ -149,7 +148,8 @@ Function next(Function, const char* name) {
 #define NEXT(function) static const auto next_one = next(&function, #function)
 
 mode_t mode_of(int flags, va_list& more) {
-  return (flags & (O_CREAT | O_TMPFILE)) != 0 ? va_arg(more, mode_t) : 0;
+  const bool creates = (flags & O_CREAT) != 0 || (flags & O_TMPFILE) == O_TMPFILE;
+  return creates ? va_arg(more, mode_t) : 0;
 }
 
 }  // namespace

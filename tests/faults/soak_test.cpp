@@ -126,11 +126,13 @@ class DisturbedRun {
     Worker& worker = workers_[random_() % workers_.size()];
     switch (random_() % 3) {
       case 0:
-        if (worker.process->running()) ++tally_["kills"];
+        if (!worker.process->running()) break;  // Its number may be somebody else's.
+        ++tally_["kills"];
         worker.process->send(SIGKILL);
         break;
       case 1:
-        if (worker.process->running()) ++tally_["stops"];
+        if (!worker.process->running()) break;
+        ++tally_["stops"];
         worker.process->send(SIGTERM);
         break;
       default: {

@@ -208,6 +208,18 @@ def test_time_runs_out(make):
     assert environment.reset()[1]["outcome"] == ""
 
 
+def test_episodes_that_are_none_are_refused(make):
+    environment = make()
+    for episode in (-1, -5, 7.9, True, 1000, "none"):
+        with pytest.raises(fastsegsim.InputError, match="episode"):
+            environment.reset(options={"episode": episode})
+
+
+def test_steps_that_a_robot_cannot_make_are_refused(make):
+    with pytest.raises(fastsegsim.InputError, match="forward_step_m"):
+        make(control_period_s=0.005, forward_step_m=9.0)
+
+
 def test_a_contact_can_end_an_episode(make):
     for contact, ended in (("stop", False), ("slide", False), ("end", True)):
         environment = make(contact=contact)

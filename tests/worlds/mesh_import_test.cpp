@@ -108,6 +108,21 @@ TEST_F(MeshImport, ColladaAppliesUnitAndNodesAndFlipsMirroredFaces) {
   EXPECT_GT(cross.z, 0.0F) << "the face still looks up";
 }
 
+/// The message of load_mesh_file.
+std::string refusal(const std::filesystem::path& file) {
+  try {
+    (void)load_mesh_file(file);
+  } catch (const core::InputError& error) {
+    return error.what();
+  }
+  return "no error";
+}
+
+TEST_F(MeshImport, FilesOfOtherKindsAreRefused) {
+  folder_.write("a.xml", collada_triangle("0.01", "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1"));
+  EXPECT_THAT(refusal(folder_.path() / "a.xml"), HasSubstr(".stl, found .xml"));
+}
+
 TEST_F(MeshImport, BadFilesAreInputErrors) {
   EXPECT_THROW((void)load_mesh_file(folder_.path() / "none.obj"), core::InputError);
   folder_.write("text.ply", "this is no mesh");
@@ -117,16 +132,6 @@ TEST_F(MeshImport, BadFilesAreInputErrors) {
   folder_.write("far.obj", "o box\nv 0 0 0\nv 1e60 0 0\nv 0 1 0\nf 1 2 3\n");
   EXPECT_THROW((void)load_mesh_file(folder_.path() / "far.obj"), core::InputError)
       << "a coordinate that overflows to infinity";
-}
-
-/// The message of load_mesh_file.
-std::string refusal(const std::filesystem::path& file) {
-  try {
-    (void)load_mesh_file(file);
-  } catch (const core::InputError& error) {
-    return error.what();
-  }
-  return "no error";
 }
 
 /// assimp would append indices until memory ends.
@@ -158,6 +163,12 @@ TEST_F(MeshImport, AccessorsOfColladaBeyondTheirArraysAreRefused) {
   EXPECT_THAT(error_with("<float_array id=\"pa\" count=\"9\">0 0 0 100 0 0 0 100 0</float",
                          "<Name_array id=\"pa\" count=\"9\">a b c d e f g h i</Name"),
               HasSubstr("expected numbers of corners, found names: p"));
+  // What assimp reads otherwise than the check would.
+  EXPECT_THAT(error_with("source=\"#pa\"", "source=\"&#35;pa\""),
+              HasSubstr("a name without & for source"));
+  EXPECT_THAT(error_with("<accessor ", "<accessor name='x>y' offset='1' "),
+              HasSubstr("found 10"));
+  EXPECT_EQ(error_with("<vertices", "<!-- <accessor count='x'/> --><vertices"), "no error");
   // Parameters of what is no accessor are none of it.
   EXPECT_EQ(error_with("<vertices", "<x><param/></x><vertices"), "no error");
 }

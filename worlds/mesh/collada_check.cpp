@@ -36,11 +36,17 @@ class Checker {
 
   void read(std::string_view text) {
     while (true) {
-      const std::size_t open = text.find('<');
-      const std::size_t close = text.find('>', std::min(open, text.size()));
-      if (close == std::string_view::npos) return;
-      read_tag(text.substr(open + 1, close - open - 1));
-      text.remove_prefix(close + 1);
+      text.remove_prefix(std::min(text.find('<'), text.size()));
+      if (text.starts_with("<!--")) {
+        skip_behind(text, "-->");
+      } else if (text.starts_with("<![CDATA[")) {
+        skip_behind(text, "]]>");
+      } else {
+        const std::size_t close = end_of_tag(text);
+        if (close == std::string_view::npos) return;
+        read_tag(text.substr(1, close - 1));
+        text.remove_prefix(close + 1);
+      }
     }
   }
 
@@ -64,6 +70,36 @@ class Checker {
  private:
   [[noreturn]] void fail(const std::string& expected, const std::string& found) const {
     throw core::InputError::expected(place_, expected, found);
+  }
+
+  static void skip_behind(std::string_view& text, std::string_view end) {
+    const std::size_t at = text.find(end);
+    text.remove_prefix(at == std::string_view::npos ? text.size() : at + end.size());
+  }
+
+  /// Where the first tag's `>` is: not within quotes.
+  static std::size_t end_of_tag(std::string_view text) {
+    char quote = 0;
+    for (std::size_t at = 0; at < text.size(); ++at) {
+      const char c = text[at];
+      if (quote == 0 && c == '>') return at;
+      if (quote == 0 && (c == '"' || c == '\'')) {
+        quote = c;
+      } else if (c == quote) {
+        quote = 0;
+      }
+    }
+    return std::string_view::npos;
+  }
+
+  /// Of an id or a reference to one. Entities are not decoded here, but by assimp.
+  [[nodiscard]] std::string name_in(std::string_view tag,
+                                    std::string_view attribute_name) const {
+    std::string word = attribute(tag, attribute_name);
+    if (word.find('&') != std::string::npos) {
+      fail("a name without & for " + std::string(attribute_name), "\"" + word + "\"");
+    }
+    return word;
   }
 
   /// Empty if the tag has none. The first counts, as for assimp.
@@ -103,12 +139,12 @@ class Checker {
     if (tag == "/accessor") {
       in_accessor_ = false;
     } else if (name == "source") {
-      source_ = attribute(tag, "id");
+      source_ = name_in(tag, "id");
     } else if (name == "float_array" || name == "Name_array" || name == "IDREF_array") {
       read_array(tag, name != "float_array");
     } else if (name == "accessor") {
       accessors_.push_back({.source = source_,
-                            .array = without_mark(attribute(tag, "source")),
+                            .array = without_mark(name_in(tag, "source")),
                             .first = number(tag, "offset", 0),
                             .count = number(tag, "count", 0),
                             .stride = number(tag, "stride", 1)});
@@ -119,15 +155,15 @@ class Checker {
       const std::string meaning = attribute(tag, "semantic");
       if (std::find(kCornerMeanings.begin(), kCornerMeanings.end(), meaning) !=
           kCornerMeanings.end()) {
-        corner_sources_.insert(without_mark(attribute(tag, "source")));
+        corner_sources_.insert(without_mark(name_in(tag, "source")));
       }
     }
   }
 
   void read_array(std::string_view tag, bool of_names) {
-    const std::string id = attribute(tag, "id");
+    const std::string id = name_in(tag, "id");
     const std::uint64_t count = number(tag, "count", 0);
-    // Of two with one id, the lesser: it may stand in a comment.
+    // Of two with one id, the lesser.
     const auto [known, is_new] = counts_.emplace(id, count);
     if (!is_new) known->second = std::min(known->second, count);
     if (of_names) arrays_of_names_.insert(id);

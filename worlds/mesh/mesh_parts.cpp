@@ -2,6 +2,8 @@
 #include <cctype>
 #include <cmath>
 #include <cstring>
+#include <iterator>
+#include <string_view>
 #include <utility>
 
 #include <assimp/DefaultIOSystem.h>
@@ -306,6 +308,14 @@ const std::vector<MeshPart>& MeshFileReader::read(const fs::path& file) {
     throw core::InputError::expected(file.string(), "a mesh file", "none");
   }
   const std::string extension = lower_case_extension(file);
+  // assimp goes by the content of others, past the checks of each kind.
+  constexpr std::string_view kKinds[] = {".dae", ".fbx", ".glb", ".gltf",
+                                         ".obj", ".ply", ".stl"};
+  if (std::find(std::begin(kKinds), std::end(kKinds), extension) == std::end(kKinds)) {
+    throw core::InputError::expected(
+        file.string(), "a mesh file: .dae, .fbx, .glb, .gltf, .obj, .ply or .stl",
+        extension.empty() ? "a name without an ending" : extension);
+  }
   if (extension == ".ply") core::check_ply(core::read_file(file), file.string());
   if (extension == ".dae") check_collada(core::read_file(file), file.string());
   const MendedText mended = mend_numbers(file);

@@ -7,10 +7,10 @@
 
 #include "core/error.h"
 #include "core/formatted.h"
-#include "core/thing_names.h"
 #include "experiments/commands/light/flag_values.h"
 #include "experiments/suites/layered_yaml.h"
 #include "experiments/support/listed.h"
+#include "sim/trial/thing_names.h"
 
 namespace segsim::experiments::commands::bridges {
 namespace {
@@ -59,7 +59,7 @@ void BundleSpec::check(const core::SceneManifest& scene) const {
     throw core::InputError::expected("--rate", "200 divided by a whole number",
                                      core::print("%g", rate_hz));
   }
-  const std::vector<std::string> known = core::thing_names(scene.classes);
+  const std::vector<std::string> known = sim::thing_names(scene.classes);
   for (const std::string& goal : goals) {
     if (std::find(known.begin(), known.end(), goal) == known.end()) {
       throw core::InputError::expected("--goal", support::listed(known), "\"" + goal + "\"");

@@ -154,9 +154,12 @@ struct Normalise : torch::autograd::Function<Normalise> {
 };
 
 bool is_ours(const torch::nn::BatchNorm2d& norm, const torch::Tensor& x) {
-  return norm->is_training() && norm->options.momentum().has_value() && x.dim() == 4 &&
+  const auto& options = norm->options;
+  return norm->is_training() && options.affine() && options.track_running_stats() &&
+         options.momentum().has_value() && x.dim() == 4 && x.size(0) > 0 &&
+         x.size(1) == options.num_features() && x.size(2) * x.size(3) > 1 &&
          x.device().is_cpu() && x.scalar_type() == torch::kFloat && x.is_contiguous() &&
-         x.size(2) * x.size(3) > 1 && core::can_be_reproducible();
+         core::can_be_reproducible();
 }
 
 }  // namespace

@@ -95,10 +95,14 @@ class ObjectNavEnv(gymnasium.Env[dict[str, Any], Any]):
         unknown = sorted(set(options) - {"episode"})
         if unknown:
             raise InputError(f"options: expected episode, found {', '.join(map(str, unknown))}")
-        episode = options.get("episode", -1)
+        if "episode" not in options:
+            return -1
+        episode = options["episode"]
         if isinstance(episode, str):
             if episode not in self.episode_ids:
                 count = len(self.episode_ids)
                 raise InputError(f"episode: expected the id of one of {count} episodes, found {episode}")
             return self.episode_ids.index(episode)
+        if isinstance(episode, bool) or not isinstance(episode, (int, np.integer)) or episode < 0:
+            raise InputError(f"episode: expected a number from 0 or an id, found {episode}")
         return int(episode)

@@ -14,7 +14,7 @@ from fastsegsim.environments.batch import (action_space_of, as_int64, batch_of, 
 
 
 class ObjectNavVectorEnv(VectorEnv[dict[str, Any], Any, np.ndarray]):
-    """Robots in one scene, each with episodes of its own; environment i is as an ObjectNavEnv with the seed + i.
+    """Robots in one scene, each with episodes of its own; shuffled, environment i is as an ObjectNavEnv with the seed + i.
 
     num_envs: how many.
     threads: of C++ that step them; None for one on each processor. Nothing but speed depends on it. Each thread

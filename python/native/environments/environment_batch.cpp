@@ -262,7 +262,7 @@ nb::tuple EnvironmentBatch::reset(const std::vector<std::optional<std::uint64_t>
   }
   std::vector<sim::VectorEnvironment::Reset> resets;
   for (std::size_t i = 0; i < count; ++i) {
-    if (wanted[i] >= static_cast<std::int64_t>(pool_->size())) {
+    if (wanted[i] < -1 || wanted[i] >= static_cast<std::int64_t>(pool_->size())) {
       throw core::InputError::expected("episode", "0 to " + std::to_string(pool_->size() - 1),
                                        std::to_string(wanted[i]));
     }

@@ -78,7 +78,6 @@ class EnvironmentBatch {
   [[nodiscard]] const std::vector<std::string>& goal_classes() const { return goal_classes_; }
   [[nodiscard]] std::vector<std::string> episode_ids() const;
   [[nodiscard]] int infeasible() const { return infeasible_; }
-  [[nodiscard]] const core::SceneManifest& manifest() const { return bundle_.manifest; }
   [[nodiscard]] const sim::RobotModel& robot() const { return world_->robot(); }
   /// Ids of the goal classes in semantic images; 0 for what the scene lacks.
   [[nodiscard]] std::vector<int> goal_class_ids() const;
@@ -90,8 +89,6 @@ class EnvironmentBatch {
   /// Writes down what an environment shows.
   void put(std::size_t index, const sim::ObjectNavEnvironment& environment,
            ObservationArrays& seen, InformationArrays& known) const;
-  [[nodiscard]] nanobind::dict information(
-      std::span<const sim::VectorEnvironment::Step> steps);
 
   EnvironmentSettings settings_;
   core::SceneBundle bundle_;

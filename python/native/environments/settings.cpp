@@ -12,6 +12,7 @@
 #include <nanobind/stl/vector.h>
 
 #include "core/error.h"
+#include "core/formatted.h"
 
 namespace segsim::python {
 namespace {
@@ -32,16 +33,10 @@ std::size_t choice(const char* name, const std::string& word,
   throw core::InputError::expected(name, all, "\"" + word + "\"");
 }
 
-std::string text_of(double number) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%g", number);
-  return text;
-}
-
 void check_number(const char* name, double value, double least, double most) {
   if (value >= least && value <= most) return;
-  throw core::InputError::expected(name, text_of(least) + " to " + text_of(most),
-                                   text_of(value));
+  throw core::InputError::expected(name, core::print("%g to %g", least, most),
+                                   core::print("%g", value));
 }
 
 std::size_t contact_of(const EnvironmentSettings& s) {
@@ -82,7 +77,7 @@ void check_settings(const EnvironmentSettings& s) {
   const double substeps = s.control_period_s / sim::TrialOptions{}.substep_s;
   if (std::abs(substeps - std::round(substeps)) > 1e-6) {
     throw core::InputError::expected("control_period_s", "a multiple of 0.005 s",
-                                     text_of(s.control_period_s));
+                                     core::print("%g", s.control_period_s));
   }
   for (const std::string& image : s.images) {
     static_cast<void>(choice("images", image, {"rgb", "depth", "semantic", "instance"}));

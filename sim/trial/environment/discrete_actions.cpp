@@ -3,6 +3,8 @@
 #include <cmath>
 
 #include "core/check.h"
+#include "core/error.h"
+#include "core/formatted.h"
 
 namespace segsim::sim {
 namespace {
@@ -42,7 +44,7 @@ struct Drill {
     all_periods = periods;
     while (base.state().forward_mps != 0.0 || base.state().turn_radps != 0.0) {
       sum += period(base, 0.0);
-      SEGSIM_CHECK(++all_periods <= kMostPeriods, robot.name + " does not come to rest");
+      if (++all_periods > 2 * kMostPeriods) return sum;
     }
     return sum;
   }
@@ -59,13 +61,17 @@ std::vector<core::VelocityCommand> commands_for(const Drill& drill, double wante
       (drill.way(periods, middle, all) < wanted ? low : high) = middle;
     }
     drill.way(periods, high, all);
+    if (all > kMostPeriods) break;
     std::vector<core::VelocityCommand> commands(static_cast<std::size_t>(all));
     for (int k = 0; k < periods; ++k) {
       commands[static_cast<std::size_t>(k)] = drill.command(high);
     }
     return commands;
   }
-  SEGSIM_CHECK(false, drill.robot.name + " is too slow for a step");
+  throw core::InputError::expected(drill.turns ? "turn_step_rad" : "forward_step_m",
+                                   core::print("a step that %s can make in %d control periods",
+                                               drill.robot.name.c_str(), kMostPeriods),
+                                   core::print("%g", wanted));
 }
 
 }  // namespace

@@ -284,6 +284,12 @@ TEST(VideoFile, IsThereWholeOrNotAtAll) {
     abandoned.write(page);
   }
   EXPECT_EQ(entries_of(folder.path()), 0);
+  // A kind of file that takes no H.264, and one of single pictures.
+  for (const char* name : {"a.webm", "a.png"}) {
+    video::internal::VideoFile other(folder.path() / name, 10.0);
+    EXPECT_THROW(other.write(page), core::InputError) << name;
+  }
+  EXPECT_EQ(entries_of(folder.path()), 0);
   video::internal::VideoFile video(file, 10.0);
   video.write(page);
   video.hold(1.5);

@@ -23,7 +23,6 @@
 
 #include "core/quantile.h"
 #include "core/random.h"
-#include "core/thing_names.h"
 #include "experiments/runs/prepare.h"
 #include "experiments/trials/trial_options.h"
 #include "experiments/trials/trial_runner.h"
@@ -31,6 +30,7 @@
 #include "perception/detector/detector.h"
 #include "renderer/cpu_renderer.h"
 #include "sim/trial/oracle_detector.h"
+#include "sim/trial/thing_names.h"
 #include "tests/experiments/tiny_scene.h"
 #include "tests/experiments/tiny_spec.h"
 #include "tests/thread_time.h"
@@ -106,7 +106,7 @@ Eyes make_eyes(const Place& place, const std::string& name) {
   options.min_pixels = place.spec.success.visible_pixels;
   options.seed = place.spec.seed;
   auto oracle =
-      std::make_unique<sim::OracleDetector>(classes, core::thing_names(classes), options);
+      std::make_unique<sim::OracleDetector>(classes, sim::thing_names(classes), options);
   sim::GroundTruthSink* const truth = oracle.get();
   return {std::move(oracle), truth};
 }

@@ -93,6 +93,14 @@ TEST_F(TrainingNorm, LeavesTheRestToLibtorch) {
   const torch::Tensor x = torch::randn({2, 6, 8, 8}), gradient = torch::randn_like(x);
   expect_same_bits(step(x, weight, gradient, false, kOurs),
                    step(x, weight, gradient, false, kTheirs));
+  torch::nn::BatchNorm2d plain(torch::nn::BatchNorm2dOptions(6).affine(false));
+  torch::nn::BatchNorm2d forgetful(
+      torch::nn::BatchNorm2dOptions(6).track_running_stats(false));
+  for (torch::nn::BatchNorm2d norm : {plain, forgetful}) {
+    EXPECT_TRUE(torch::equal(apply_norm(norm, x), norm(x)));
+  }
+  torch::nn::BatchNorm2d narrow(torch::nn::BatchNorm2dOptions(5));
+  EXPECT_THROW((void)apply_norm(narrow, x), c10::Error);
   const torch::Tensor last = x.contiguous(torch::MemoryFormat::ChannelsLast);
   expect_same_bits(step(last, weight, gradient, true, kOurs),
                    step(last, weight, gradient, true, kTheirs));

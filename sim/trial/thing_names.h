@@ -9,16 +9,16 @@
 
 #include "core/scene_bundle.h"
 
-namespace segsim::core {
+namespace segsim::sim {
 
-/// Names of the classes that have instances, in their order.
+/// Names of the classes of things, in their order, whether the scene has one or not.
 [[nodiscard]] inline std::vector<std::string> thing_names(
-    std::span<const SceneClass> classes) {
+    std::span<const core::SceneClass> classes) {
   std::vector<std::string> names;
-  for (const SceneClass& c : classes) {
+  for (const core::SceneClass& c : classes) {
     if (c.thing) names.push_back(c.name);
   }
   return names;
 }
 
-}  // namespace segsim::core
+}  // namespace segsim::sim
