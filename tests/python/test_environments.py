@@ -217,7 +217,7 @@ def test_episodes_that_are_none_are_refused(make):
 
 def test_steps_that_a_robot_cannot_make_are_refused(make):
     with pytest.raises(fastsegsim.InputError, match="forward_step_m"):
-        make(control_period_s=0.005, forward_step_m=9.0)
+        make(control_period_s=0.005, forward_step_m=10.0)
 
 
 def test_a_contact_can_end_an_episode(make):
