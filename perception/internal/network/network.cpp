@@ -6,7 +6,6 @@
 #include "core/check.h"
 #include "core/error.h"
 #include "core/random.h"
-#include "perception/internal/network/training_norm.h"
 
 namespace segsim::perception {
 namespace {
@@ -28,7 +27,7 @@ ConvBlockImpl::ConvBlockImpl(int in, int out, int kernel, int stride) {
 }
 
 torch::Tensor ConvBlockImpl::forward(const torch::Tensor& x) {
-  if (folded_.empty()) return torch::silu(apply_norm(norm_, conv_(x)));
+  if (folded_.empty()) return torch::silu(norm_(conv_(x)));
   return folded_.run(x);
 }
 

@@ -4,7 +4,6 @@
 
 #include "core/check.h"
 #include "perception/internal/network/network.h"
-#include "perception/internal/network/training_norm.h"
 
 namespace segsim::perception::yolov13 {
 namespace {
@@ -92,7 +91,7 @@ Conv::Conv(int in, int out, int kernel, int stride, int groups, bool activate)
 
 torch::Tensor Conv::forward(const torch::Tensor& x) {
   if (!folded_.empty()) return run_folded(folded_, x);
-  const auto y = apply_norm(norm_, convolve_like(conv_, x, conv_->weight, {}));
+  const auto y = norm_(convolve_like(conv_, x, conv_->weight, {}));
   return activate_ ? torch::silu(y) : y;
 }
 
@@ -112,7 +111,7 @@ torch::Tensor DsConv::forward(const torch::Tensor& x) {
   if (!folded_.empty()) return run_folded(folded_, run_folded(folded_depthwise_, x));
   const auto between = convolve_like(depthwise_, x, depthwise_->weight, {});
   return torch::silu(
-      apply_norm(norm_, convolve_like(pointwise_, between, pointwise_->weight, {})));
+      norm_(convolve_like(pointwise_, between, pointwise_->weight, {})));
 }
 
 torch::Tensor DsConv::forward_onto(const torch::Tensor& base, const torch::Tensor& x) {
