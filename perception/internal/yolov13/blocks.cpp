@@ -110,8 +110,7 @@ DsConv::DsConv(int in, int out, int kernel, int stride) {
 torch::Tensor DsConv::forward(const torch::Tensor& x) {
   if (!folded_.empty()) return run_folded(folded_, run_folded(folded_depthwise_, x));
   const auto between = convolve_like(depthwise_, x, depthwise_->weight, {});
-  return torch::silu(
-      norm_(convolve_like(pointwise_, between, pointwise_->weight, {})));
+  return torch::silu(norm_(convolve_like(pointwise_, between, pointwise_->weight, {})));
 }
 
 torch::Tensor DsConv::forward_onto(const torch::Tensor& base, const torch::Tensor& x) {
