@@ -1,14 +1,13 @@
 #pragma once
 
 /// @file
-/// A lane's two pixels while surfels are blended into them, the Top-K selection in registers,
-/// and what the block keeps in shared memory for it.
+/// A lane's two pixels while surfels are blended into them.
 
 #include <cuda_fp16.h>
 
 #include "renderer/cuda/kernels.h"
-#include "renderer/cuda/resolve.cuh"
-#include "renderer/cuda/tile_list.cuh"
+#include "renderer/cuda/selection.cuh"
+#include "renderer/cuda/tile_shared.cuh"
 #include "renderer/cuda/warp.cuh"
 #include "renderer/scene/render_options.h"
 #include "renderer/scene/surfel_geometry.h"
@@ -16,45 +15,9 @@
 namespace segsim::renderer::cuda {
 
 constexpr int kQuarterPx = kTilePx / 2;
-constexpr int kWarps = kTileThreads / kWarp;
-static_assert(kWarps == 4 && kTilePixels == 2 * kTileThreads);
 
 constexpr float kLog2E = 1.44269504F;
 constexpr float kLog2Of255 = 7.99435344F;
-
-/// Selection in registers: a key is a weight without the last 8 bits of its fraction and, in
-/// 12 bits, 4095 - place, so that of equal weights the nearer is heavier. A place is 0 ...
-/// 1023 of `earlier`, or 1024 + place in the present chunk. Weights lie in [2^-24, 1), so that
-/// 28 bits above those of 2^-24 hold them.
-constexpr int kFewKeys = 4;
-constexpr std::uint32_t kPlaceMask = 0xFFF;
-constexpr std::uint32_t kLeastWeightBits = 0x33800000;
-constexpr float kAnyWeight = 1e-30F;  // That is not 0.
-__device__ inline std::uint32_t key_of(float weight, std::uint32_t place) {
-  const std::uint32_t bits = (__float_as_uint(weight) - kLeastWeightBits) << 4U;
-  return (bits & ~kPlaceMask) | (kPlaceMask - place);
-}
-__device__ inline float weight_of(std::uint32_t key) {
-  return __uint_as_float(((key & ~kPlaceMask) >> 4U) + kLeastWeightBits);
-}
-constexpr std::uint32_t kEarlier = kTilePixels * kFewKeys;
-static_assert(kEarlier + kSortKeys <= kPlaceMask + 1);
-/// Selection in memory: any K.
-constexpr int kManyKeys = kMaxTopK;
-
-struct TileShared {
-  ListShared list;
-  /// Of each warp two groups of records, word by word: one is blended while the other arrives.
-  uint4 centre_m0[2][kTileThreads];  ///< x0, y0, m00, m01
-  uint4 m1_g[2][kTileThreads];       ///< m10, m11, g0, g1
-  uint4 depth[2][kTileThreads];      ///< c_k2, z0, e_min, e_max
-  uint4 shade[2][kTileThreads];      ///< Colour and normal as halves; flags.
-  std::uint32_t earlier[kEarlier];   ///< Indices in the cloud, of keys of chunks before.
-  std::uint32_t ended_bits;
-  std::uint32_t evaluations, contributions, fetches;
-  int touched;  ///< Entries that the slowest warp has read.
-  int tile;
-};
 
 struct RasterJob {
   FrameView frame;
@@ -91,124 +54,6 @@ __device__ inline float4 as_floats(const uint4& word) {
   return make_float4(__uint_as_float(word.x), __uint_as_float(word.y), __uint_as_float(word.z),
                      __uint_as_float(word.w));
 }
-
-/// Heaviest surfels of a pixel while it is blended.
-template <int kKeys>
-struct Keys;
-
-template <>
-struct Keys<0> {
-  __device__ void clear() {}
-  __device__ bool wants(float) const { return false; }
-  __device__ void insert(float, std::uint32_t, std::uint32_t, const FrameView&) {}
-  __device__ bool closed(float, const FrameView&) const { return true; }
-  __device__ void leave_chunk(TileShared&, int) {}
-};
-
-template <>
-struct Keys<kFewKeys> {
-  std::uint32_t key[kFewKeys];
-  float least;  ///< Weights below this change nothing.
-
-  __device__ void clear() {
-#pragma unroll
-    for (std::uint32_t& k : key) k = 0;
-    least = kAnyWeight;
-  }
-  __device__ bool wants(float weight) const { return weight >= least; }
-  __device__ void insert(float weight, std::uint32_t place, std::uint32_t, const FrameView&) {
-    std::uint32_t x = weight >= least ? key_of(weight, place) : 0U;
-#pragma unroll
-    for (int k = 0; k < kFewKeys; ++k) {
-      const std::uint32_t smaller = min(key[k], x);
-      key[k] = max(key[k], x);
-      x = smaller;
-    }
-    // Of what falls on the same step nothing enters later.
-    if (key[kFewKeys - 1] != 0) least = weight_of(key[kFewKeys - 1] + (kPlaceMask + 1));
-  }
-  /// Can no later surfel enter? A later weight is at most 0.99 T.
-  __device__ bool closed(float transmittance, const FrameView& frame) const {
-    const std::uint32_t last = key_at(frame.top_k - 1);
-    return last != 0 && kMaxAlpha * transmittance < weight_of(last);
-  }
-  __device__ std::uint32_t key_at(int k) const {
-    return k == 0 ? key[0] : k == 1 ? key[1] : k == 2 ? key[2] : key[3];
-  }
-  __device__ void leave_chunk(TileShared& shared, int pixel) {
-    std::uint32_t id[kFewKeys];
-#pragma unroll
-    for (int k = 0; k < kFewKeys; ++k) id[k] = key[k] == 0 ? 0 : id_of(shared, key[k]);
-#pragma unroll
-    for (int k = 0; k < kFewKeys; ++k) {
-      const auto place = static_cast<std::uint32_t>(pixel * kFewKeys + k);
-      shared.earlier[place] = id[k];
-      if (key[k] != 0) key[k] = (key[k] & ~kPlaceMask) | (kPlaceMask - place);
-    }
-  }
-  __device__ static std::uint32_t id_of(const TileShared& shared, std::uint32_t key) {
-    const std::uint32_t place = kPlaceMask - (key & kPlaceMask);
-    return place < kEarlier ? shared.earlier[place]
-                            : shared.list.id(static_cast<int>(place - kEarlier));
-  }
-  __device__ void select(const TileShared& shared, const FrameView& frame,
-                         Selected<kFewKeys>& out) const {
-#pragma unroll
-    for (int k = 0; k < kFewKeys; ++k) {
-      if (k >= frame.top_k || key[k] == 0) break;
-      out.weight[k] = weight_of(key[k]);
-      out.id[k] = id_of(shared, key[k]);
-      out.total += out.weight[k];
-      out.count = k + 1;
-    }
-  }
-};
-
-template <>
-struct Keys<kManyKeys> {
-  float weight[kManyKeys];
-  std::uint32_t id[kManyKeys];
-  int count;
-  float least;  ///< Weights up to this change nothing.
-
-  __device__ void clear() {
-    count = 0;
-    least = 0.0F;
-  }
-  __device__ bool wants(float w) const { return w > least; }
-  __device__ void insert(float w, std::uint32_t, std::uint32_t surfel,
-                         const FrameView& frame) {
-    if (!(w > least)) return;
-    int k = count;
-    if (count == frame.top_k) {
-      --k;
-    } else {
-      ++count;
-    }
-    if (!frame.first_hits) {
-      for (; k > 0 && w > weight[k - 1]; --k) {
-        weight[k] = weight[k - 1];
-        id[k] = id[k - 1];
-      }
-    }
-    weight[k] = w;
-    id[k] = surfel;
-    if (count == frame.top_k) least = frame.first_hits ? INFINITY : weight[count - 1];
-  }
-  __device__ bool closed(float transmittance, const FrameView& frame) const {
-    if (count < frame.top_k) return false;
-    return frame.first_hits || !(kMaxAlpha * transmittance > weight[count - 1]);
-  }
-  __device__ void leave_chunk(TileShared&, int) {}
-  __device__ void select(const TileShared&, const FrameView&, Selected<kManyKeys>& out) const {
-    for (int k = 0; k < count; ++k) {
-      out.weight[k] = weight[k];
-      out.id[k] = id[k];
-      out.total += weight[k];
-    }
-    out.count = count;
-  }
-};
 
 template <int kKeys>
 struct Pixel {
@@ -273,14 +118,21 @@ __device__ inline Exponents meet(float dx, float dy, const float4& a, const floa
   return {{c.x - rho0, c.x - rho1}, {e0, e1}};
 }
 
+/// Number of a thread's pixel in the block.
+__device__ inline int pixel_of_thread(int p) {
+  return p * kTileThreads + static_cast<int>(threadIdx.x);
+}
+
 template <bool kRgb, bool kNormal, int kKeys>
 struct Quarter {
   Pixel<kKeys> pixel[2];
-  float x_px, y_px;                 ///< Of the first pixel's centre.
+  float x_px, y_px;  ///< Of the first pixel's centre.
+  /// Of many keys: what pixels selected in chunks before, indices in the cloud.
+  std::uint32_t earlier[2][kKeys == kManyKeys ? kManyKeys : 1];
   std::uint32_t contributions = 0;  ///< Of the warp.
 
   /// Blends entry `i` of a buffer. @param place  Of the entry in the chunk.
-  __device__ void blend(const RasterJob& job, const TileShared& shared, int buffer, int i,
+  __device__ void blend(const RasterJob& job, TileShared& shared, int buffer, int i,
                         int place) {
     const float4 a = as_floats(shared.centre_m0[buffer][i]);
     const float4 b = as_floats(shared.m1_g[buffer][i]);
@@ -334,11 +186,11 @@ struct Quarter {
     if constexpr (kKeys > 0) {
       const bool wants = pixel[0].keys.wants(weight[0]) || pixel[1].keys.wants(weight[1]);
       if (!__any_sync(kAllLanes, wants)) return;
-      const std::uint32_t id = kKeys == kManyKeys ? shared.list.id(place) : 0U;
 #pragma unroll
       for (int p = 0; p < 2; ++p) {
-        pixel[p].keys.insert(weight[p], kEarlier + static_cast<std::uint32_t>(place), id,
-                             job.frame);
+        pixel[p].keys.insert(weight[p],
+                             static_cast<std::uint32_t>(Keys<kKeys>::kPlaces + place), shared,
+                             pixel_of_thread(p), job.frame);
       }
     }
   }

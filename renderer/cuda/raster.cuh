@@ -12,6 +12,7 @@
 #include "renderer/cuda/kernels.h"
 #include "renderer/cuda/pixel.cuh"
 #include "renderer/cuda/resolve.cuh"
+#include "renderer/cuda/resolve_many.cuh"
 
 namespace segsim::renderer::cuda {
 
@@ -21,7 +22,8 @@ __device__ inline std::uint8_t to_byte(float value) {
 
 template <bool kRgb, bool kNormal, int kKeys>
 __device__ void write_pixel(const RasterJob& job, TileShared& shared,
-                            const Pixel<kKeys>& pixel, std::size_t at) {
+                            const Pixel<kKeys>& pixel, int pixel_of_block,
+                            const std::uint32_t* earlier, std::size_t at) {
   const FrameView& frame = job.frame;
   const ImageView& image = frame.image;
   const float alpha = 1.0F - pixel.transmittance;
@@ -46,12 +48,12 @@ __device__ void write_pixel(const RasterJob& job, TileShared& shared,
   if (!frame.labels && !frame.features) return;
   Label label;
   if constexpr (kKeys > 0) {
-    Selected<kKeys> selected;
-    if (surface) pixel.keys.select(shared, frame, selected);
+    typename Keys<kKeys>::Selected selected;
+    if (surface) pixel.keys.select(shared, pixel_of_block, earlier, frame, selected);
     if (frame.counts) atomicAdd(&shared.fetches, static_cast<unsigned>(selected.count));
-    if (job.field.head != nullptr) {
+    if (frame.labels && job.field.head != nullptr) {
       label = resolve_panoptic(selected, job.field);
-    } else if (job.label != nullptr) {
+    } else if (frame.labels && job.label != nullptr) {
       label = vote_labels(selected, job.label);
     }
     if (frame.features) {
@@ -179,8 +181,11 @@ __device__ void draw_tile(const RasterJob& job, TileShared& shared, int tile) {
     done += chunk;
     tile_live = __syncthreads_or(live ? 1 : 0) != 0;
     if (tile_live && done < count) {
-      quarter.pixel[0].keys.leave_chunk(shared, 2 * thread);
-      quarter.pixel[1].keys.leave_chunk(shared, 2 * thread + 1);
+#pragma unroll
+      for (int p = 0; p < 2; ++p) {
+        quarter.pixel[p].keys.leave_chunk(shared, pixel_of_thread(p), quarter.earlier[p],
+                                          frame);
+      }
       __syncthreads();
     }
   }
@@ -202,7 +207,8 @@ __device__ void draw_tile(const RasterJob& job, TileShared& shared, int tile) {
       if (x >= frame.width_px || y + kPixelStep * p >= frame.height_px) break;
       const Pixel<kKeys> pixel = p == 0 ? quarter.pixel[0] : quarter.pixel[1];
       write_pixel<kRgb, kNormal, kKeys>(
-          job, shared, pixel, at + static_cast<std::size_t>(kPixelStep * p) * frame.width_px);
+          job, shared, pixel, pixel_of_thread(p), quarter.earlier[p],
+          at + static_cast<std::size_t>(kPixelStep * p) * frame.width_px);
     }
   }
   if (lane == 0) atomicAdd(&shared.evaluations, evaluations);
@@ -220,14 +226,28 @@ __device__ void draw_tile(const RasterJob& job, TileShared& shared, int tile) {
   }
 }
 
+/// Many keys take what the launch asks for, beyond the struct's end.
+template <int kKeys>
+__device__ TileShared& shared_memory() {
+  if constexpr (kKeys == kManyKeys) {
+    extern __shared__ uint4 memory[];
+    return *reinterpret_cast<TileShared*>(memory);
+  } else {
+    __shared__ TileShared memory;
+    return memory;
+  }
+}
+
 /// A sixth block would fit if registers were spilled, which costs more than it hides.
 template <bool kNormal, int kKeys>
-inline constexpr int kResidentBlocks = kNormal&& kKeys > 0 ? 5 : 6;
+inline constexpr int kResidentBlocks = kKeys == kManyKeys    ? 4
+                                       : kNormal&& kKeys > 0 ? 5
+                                                             : 6;
 
 template <bool kRgb, bool kNormal, int kKeys>
 __global__ void __launch_bounds__(kTileThreads, (kResidentBlocks<kNormal, kKeys>))
     raster_tiles(RasterJob job) {
-  __shared__ TileShared shared;
+  TileShared& shared = shared_memory<kKeys>();
   const FrameView& frame = job.frame;
   const auto total =
       job.redo ? frame.queue[2]
@@ -249,11 +269,19 @@ __global__ void __launch_bounds__(kTileThreads, (kResidentBlocks<kNormal, kKeys>
 template <bool kRgb, bool kNormal, int kKeys>
 void launch(const RasterJob& job, cudaStream_t stream) {
   const auto kernel = raster_tiles<kRgb, kNormal, kKeys>;
+  std::size_t bytes = 0;
+  if constexpr (kKeys == kManyKeys) {
+    bytes = shared_bytes(job.frame.top_k);
+    throw_on_error(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize,
+                                        static_cast<int>(bytes)),
+                   "cudaFuncSetAttribute");
+  }
   const int tiles = job.frame.tiles_x * job.frame.tiles_y * job.frame.cameras;
-  const int resident = resident_blocks(reinterpret_cast<const void*>(kernel), kTileThreads);
+  const int resident =
+      resident_blocks(reinterpret_cast<const void*>(kernel), kTileThreads, bytes);
   const int wanted = resident < tiles ? resident : tiles;
   // clang-format off
-  kernel<<<wanted, kTileThreads, 0, stream>>>(job);
+  kernel<<<wanted, kTileThreads, bytes, stream>>>(job);
   // clang-format on
   throw_on_error(cudaGetLastError(), "raster_tiles");
 }

@@ -4,7 +4,8 @@
 ///
 ///     cuda_bench [frames [part]]      240 frames a row without; part: quick (no 5 M surfels,
 ///                                     no rooms, no K = 24), one (the first row),
-///                                     batch (of 64), rooms (nine, eight of them behind walls)
+///                                     batch (of 64), rooms (nine, eight of them behind
+///                                     walls), top-k (labels and features of K surfels)
 
 #include <algorithm>
 #include <chrono>
@@ -97,7 +98,9 @@ PanopticModel room_model(const SurfelCloud& cloud, int queries) {
 }
 
 /// @param surfels  Of one room.
-BenchScene make_scene(int surfels, double spread, bool field, int rooms = 1) {
+/// @param features  Of the surfels stay, beside the field that is made of them.
+BenchScene make_scene(int surfels, double spread, bool field, int rooms = 1,
+                      bool features = false) {
   RoomSceneOptions options;
   options.surfel_count = surfels;
   options.spread = spread;
@@ -112,6 +115,8 @@ BenchScene make_scene(int surfels, double spread, bool field, int rooms = 1) {
   if (field) {
     scene.field = std::make_shared<const PanopticField>(
         fold_panoptic_model(cloud, room_model(cloud, 64)));
+  }
+  if (!features) {
     cloud.semantic_feature = {};
     cloud.instance_feature = {};
   }
@@ -231,6 +236,20 @@ void run_rooms(const BenchScene& rooms, const RunRow& run) {
   run({"rooms, always culling", &rooms, 1296, 968, all, 1, {}, {}, {}, true});
 }
 
+/// What K costs: labels of the field, and 48 channels of features.
+void run_top_k(const BenchScene& scene, const RunRow& run) {
+  const Channels features = Channels::kRgbd | Channels::kNormal | Channels::kFeatures;
+  for (const int k : {1, 2, 3, 4, 8, 16, 24}) {
+    const std::string name = "K = " + std::to_string(k);
+    run({"labels, " + name, &scene, 1296, 968, Channels::kAll, 1, {.top_k = k}});
+    run({"features, " + name, &scene, 1296, 968, features, 1, {.top_k = k}});
+  }
+  const RenderOptions first{.top_k = 24, .top_k_rule = TopKRule::kFirst};
+  run({"labels, first 24", &scene, 1296, 968, Channels::kAll, 1, first});
+  run({"features, first 24", &scene, 1296, 968, features, 1, first});
+  run({"neither", &scene, 1296, 968, Channels::kRgbd | Channels::kNormal});
+}
+
 core::MeasurementGoal at_most(double bar, double aim) {
   return {core::MeasurementGoal::Kind::kAtMost, bar, aim};
 }
@@ -268,12 +287,15 @@ std::vector<Row> standard_rows(const BenchScene& dense, const BenchScene& plain)
 
 void run_all(const std::string& part, const RunRow& run) {
   if (part == "rooms") return run_rooms(make_scene(500'000, 1.6, false, 9), run);
-  auto dense_later = std::async(std::launch::async, make_scene, 1'000'000, 1.6, true, 1);
-  auto plain_later = std::async(std::launch::async, make_scene, 1'000'000, 1.0, true, 1);
+  if (part == "top-k") return run_top_k(make_scene(1'000'000, 1.6, true, 1, true), run);
+  auto dense_later =
+      std::async(std::launch::async, make_scene, 1'000'000, 1.6, true, 1, false);
+  auto plain_later =
+      std::async(std::launch::async, make_scene, 1'000'000, 1.0, true, 1, false);
   std::future<BenchScene> large_later, rooms_later;
   if (part.empty()) {
-    rooms_later = std::async(std::launch::async, make_scene, 500'000, 1.6, false, 9);
-    large_later = std::async(std::launch::async, make_scene, 5'000'000, 1.0, false, 1);
+    rooms_later = std::async(std::launch::async, make_scene, 500'000, 1.6, false, 9, false);
+    large_later = std::async(std::launch::async, make_scene, 5'000'000, 1.0, false, 1, false);
   }
   const BenchScene dense = dense_later.get(), plain = plain_later.get();
   for (const Row& row : standard_rows(dense, plain)) {
