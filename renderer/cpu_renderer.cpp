@@ -147,8 +147,8 @@ class CpuRenderer final : public core::Renderer {
 
   /// Clusters of a slab; a multiple of kClustersPerTask.
   [[nodiscard]] std::size_t slab_size(std::size_t visible) const {
-    // A log of all surfels of a pixel, and the pixels of very large images, are not kept from
-    // one slab to the next.
+    // What is kept of all surfels of a pixel, and the pixels of very large images, do not wait
+    // from one slab to the next.
     constexpr std::size_t kMaxTiles = 65536;
     if (!options_.skip_hidden || options_.top_k == kAllSurfels ||
         bins_.tile_count() > kMaxTiles) {
@@ -179,6 +179,8 @@ class CpuRenderer final : public core::Renderer {
                                   .wants_depth = has(channels, Channels::kDepth),
                                   .first_hits = options_.top_k_rule == TopKRule::kFirst,
                                   .all_surfels = options_.top_k == kAllSurfels,
+                                  .logs_labels = internal::wants_labels(resolve, channels),
+                                  .sums_features = internal::wants_features(resolve, channels),
                                   .labels_only = channels == Channels::kLabels,
                                   .stop_transmittance = options_.compat == Compat::kExact
                                                             ? kStopTransmittance

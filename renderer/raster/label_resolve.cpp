@@ -47,22 +47,6 @@ namespace {
 
 HWY_EXPORT(mean_features);
 
-/// Weighted sums of many small terms, for pixels that keep all their surfels.
-template <std::size_t kSize>
-void precise_mean(const std::vector<std::array<float, kSize>>& rows,
-                  std::span<const WeightedSurfel> selected, std::array<float, kSize>& mean) {
-  std::array<double, kSize> sum{};
-  double total = 0.0;
-  for (const WeightedSurfel& s : selected) {
-    const auto weight = static_cast<double>(s.weight);
-    total += weight;
-    for (std::size_t i = 0; i < kSize; ++i) {
-      sum[i] += weight * static_cast<double>(rows[s.surfel][i]);
-    }
-  }
-  for (std::size_t i = 0; i < kSize; ++i) mean[i] = static_cast<float>(sum[i] / total);
-}
-
 /// If the largest entries of all rows have the same index, no other index can have a larger
 /// sum: that is so for most pixels, and the other entries need not be read.
 /// @return  Index -1 without entries, -2 if the rows differ.
@@ -149,12 +133,7 @@ PixelLabel resolve_panoptic(const PanopticField& field,
 
 void resolve_features(const SurfelCloud& cloud, std::span<const WeightedSurfel> selected,
                       core::SemanticFeature& semantic, core::InstanceFeature& instance) {
-  if (selected.size() <= static_cast<std::size_t>(kMaxTopK)) {
-    HWY_DYNAMIC_DISPATCH(mean_features)(cloud, selected, semantic, instance);
-  } else {
-    precise_mean(cloud.semantic_feature, selected, semantic);
-    precise_mean(cloud.instance_feature, selected, instance);
-  }
+  HWY_DYNAMIC_DISPATCH(mean_features)(cloud, selected, semantic, instance);
 }
 
 }  // namespace segsim::renderer::internal

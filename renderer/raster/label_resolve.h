@@ -32,13 +32,18 @@ struct ResolveJob {
   TopKRule rule = TopKRule::kHeaviest;
 };
 
-/// Whether the blend loop must select surfels: else keys and logs stay untouched.
+/// Whether there are labels, or features, to be had of those that are wanted.
+[[nodiscard]] inline bool wants_labels(const ResolveJob& job, core::Channels channels) {
+  return core::has(channels, core::Channels::kLabels) &&
+         (job.field != nullptr || job.labelled);
+}
+[[nodiscard]] inline bool wants_features(const ResolveJob& job, core::Channels channels) {
+  return core::has(channels, core::Channels::kFeatures) && job.cloud != nullptr &&
+         job.cloud->has_features();
+}
+/// Whether the blend loop must select surfels: else keys stay untouched.
 [[nodiscard]] inline bool wants_candidates(const ResolveJob& job, core::Channels channels) {
-  const bool labels =
-      core::has(channels, core::Channels::kLabels) && (job.field != nullptr || job.labelled);
-  const bool features = core::has(channels, core::Channels::kFeatures) &&
-                        job.cloud != nullptr && job.cloud->has_features();
-  return labels || features;
+  return wants_labels(job, channels) || wants_features(job, channels);
 }
 
 /// A surfel that a pixel selected, by its slot in ProjectedSurfels.
@@ -97,6 +102,7 @@ struct ResolveScratch {
                                           ResolveScratch& scratch);
 
 /// Weighted means of the surfels' features, weights renormalised to 1; zero without surfels.
+/// @param selected  At most kMaxTopK.
 void resolve_features(const SurfelCloud& cloud, std::span<const WeightedSurfel> selected,
                       core::SemanticFeature& semantic, core::InstanceFeature& instance);
 

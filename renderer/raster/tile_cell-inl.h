@@ -194,6 +194,18 @@ HWY_INLINE V key_of(V weight, hn::Vec<Keys> low_bits) {
   return hn::BitCast(Floats(), hn::OrAnd(low_bits, shifted, hn::Set(dk, kKeyWeightMask)));
 }
 
+/// Adds weight * feature, channel by channel.
+template <std::size_t kSize>
+HWY_INLINE void add_features(float weight, const std::array<float, kSize>& feature,
+                             float* sums) {
+  const hn::CappedTag<float, core::kSemanticFeatureSize> d;
+  for (std::size_t c = 0; c < kSize; c += hn::Lanes(d)) {
+    hn::StoreU(hn::MulAdd(hn::Set(d, weight), hn::LoadU(d, feature.data() + c),
+                          hn::LoadU(d, sums + c)),
+               d, sums + c);
+  }
+}
+
 /// A vector of pixels in registers. Keys are compared as floats, whose order for positive
 /// numbers is that of their bits: float minima run on more ports.
 ///
@@ -300,17 +312,29 @@ struct Pixels {
     return !hn::AllFalse(d, hn::Gt(key_of(best_later, hn::Zero(Keys())), lightest));
   }
 
-  /// All surfels count: remembers the pixels that were hit.
-  HWY_INLINE static void log_pixels(V weight, std::uint32_t slot, TileState& state,
-                                    std::size_t p) {
+  /// All surfels count: remembers the pixels that were hit, and adds the surfel's features to
+  /// theirs.
+  HWY_INLINE static void take_all(V weight, std::uint32_t slot, const RasterJob& job,
+                                  TileState& state, std::size_t p) {
     const Floats d;
     alignas(64) float weights[kCellPixels];
     hn::Store(weight, d, weights);
+    const std::uint32_t surfel = job.projected.shade[slot].surfel;
     for (std::uint64_t bits = bits_of(hn::Gt(weight, hn::Zero(d))); bits != 0;
          bits &= bits - 1) {
       const int lane = std::countr_zero(bits);
-      accumulate_all(state, row_major(p + static_cast<std::size_t>(lane)), weights[lane],
-                     slot);
+      const std::size_t pixel = row_major(p + static_cast<std::size_t>(lane));
+      if (job.logs_labels) {
+        state.all->log.push_back({weights[lane], slot, static_cast<std::uint32_t>(pixel)});
+      }
+      if (job.sums_features) {
+        const SurfelCloud& cloud = *job.resolve->cloud;
+        float* sums = &state.all->sums[pixel * kFeatureChannels];
+        add_features(weights[lane], cloud.semantic_feature[surfel], sums);
+        add_features(weights[lane], cloud.instance_feature[surfel],
+                     sums + core::kSemanticFeatureSize);
+        ++state.all->rows_read;
+      }
     }
   }
 
@@ -320,7 +344,7 @@ struct Pixels {
     const Keys dk;
     if constexpr (kKeys != kRegisterKeys) {
       if (job.all_surfels) {
-        log_pixels(weight, chunk.slot[i], state, p);
+        take_all(weight, chunk.slot[i], job, state, p);
         return;
       }
     }

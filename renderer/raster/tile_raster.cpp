@@ -150,7 +150,7 @@ void copy_state(const RasterJob& job, int key_count, const TileState& from, Tile
     return;
   }
   to.window_closed = false;
-  to.log = from.log;
+  to.all = from.all;
   to.transmittance = from.transmittance;
   to.running = from.running;
   if (job.wants_depth && job.median_depth) to.front = from.front;

@@ -27,7 +27,9 @@ struct RasterJob {
   bool selects = false;                 ///< The Top-K surfels of a pixel are wanted.
   bool wants_depth = true;
   bool first_hits = false;   ///< TopKRule::kFirst.
-  bool all_surfels = false;  ///< top_k == kAllSurfels.
+  bool all_surfels = false;  ///< top_k == kAllSurfels: of those, what labels and features
+  bool logs_labels = false;  ///< need.
+  bool sums_features = false;
   /// Nothing but labels is wanted: a pixel is finished once its Top-K cannot change.
   bool labels_only = false;
   float stop_transmittance = kStopTransmittance;

@@ -14,34 +14,33 @@ namespace {
 using core::Channels;
 using core::has;
 
-/// Logs of the tiles in progress, kept for later ones. Only renderers that keep all surfels
+/// Memory of the tiles in progress, kept for later ones. Only renderers that keep all surfels
 /// come here, so a lock does no harm.
-class LogPool {
+class AllSurfelsPool {
  public:
-  CandidateLog* take() {
+  AllSurfels* take() {
     const std::lock_guard lock(mutex_);
     if (free_.empty()) {
-      logs_.push_back(std::make_unique<CandidateLog>());
-      free_.push_back(logs_.back().get());
+      made_.push_back(std::make_unique<AllSurfels>());
+      free_.push_back(made_.back().get());
     }
-    CandidateLog* log = free_.back();
+    AllSurfels* all = free_.back();
     free_.pop_back();
-    log->clear();
-    return log;
+    return all;
   }
-  void give_back(CandidateLog* log) {
+  void give_back(AllSurfels* all) {
     const std::lock_guard lock(mutex_);
-    free_.push_back(log);
+    free_.push_back(all);
   }
 
  private:
   std::mutex mutex_;
-  std::vector<std::unique_ptr<CandidateLog>> logs_;
-  std::vector<CandidateLog*> free_;
+  std::vector<std::unique_ptr<AllSurfels>> made_;
+  std::vector<AllSurfels*> free_;
 };
 
-LogPool& log_pool() {
-  static LogPool pool;
+AllSurfelsPool& all_surfels_pool() {
+  static AllSurfelsPool pool;
   return pool;
 }
 
@@ -103,7 +102,12 @@ void clear_tile(const RasterJob& job, std::size_t tile, int key_count, TileState
   }
   for (int k = 0; k < key_count; ++k) state.keys[k].fill(0);
   state.window_closed = false;
-  state.log = job.resolve->top_k == kAllSurfels ? log_pool().take() : nullptr;
+  state.all = job.all_surfels && job.selects ? all_surfels_pool().take() : nullptr;
+  if (state.all != nullptr) {
+    state.all->log.clear();
+    state.all->sums.assign(job.sums_features ? kTilePixels * kFeatureChannels : 0, 0.0F);
+    state.all->rows_read = 0;
+  }
   // Whole tiles need not care in which order the pixels are.
   const PixelRectangle at = rectangle_of(job, tile);
   const bool whole = at.width == kTileSizePx && at.height == kTileSizePx;
@@ -131,7 +135,7 @@ void close_window(const RasterJob& job, std::span<const std::uint32_t> list,
 void select_surfels(const ResolveJob& resolve, std::span<const std::uint32_t> list,
                     std::uint32_t window, const TileState& state, SelectedSurfels& selected) {
   if (resolve.top_k == kAllSurfels) {
-    selected.assign(*state.log, kTilePixels);
+    selected.assign(state.all->log, kTilePixels);
     return;
   }
   std::array<WeightedSlot, 2 * kMaxTopK> found{};
@@ -155,9 +159,9 @@ void select_surfels(const ResolveJob& resolve, std::span<const std::uint32_t> li
   }
 }
 
-void return_log(TileState& state) {
-  if (state.log != nullptr) log_pool().give_back(state.log);
-  state.log = nullptr;
+void return_all(TileState& state) {
+  if (state.all != nullptr) all_surfels_pool().give_back(state.all);
+  state.all = nullptr;
 }
 
 }  // namespace segsim::renderer::internal

@@ -12,7 +12,7 @@
 ///
 ///     kFirst     1 ... 24      the same, but only while keys[K-1] is empty
 ///
-///     either     kAllSurfels   accumulate_all(); the keys are not used
+///     either     kAllSurfels   what TileState::all wants; the keys are not used
 ///
 /// A key names a position in the present window of the tile's list. Before positions start
 /// anew (a long list, or a later part of the scene), close_window() puts the keys aside; slots
@@ -33,8 +33,16 @@ namespace segsim::renderer::internal {
 inline constexpr std::size_t kTilePixels =
     static_cast<std::size_t>(kTileSizePx) * static_cast<std::size_t>(kTileSizePx);
 
-/// All surfels of all pixels of a tile, in the order in which they were blended.
-using CandidateLog = std::vector<SelectedSurfels::Entry>;
+/// What a tile keeps when all surfels of a pixel count.
+struct AllSurfels {
+  /// For labels: everything, in the order in which it was blended.
+  std::vector<SelectedSurfels::Entry> log;
+  /// For features: sums of weight * feature, accumulated in place; 16 + 32 of each pixel.
+  std::vector<float> sums;
+  std::uint64_t rows_read = 0;  ///< For `sums`.
+};
+inline constexpr std::size_t kFeatureChannels =
+    core::kSemanticFeatureSize + core::kInstanceFeatureSize;
 
 /// Entry of every plane that belongs to pixel (x, y) of the tile.
 [[nodiscard]] constexpr std::size_t plane_index(int x, int y) {
@@ -68,21 +76,8 @@ struct TileState {
   bool window_closed;
   /// Lent from clear_tile() to write_tile() if all surfels count, so that a tile may wait and
   /// go on in another thread; else null.
-  CandidateLog* log;
+  AllSurfels* all;
 };
-
-/// Remembers a surfel of a pixel when all of them count. @param weight  > 0.
-inline void accumulate_all(TileState& state, std::size_t pixel, float weight,
-                           std::uint32_t slot) {
-  state.log->push_back({weight, slot, static_cast<std::uint32_t>(pixel)});
-}
-/// The same for `count` pixels from `first_pixel` on; weights of 0 are left out.
-inline void accumulate_all(TileState& state, std::size_t first_pixel, const float* weights,
-                           std::size_t count, std::uint32_t slot) {
-  for (std::size_t i = 0; i < count; ++i) {
-    if (weights[i] > 0.0F) accumulate_all(state, first_pixel + i, weights[i], slot);
-  }
-}
 
 /// Empties the parts that the job needs.
 /// @param key_count  Planes of keys in use; 0 if none are or all surfels count.
@@ -102,7 +97,7 @@ void select_surfels(const ResolveJob& resolve, std::span<const std::uint32_t> li
                     std::uint32_t window, const TileState& state,
                     std::span<const std::uint16_t> pixels, SelectedSurfels& selected);
 
-/// Gives back the log that clear_tile() took.
-void return_log(TileState& state);
+/// Gives back what clear_tile() took.
+void return_all(TileState& state);
 
 }  // namespace segsim::renderer::internal

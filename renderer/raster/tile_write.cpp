@@ -219,6 +219,21 @@ void write_features(const RasterJob& job, const PixelRectangle& at, bool known,
   copy_rows(scratch.instance_feature.data(), at, job.frame.instance_feature);
 }
 
+/// The means of all surfels' features.
+void divide_sums(const TileState& state, TileScratch& scratch) {
+  const float* sums = state.all->sums.data();
+  for (std::size_t pixel = 0; pixel < kTilePixels; ++pixel, sums += kFeatureChannels) {
+    const float alpha = 1.0F - state.transmittance[pixel];
+    const float scale = alpha > 0.0F ? 1.0F / alpha : 0.0F;
+    for (std::size_t c = 0; c < core::kSemanticFeatureSize; ++c) {
+      scratch.semantic_feature[pixel][c] = scale * sums[c];
+    }
+    for (std::size_t c = 0; c < core::kInstanceFeatureSize; ++c) {
+      scratch.instance_feature[pixel][c] = scale * sums[core::kSemanticFeatureSize + c];
+    }
+  }
+}
+
 LabelPlanes planes_of(TileLabels& labels) {
   return {labels.semantic.data(), labels.instance.data(), labels.confidence.data(),
           labels.instance_confidence.data()};
@@ -262,10 +277,10 @@ std::uint64_t write_selected(const RasterJob& job, const PixelRectangle& at,
   const ResolveJob& resolve = *job.resolve;
   TileScratch& scratch = scratch_of_thread();
   const bool labels = has(job.channels, Channels::kLabels);
-  const bool labels_known = labels && (resolve.field != nullptr || resolve.labelled);
+  const bool labels_known = wants_labels(resolve, job.channels);
   const bool features = has(job.channels, Channels::kFeatures);
-  const bool features_known =
-      features && resolve.cloud != nullptr && resolve.cloud->has_features();
+  const bool features_known = wants_features(resolve, job.channels);
+  const bool features_summed = features_known && job.all_surfels;
   const LabelPlanes planes = planes_of(scratch.labels);
   // Straight from the keys: the common case.
   const bool plain = !features_known && !state.window_closed && resolve.top_k != kAllSurfels;
@@ -276,16 +291,20 @@ std::uint64_t write_selected(const RasterJob& job, const PixelRectangle& at,
     rows = vote_row(keys, list.data() + window, job.projected.shade.data(), planes);
   } else if (labels_known && plain && resolve.tops != nullptr) {
     rows = resolve_field(job, list, window, state, keys, scratch);
-  } else if (labels_known || features_known) {
+  } else if (labels_known || (features_known && !features_summed)) {
     select_surfels(resolve, list, window, state, scratch.selected);
     ResolvedPixels out;
     if (labels_known) out.labels = &planes;
-    if (features_known) {
+    if (features_known && !features_summed) {
       out.semantic_feature = scratch.semantic_feature.data();
       out.instance_feature = scratch.instance_feature.data();
     }
     rows =
         scratch.resolver.resolve(resolve, job.projected.shade.data(), scratch.selected, out);
+  }
+  if (features_summed) {
+    divide_sums(state, scratch);
+    rows += state.all->rows_read;
   }
   if (labels) write_labels(job, at, labels_known, state, scratch.labels);
   if (features) write_features(job, at, features_known, state, scratch);
@@ -303,7 +322,7 @@ std::uint64_t write_tile(const RasterJob& job, std::size_t tile,
   if (has(job.channels, Channels::kLabels) || has(job.channels, Channels::kFeatures)) {
     rows = write_selected(job, at, list, window, state);
   }
-  return_log(state);
+  return_all(state);
   return rows;
 }
 

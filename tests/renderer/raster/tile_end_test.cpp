@@ -65,11 +65,22 @@ class TileEnd : public Panoptic {
     return static_cast<std::uint32_t>(list_.size()) - 1 - slot;
   }
 
+  /// As the blend loop does where all surfels count.
+  void take(const WeightedSlot& s, std::size_t pixel, AllSurfels& all) const {
+    all.log.push_back({s.weight, s.slot, static_cast<std::uint32_t>(pixel)});
+    if (all.sums.empty()) return;
+    float* sum = &all.sums[pixel * kFeatureChannels];
+    const std::uint32_t surfel = projected_.shade[s.slot].surfel;
+    for (const float f : cloud_.semantic_feature[surfel]) *sum++ += s.weight * f;
+    for (const float f : cloud_.instance_feature[surfel]) *sum++ += s.weight * f;
+    ++all.rows_read;
+  }
+
   void fill(const ResolveJob& resolve, TileState& state) const {
     for (std::size_t pixel = 0; pixel < kTilePixels; ++pixel) {
       std::vector<std::uint32_t> keys;
       for (const WeightedSlot& s : stacks_[pixel]) {
-        if (resolve.top_k == kAllSurfels) accumulate_all(state, pixel, s.weight, s.slot);
+        if (state.all != nullptr) take(s, pixel, *state.all);
         keys.push_back(make_key(s.weight, position_of(s.slot)));
         state.transmittance[pixel] -= s.weight;
       }
@@ -104,7 +115,11 @@ class TileEnd : public Panoptic {
                         .top_k = resolve.top_k,
                         .median_depth = true,
                         .labelled = resolve.labelled,
-                        .resolve = &resolve};
+                        .resolve = &resolve,
+                        .selects = wants_candidates(resolve, channels),
+                        .all_surfels = resolve.top_k == kAllSurfels,
+                        .logs_labels = wants_labels(resolve, channels),
+                        .sums_features = wants_features(resolve, channels)};
     const auto state = std::make_unique<TileState>();
     clear_tile(job, 0, resolve.top_k, *state);
     fill(resolve, *state);
@@ -277,19 +292,6 @@ TEST_F(TileEnd, WindowsAreJoinedByTheRule) {
     EXPECT_EQ(frame_.instance(4, 4), first ? 11 : 13);
     EXPECT_NEAR(frame_.confidence(4, 4), first ? 0.2F / 0.325F : 0.5F / 0.7F, 1e-3F);
   }
-}
-
-TEST_F(TileEnd, AVectorOfWeightsIsLoggedWithoutItsZeros) {
-  const auto state = std::make_unique<TileState>();
-  CandidateLog log;
-  state->log = &log;
-  const std::array<float, 4> weights = {0.5F, 0.0F, 0.25F, 0.0F};
-  accumulate_all(*state, 32, weights.data(), weights.size(), 9);
-  ASSERT_EQ(log.size(), 2U);
-  EXPECT_EQ(log[0].pixel, 32U);
-  EXPECT_EQ(log[1].pixel, 34U);
-  EXPECT_EQ(log[1].weight, 0.25F);
-  EXPECT_EQ(log[1].slot, 9U);
 }
 
 }  // namespace
