@@ -1,7 +1,9 @@
 """Gradients of the rasterizer in PyTorch: against differences, against C++, and in training."""
 
 import gc
+import pathlib
 import subprocess
+import sys
 import threading
 
 import numpy as np
@@ -14,7 +16,7 @@ from conftest import program_of  # noqa: E402
 from fastsegsim import InputError, differentiable  # noqa: E402
 from fastsegsim.differentiable import depth_normals, native_rasterizers, rasterize  # noqa: E402
 from surfel_files import write_room  # noqa: E402
-from trainable_surfels import PARAMETERS, T_WORLD_CAMERA, random_surfels, read_surfels  # noqa: E402
+from trainable_surfels import PARAMETERS, T_WORLD_CAMERA, hat, random_surfels, read_surfels  # noqa: E402
 
 SIZE = (12, 9)
 K = fastsegsim.pinhole(SIZE, 1.0)
@@ -22,11 +24,12 @@ K = fastsegsim.pinhole(SIZE, 1.0)
 SMOOTH = ("rgb", "depth_m", "alpha", "normal", "distortion")
 
 
-def total_of(images, seed: int = 5):
+def total_of(images, names=SMOOTH):
     """A loss with random derivatives by every image."""
-    generator = torch.Generator().manual_seed(seed)
-    return sum((getattr(images, name) * torch.randn(getattr(images, name).shape, generator=generator,
-                                                    dtype=torch.float64).to(images.rgb.dtype)).sum() for name in SMOOTH)
+    generator = torch.Generator().manual_seed(5)
+    weights = {name: torch.randn(getattr(images, name).shape, generator=generator, dtype=torch.float64)
+               for name in SMOOTH}
+    return sum((getattr(images, name) * weights[name].to(images.rgb.dtype)).sum() for name in names)
 
 
 @pytest.mark.parametrize("name", PARAMETERS)
@@ -57,6 +60,30 @@ def test_colours_have_gradients_of_every_degree(degree):
     rasterize(*surfels, np.eye(4), K, SIZE, active_sh_degree=degree).rgb.sum().backward()
     used = surfels[4].grad.abs().amax(dim=(0, 2)) > 0
     assert used.tolist() == [k < (degree + 1) ** 2 for k in range(16)]
+
+
+@pytest.mark.parametrize("degree", [0, 1, 2, 3])
+def test_poses_have_gradients(degree):
+    surfels = [values.detach() for values in random_surfels(4, sh_degree=3)]
+    with torch.no_grad():
+        surfels[0][3] = torch.nan  # Not drawn, and no reason for NaN.
+
+    def images_of(twists):
+        moved = torch.from_numpy(T_WORLD_CAMERA) @ torch.linalg.matrix_exp(hat(twists))
+        images = rasterize(*surfels, moved, K, SIZE, active_sh_degree=degree, distortion=True, threads=1)
+        # Of each image by itself, and of all together.
+        parts = [total_of(images, names=(name,)) for name in SMOOTH]
+        return torch.stack([*parts, sum(parts)])
+
+    twists = torch.zeros(2, 6, dtype=torch.float64, requires_grad=True)
+    assert torch.autograd.gradcheck(images_of, (twists,), eps=1e-6, atol=1e-6, rtol=1e-5)
+    images_of(twists)[-1].backward()
+    assert (twists.grad.abs() > 1e-3).all()
+    # A motion of a single pose, in single precision.
+    pose = torch.from_numpy(T_WORLD_CAMERA[0]).float().requires_grad_()
+    single = [values.float() for values in surfels]
+    rasterize(*single, pose, K, SIZE, active_sh_degree=degree).depth_m.sum().backward()
+    assert pose.grad.dtype == torch.float32 and (pose.grad[3] == 0).all() and pose.grad[2, 3].abs() > 1e-3
 
 
 @pytest.mark.parametrize("kind", ["float", "double"])
@@ -241,6 +268,21 @@ def test_memory_is_used_again():
     assert not native_rasterizers._idle
 
 
+def test_a_program_may_end_with_graphs_and_memory():
+    ended = subprocess.run([sys.executable, "-c", """
+import numpy, torch, fastsegsim
+from fastsegsim.differentiable import rasterize
+from trainable_surfels import random_surfels
+surfels = random_surfels(4)
+def total():
+    return rasterize(*surfels, numpy.eye(4), fastsegsim.pinhole((12, 9), 1.0), (12, 9)).rgb.sum()
+total().backward()
+kept = total()
+print(kept.requires_grad)
+"""], capture_output=True, text=True, check=True, cwd=pathlib.Path(__file__).parent)
+    assert (ended.stdout, ended.stderr) == ("True\n", "")
+
+
 def test_threads_draw_side_by_side():
     surfels = [values.detach() for values in random_surfels(200, torch.float32)]
     expected = {}
@@ -290,6 +332,7 @@ def test_what_cannot_be_drawn_is_not():
     ({"sh": lambda sh: sh[:, :2]}, "sh: expected 1, 4, 9 or 16 coefficients of a colour, found 2"),
     ({"T_world_camera": lambda _: 2 * np.eye(4)}, "T_world_camera: expected"),
     ({"K": lambda _: np.zeros((3, 3))}, "K: expected rows"),
+    ({"T_world_camera": lambda _: torch.zeros(4, 4, requires_grad=True)}, "T_world_camera: expected"),
     ({"size": lambda _: (0, 5)}, "size: expected width and height"),
     ({"active_sh_degree": lambda _: 2}, "active_sh_degree: expected 0 to 1, found 2"),
     ({"threads": lambda _: -1}, "threads: expected 0 to 1024, found -1"),

@@ -9,7 +9,7 @@ import fastsegsim  # noqa: E402
 from fastsegsim import InputError  # noqa: E402
 from fastsegsim.differentiable import NEAR_M, depth_normals, rasterization_2dgs, rasterize  # noqa: E402
 from surfel_files import SH_C0, write_room  # noqa: E402
-from trainable_surfels import T_WORLD_CAMERA, random_surfels, read_surfels  # noqa: E402
+from trainable_surfels import T_WORLD_CAMERA, hat, random_surfels, read_surfels  # noqa: E402
 
 SIZE = (12, 9)
 VIEWMATS = torch.from_numpy(np.linalg.inv(T_WORLD_CAMERA))
@@ -81,6 +81,21 @@ def test_gradients_are_those_of_differences(name):
         return colors, alphas, normals
 
     assert torch.autograd.gradcheck(images_of, (inputs[k],), eps=1e-6, atol=1e-6, rtol=1e-5)
+
+
+def test_view_matrices_have_gradients():
+    inputs = [values.detach() for values in leaves(4)]
+    small, cameras = (8, 6), KS * torch.tensor([[8 / 12], [6 / 9], [1.0]])
+
+    def images_of(twists):
+        moved = torch.linalg.matrix_exp(hat(twists)) @ VIEWMATS
+        colors, alphas, normals, *_ = rasterization_2dgs(*inputs, moved, cameras, *small, render_mode="RGB+D",
+                                                        threads=1)
+        return torch.stack([(image * torch.linspace(-1, 1, image.numel()).view_as(image)).sum()
+                            for image in (colors, alphas, normals)])
+
+    assert torch.autograd.gradcheck(images_of, (torch.zeros(2, 6, dtype=torch.float64, requires_grad=True),),
+                                    eps=1e-6, atol=1e-6, rtol=1e-5)
 
 
 def test_normals_of_depth_have_gradients():
@@ -176,7 +191,7 @@ def test_screen_gradients_come_with_backward():
      r"backgrounds: expected shape \[2, 3\], found \[1, 3\]"),
     ({"viewmats": 2 * VIEWMATS}, InputError, "expected .* in the last row"),
     ({"Ks": KS[:1]}, InputError, r"Ks: expected shape \[2, 3, 3\], found \[1, 3, 3\]"),
-    ({"viewmats": VIEWMATS.clone().requires_grad_()}, NotImplementedError, "viewmats: expected a tensor that requires no"),
+    ({"Ks": KS.clone().requires_grad_()}, NotImplementedError, "Ks: expected a tensor that requires no gradient"),
     ({"means": torch.zeros(1, 5, 3)}, InputError, r"means: expected shape \[N, 3\], found \[1, 5, 3\]"),
     ({"opacities": torch.zeros(5, 1, dtype=torch.float64)}, InputError, r"opacities: expected shape \[5\]"),
     ({"colors": torch.zeros(5, 0, dtype=torch.float64)}, InputError, "colors: expected at least one channel"),

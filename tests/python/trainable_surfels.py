@@ -8,6 +8,8 @@ from torch import Tensor
 
 import fastsegsim
 
+# Tensors are small here; beside other programs, several threads of PyTorch take a hundred times as long as one.
+torch.set_num_threads(1)
 PARAMETERS = ("positions_m", "log_scales", "rotations", "opacity_logits", "sh")
 #: Two cameras with the z axis of the world ahead of the first one.
 T_WORLD_CAMERA = np.stack([np.eye(4), fastsegsim.look_at((0.3, -0.2, -0.4), (0.0, 0.1, 2.0))])
@@ -27,6 +29,14 @@ def random_surfels(count: int, dtype: torch.dtype = torch.float64, sh_degree: in
     log_scales = torch.log(0.1 + 0.2 * uniform(count, 2))
     drawn = (positions_m, log_scales, normal(count, 4), normal(count), 0.3 * normal(count, (sh_degree + 1) ** 2, 3))
     return [values.to(dtype).requires_grad_() for values in drawn]
+
+
+def hat(twists: Tensor) -> Tensor:
+    """[N, 4, 4] whose exponentials are motions by twists [N, 6], translation first."""
+    zero = torch.zeros_like(twists[:, 0])
+    x, y, z, a, b, c = twists.unbind(-1)
+    rows = [(zero, -c, b, x), (c, zero, -a, y), (-b, a, zero, z), (zero,) * 4]
+    return torch.stack([torch.stack(row, dim=-1) for row in rows], dim=-2)
 
 
 def read_surfels(file: pathlib.Path) -> list[Tensor]:

@@ -14,14 +14,14 @@ def depth_normals(depth_m: Tensor, T_world_camera: Any, K: Any) -> Tensor:
 
     They are those of the points that lie left, right, above and below of a pixel; the outermost pixels have none, which
     is 0. depth_m holds metres along the camera's z. T_world_camera: [4, 4], K: [3, 3]. With the views as first axis,
-    [V, H, W] and [V, 4, 4] and [3, 3] or [V, 3, 3]. Gradients lead to depth_m.
+    [V, H, W] and [V, 4, 4] and [3, 3] or [V, 3, 3].
     """
     if isinstance(depth_m, Tensor) and depth_m.dim() == 2:
         return depth_normals(depth_m[None], torch.as_tensor(T_world_camera)[None], K)[0]
     check_tensor("depth_m", depth_m, ("V", "H", "W"))
     views, height, width = depth_m.shape
-    pose = torch.as_tensor(T_world_camera).detach().to(depth_m)
-    camera = torch.as_tensor(K).detach().to(depth_m)
+    pose = torch.as_tensor(T_world_camera).to(depth_m)
+    camera = torch.as_tensor(K).to(depth_m)
     check_tensor("T_world_camera", pose, (views, 4, 4))
     if camera.dim() == 2:
         camera = camera[None]

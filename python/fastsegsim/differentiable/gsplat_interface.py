@@ -8,7 +8,8 @@ from torch import Tensor
 from fastsegsim import InputError
 from fastsegsim.differentiable.depth_normals import depth_normals
 from fastsegsim.differentiable.native_rasterizers import NEAR_M
-from fastsegsim.differentiable.rasterize import SurfelImages, camera_array, check_tensor, rasterize
+from fastsegsim.differentiable.rasterize import (SurfelImages, camera_array, check_camera_matrices, check_tensor,
+                                                 has_gradient, rasterize)
 
 _SH_C0 = 0.28209479177387814  # The harmonic of degree 0.
 _RENDER_MODES = ("RGB", "D", "ED", "RGB+D", "RGB+ED")
@@ -53,14 +54,11 @@ def _opacity_logits(opacities: Tensor) -> Tensor:
     return torch.logit(_Inside.apply(opacities, 1e-6, most))
 
 
-def _world_from_camera(viewmats: Tensor) -> Any:
+def _world_from_camera(viewmats: Tensor) -> Tensor:
     """T_world_camera [C, 4, 4] of view matrices, which C++ then checks for being rigid."""
-    matrices = torch.from_numpy(camera_array("viewmats", viewmats))
+    matrices = viewmats.to("cpu", torch.float64)
     rotation = matrices[:, :3, :3].transpose(1, 2)
-    pose = matrices.clone()
-    pose[:, :3, :3] = rotation
-    pose[:, :3, 3:] = -rotation @ matrices[:, :3, 3:]
-    return pose.numpy()
+    return torch.cat([torch.cat([rotation, -rotation @ matrices[:, :3, 3:]], dim=2), matrices[:, 3:]], dim=1)
 
 
 def _check(means: Tensor, quats: Tensor, scales: Tensor, opacities: Tensor, colors: Tensor, viewmats: Tensor, Ks: Tensor,
@@ -139,7 +137,7 @@ def rasterization_2dgs(means: Tensor, quats: Tensor, scales: Tensor, opacities: 
 
     means [N, 3], quats [N, 4] (w x y z), scales [N, 3] or [N, 2] (metres; a third one is not used), opacities [N].
     colors: [N, D] or [C, N, D], or with sh_degree harmonics [N, K, 3]. More than three channels take as many passes.
-    viewmats: T_camera_world [C, 4, 4]; Ks: [C, 3, 3].
+    viewmats: T_camera_world [C, 4, 4], with gradients as poses of rasterize() have them; Ks: [C, 3, 3].
     backgrounds: [C, D], seen through what is not opaque.
     render_mode: "RGB", "D" (sum of weights times depth), "ED" (mean depth), "RGB+D" or "RGB+ED", depth as last channel.
     distloss: whether to make the image of distortion.
@@ -166,8 +164,8 @@ def rasterization_2dgs(means: Tensor, quats: Tensor, scales: Tensor, opacities: 
         if value not in choices:
             raise InputError(f"{name}: expected {' | '.join(choices)}, found {value}")
     _check(means, quats, scales, opacities, colors, viewmats, Ks, sh_degree, backgrounds)
-    inputs = (means, quats, scales, opacities, colors)
-    differentiable = torch.is_grad_enabled() and any(tensor.requires_grad for tensor in inputs)
+    check_camera_matrices("Ks", Ks)
+    differentiable = any(map(has_gradient, (means, quats, scales, opacities, colors, viewmats)))
     if depth_mode == "median" and differentiable:
         raise NotImplementedError("depth_mode: expected expected where gradients are wanted, as the median depth has "
                                   "none, found median")
@@ -175,7 +173,7 @@ def rasterization_2dgs(means: Tensor, quats: Tensor, scales: Tensor, opacities: 
     screen = means.new_zeros((len(viewmats), len(means)), requires_grad=True) if differentiable else None
     parameters = (means, _log_scales(scales), quats, _opacity_logits(opacities))
     options = {"distortion": distloss, "screen_gradient": screen, "threads": threads, "deterministic": deterministic}
-    pose, cameras = _world_from_camera(viewmats), camera_array("Ks", Ks)
+    pose, cameras = _world_from_camera(viewmats), camera_array(Ks)
     channels, images = _draw(parameters, colors, sh_degree, pose, cameras, (width, height), options)
 
     alphas, depth_m = images.alpha[..., None], images.depth_m[..., None]

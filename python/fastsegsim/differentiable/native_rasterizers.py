@@ -1,6 +1,7 @@
 """The rasterizers of C++, each for one view at a time, which keep their memory from call to call."""
 
-import threading
+import atexit
+import weakref
 from typing import Any
 
 import torch
@@ -13,16 +14,23 @@ HAS_CUDA: bool = _rasterizer.has_cuda
 NEAR_M: float = _rasterizer.near_m
 
 _MOST_IDLE = 8  # Of a kind: a batch of that many views asks for no memory.
+# No lock: each step is a single one of a dict or a list, and collecting garbage, at any time, may hand back.
 _idle: dict[tuple[Any, ...], list[Any]] = {}
-_lock = threading.Lock()
+_used: weakref.WeakSet["Rasterizers"] = weakref.WeakSet()
 
 
 def release_memory() -> None:
     """Give back the memory that rasterizers keep for the next call: the more, the more surfels and pixels."""
-    with _lock:
-        idle = [rasterizer for rasterizers in _idle.values() for rasterizer in rasterizers]
-        _idle.clear()
-    del idle
+    while _idle:
+        _idle.popitem()
+
+
+@atexit.register
+def _end() -> None:
+    # What autograd still keeps is not destroyed at the end of a program: memory of a GPU would outlive CUDA.
+    for rasterizers in tuple(_used):
+        rasterizers.end()
+    release_memory()
 
 
 def _made(kind: tuple[Any, ...]) -> Any:
@@ -34,8 +42,10 @@ def _made(kind: tuple[Any, ...]) -> Any:
 class Rasterizers:
     """Those of one call; they are handed back when the call, or what autograd keeps of it, is gone."""
 
-    def __init__(self, like: torch.Tensor, threads: int, deterministic: bool) -> None:
+    def __init__(self, cameras: Any, like: torch.Tensor, threads: int, deterministic: bool) -> None:
         """like: a tensor of the type and at the place of all others."""
+        self.cameras = cameras
+        self._held: list[Any] = []
         if like.device.type == "cuda":
             if not HAS_CUDA:
                 raise InputError("positions_m: expected a tensor of the CPU, as this fastsegsim was built without "
@@ -48,21 +58,22 @@ class Rasterizers:
             self._kind = ("cpu", like.dtype, threads)
         else:
             raise InputError(f"positions_m: expected a tensor of the CPU or of a CUDA GPU, found {like.device}")
-        self._held: list[Any] = []
+        _used.add(self)
 
     def of_view(self, view: int) -> Any:
         """The rasterizer with this number; it is the same in every call."""
         while len(self._held) <= view:
-            with _lock:
-                idle = _idle.get(self._kind)
-                rasterizer = idle.pop() if idle else None
-            self._held.append(_made(self._kind) if rasterizer is None else rasterizer)
+            try:
+                self._held.append(_idle[self._kind].pop())
+            except LookupError:
+                self._held.append(_made(self._kind))
         return self._held[view]
 
+    def end(self) -> None:
+        """Nothing is drawn or differentiated any more."""
+        self._held, self.cameras = [], None
+
     def __del__(self) -> None:
-        held = getattr(self, "_held", None)
-        if not held:
-            return
-        with _lock:
+        if self._held:
             idle = _idle.setdefault(self._kind, [])
-            idle.extend(held[:_MOST_IDLE - len(idle)])
+            idle.extend(self._held[:max(0, _MOST_IDLE - len(idle))])

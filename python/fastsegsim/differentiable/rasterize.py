@@ -9,6 +9,7 @@ from torch import Tensor
 from torch.autograd.function import once_differentiable
 
 from fastsegsim import InputError, _rasterizer
+from fastsegsim.differentiable.camera_gradient import camera_gradient
 from fastsegsim.differentiable.native_rasterizers import Rasterizers
 
 
@@ -33,7 +34,6 @@ class _Call:
     """What autograd keeps of a call beside tensors."""
 
     rasterizers: Rasterizers
-    cameras: Any
     size: tuple[int, int]
     active_sh_degree: int
     distortion: bool
@@ -50,10 +50,11 @@ def _plain(tensors: tuple[Tensor, ...]) -> list[Tensor]:
 
 class _Rasterize(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: Any, call: _Call, screen_gradient: Tensor | None, *parameters: Tensor) -> tuple[Tensor | None, ...]:
+    def forward(ctx: Any, call: _Call, screen_gradient: Tensor | None, T_world_camera: Tensor | None,
+                *parameters: Tensor) -> tuple[Tensor | None, ...]:
         del screen_gradient  # Only its gradient is of interest.
         surfels = _plain(parameters)
-        views, (width, height) = len(call.cameras), call.size
+        views, (width, height) = len(call.rasterizers.cameras), call.size
         shapes = [(height, width, 3), (height, width), (height, width), (height, width, 3), (height, width)]
         shapes += [(height, width)] if call.distortion else []
         images = [surfels[0].new_empty((views, *shape)) for shape in shapes]
@@ -62,11 +63,11 @@ class _Rasterize(torch.autograd.Function):
             of_view = [image[view] for image in images]
             with call.present_device(surfels[0]):
                 call.rasterizers.of_view(view if call.differentiable else 0).forward(
-                    surfels, call.active_sh_degree, call.cameras, view, of_view + [None] * (6 - len(of_view)),
+                    surfels, call.active_sh_degree, call.rasterizers.cameras, view, of_view + [None] * (6 - len(of_view)),
                     max_weight[view])
         if call.differentiable:
             ctx.call = call
-            ctx.save_for_backward(*parameters)
+            ctx.save_for_backward(T_world_camera, None if T_world_camera is None else images[3], *parameters)
         ctx.set_materialize_grads(False)
         ctx.mark_non_differentiable(images[4], max_weight)
         return (*images, *([] if call.distortion else [None]), max_weight)
@@ -75,24 +76,29 @@ class _Rasterize(torch.autograd.Function):
     @once_differentiable
     def backward(ctx: Any, *by_outputs: Tensor | None) -> tuple[Tensor | None, ...]:
         call: _Call = ctx.call
-        surfels = _plain(ctx.saved_tensors)
+        poses, normal, *parameters = ctx.saved_tensors
+        surfels = _plain(parameters)
         by_images = [by_outputs[i] for i in (0, 1, 2, 3, 5)]
         by_images = [None if by is None else by.contiguous() for by in by_images]
-        views = len(call.cameras)
+        views = len(call.rasterizers.cameras)
         total = [torch.zeros_like(tensor) if views == 0 else torch.empty_like(tensor) for tensor in surfels]
         of_view = [torch.empty_like(tensor) for tensor in surfels] if views > 1 else []
         screen = surfels[0].new_empty((views, len(surfels[0]))) if ctx.needs_input_grad[1] else None
+        by_poses = torch.zeros_like(poses) if ctx.needs_input_grad[2] else None
         for view in range(views):
             gradients = of_view if view > 0 else total
             with call.present_device(surfels[0]):
                 call.rasterizers.of_view(view).backward(
                     surfels, call.active_sh_degree, [None if by is None else by[view] for by in by_images], gradients,
                     None if screen is None else screen[view])
+            if by_poses is not None:
+                by_poses[view] = camera_gradient(surfels, gradients, call.active_sh_degree, poses[view], normal[view],
+                                                 None if by_images[3] is None else by_images[3][view])
             if view > 0:
                 for sum_of_views, gradient in zip(total, gradients, strict=True):
                     sum_of_views.add_(gradient)
-        wanted = ctx.needs_input_grad[2:]
-        return (None, screen, *(by if want else None for by, want in zip(total, wanted, strict=True)))
+        wanted = ctx.needs_input_grad[3:]
+        return (None, screen, by_poses, *(by if want else None for by, want in zip(total, wanted, strict=True)))
 
 
 def _shape_text(shape: tuple[Any, ...]) -> str:
@@ -113,13 +119,21 @@ def check_tensor(name: str, tensor: Any, shape: tuple[int | str, ...], like: Ten
         raise InputError(f"{name}: expected float32 or float64, found {tensor.dtype}")
 
 
-def camera_array(name: str, values: Any) -> Any:
-    """Poses or camera matrices for C++, which checks them; no gradient leads there."""
-    if not isinstance(values, Tensor):
-        return values
-    if values.requires_grad and torch.is_grad_enabled():
-        raise NotImplementedError(f"{name}: expected a tensor that requires no gradient, since there is none by cameras")
-    return values.detach().to("cpu", torch.float64).contiguous().numpy()
+def has_gradient(values: Any) -> bool:
+    """Whether a gradient by these values is wanted."""
+    return isinstance(values, Tensor) and values.requires_grad and torch.is_grad_enabled()
+
+
+def camera_array(values: Any) -> Any:
+    """Poses or camera matrices for C++, which checks them."""
+    return values.detach().to("cpu", torch.float64).contiguous().numpy() if isinstance(values, Tensor) else values
+
+
+def check_camera_matrices(name: str, values: Any) -> None:
+    """Raises NotImplementedError where a gradient by them is wanted."""
+    if has_gradient(values):
+        raise NotImplementedError(f"{name}: expected a tensor that requires no gradient, as there is none by cameras' "
+                                  "focal lengths and principal points")
 
 
 def _degree(active_sh_degree: int | None, sh: Tensor) -> int:
@@ -144,7 +158,9 @@ def rasterize(positions_m: Tensor, log_scales: Tensor, rotations: Tensor, opacit
     rotations: quaternions [N, 4], w x y z, of any length but 0; the surfel's normal is its z.
     opacity_logits: [N]; the opacity is 1 / (1 + exp(-logit)).
     sh: spherical harmonics [N, (degree + 1)^2, 3] of degrees 0 to 3; the colour is 0.5 plus their sum.
-    T_world_camera, K, size: as of Renderer.render: poses [4, 4] or [V, 4, 4], camera matrices, (width, height).
+    T_world_camera, K, size: as of Renderer.render: poses [4, 4] or [V, 4, 4], camera matrices, (width, height). A
+        tensor of poses may require gradients: they are along motions that keep it a pose, by whatever the poses are
+        made of (torch.linalg.matrix_exp of a twist, say), but not by the twelve numbers freely.
     active_sh_degree: the first degrees alone give the colour; None for all.
     distortion: whether to make that image.
     screen_gradient: zeros [N], or [V, N] of several poses, that require gradients. Their gradient is not one of these
@@ -166,7 +182,8 @@ def rasterize(positions_m: Tensor, log_scales: Tensor, rotations: Tensor, opacit
     degree = _degree(active_sh_degree, sh)
     if not 0 <= threads <= 1024:
         raise InputError(f"threads: expected 0 to 1024, found {threads}")
-    cameras = _rasterizer.Cameras(camera_array("T_world_camera", T_world_camera), camera_array("K", K), size)
+    check_camera_matrices("K", K)
+    cameras = _rasterizer.Cameras(camera_array(T_world_camera), camera_array(K), size)
     parameters = (positions_m, log_scales, rotations, opacity_logits, sh)
     if screen_gradient is not None:
         shape = (len(cameras), count) if cameras.batch else (count,)
@@ -174,7 +191,10 @@ def rasterize(positions_m: Tensor, log_scales: Tensor, rotations: Tensor, opacit
         if not screen_gradient.requires_grad:
             raise InputError("screen_gradient: expected a tensor that requires gradients, found one that does not")
         screen_gradient = screen_gradient if cameras.batch else screen_gradient[None]
-    differentiable = torch.is_grad_enabled() and any(tensor.requires_grad for tensor in parameters)
-    call = _Call(Rasterizers(positions_m, threads, deterministic), cameras, size, degree, distortion, differentiable)
-    images = _Rasterize.apply(call, screen_gradient, *parameters)
+    pose = None
+    if has_gradient(T_world_camera):
+        pose = T_world_camera if cameras.batch else T_world_camera[None]
+    differentiable = any(has_gradient(tensor) for tensor in (T_world_camera, *parameters))
+    call = _Call(Rasterizers(cameras, positions_m, threads, deterministic), size, degree, distortion, differentiable)
+    images = _Rasterize.apply(call, screen_gradient, pose, *parameters)
     return SurfelImages(*(image if cameras.batch or image is None else image[0] for image in images))
