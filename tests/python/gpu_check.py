@@ -221,6 +221,52 @@ def check_renderer(checks, folder):
     checks.that("labels are the CPU's", labels < 2e-3, f"{labels:.2e} of all pixels differ")
 
 
+def empty_images(count, size):
+    """Room for images on the GPU."""
+    width, height = size
+    return {"rgb": torch.empty(count, height, width, 3, dtype=torch.uint8, device=GPU),
+            "depth": torch.empty(count, height, width, device=GPU),
+            "semantic": torch.empty(count, height, width, dtype=torch.uint16, device=GPU)}
+
+
+def check_arrays_of_the_gpu(checks, folder):
+    """Images that stay on the GPU are those that come to NumPy, in the order of a stream."""
+    scene = fastsegsim.Scene.load(write_room(folder / "room.ply", surfels=3000))
+    size, camera = (96, 64), fastsegsim.pinhole((96, 64), 1.2)
+    poses = np.stack([fastsegsim.look_at((4, 3, 1.2), (4 + np.cos(a), 3 + np.sin(a), 1.1))
+                      for a in np.linspace(0, 2 * np.pi, 300)])
+    renderer = fastsegsim.Renderer(scene, backend="cuda")
+    expected = renderer.render(poses, camera, size, ("rgb", "depth", "semantic"))
+    images, stream = empty_images(300, size), torch.cuda.Stream(GPU)
+    with torch.cuda.stream(stream):
+        torch.cuda._sleep(200_000_000)
+        for image in images.values():
+            image.fill_(7)  # Comes before the renderer's copies, late as it is.
+        renderer.render_to(poses, camera, size, images, stream.cuda_stream)
+        copies = {name: image.clone() for name, image in images.items()}
+    # The next batch must not come before the copies.
+    renderer.render_to(poses[::-1].copy(), camera, size, empty_images(300, size), stream.cuda_stream)
+    torch.cuda.synchronize()
+    for name, image in copies.items():
+        same = np.array_equal(image.cpu().numpy(), expected[name], equal_nan=name == "depth")
+        checks.that(f"{name} on the GPU", same)
+    cameras = np.stack([camera, fastsegsim.pinhole(size, 0.9)])
+    two = empty_images(2, size)
+    renderer.render_to(poses[:2], cameras, size, two, torch.cuda.current_stream(GPU).cuda_stream)
+    checks.that("two cameras on the GPU", np.array_equal(
+        two["rgb"].cpu().numpy(), renderer.render(poses[:2], cameras, size, "rgb")["rgb"]))
+    one = {"rgb": two["rgb"][0]}
+    renderer.render_to(poses[1], camera, size, one, torch.cuda.current_stream(GPU).cuda_stream)
+    checks.that("one camera on the GPU", np.array_equal(one["rgb"].cpu().numpy(), expected["rgb"][1]))
+    for what, wrong in (("shape", {"rgb": two["rgb"]}), ("type", {"rgb": one["rgb"].float()}),
+                        ("place", {"rgb": one["rgb"].cpu()}), ("name", {"colour": one["rgb"]}), ("number", {})):
+        try:
+            renderer.render_to(poses[1], camera, size, wrong)
+            checks.that(f"an array of another {what} is refused", False)
+        except fastsegsim.InputError as error:
+            checks.that(f"an array of another {what} is refused", True, error)
+
+
 def milliseconds(work, rounds=20):
     """The median of several calls, each until the GPU is done."""
     for _ in range(3):
@@ -260,6 +306,12 @@ def measure(folder):
     for channels in (("rgb",), ("rgb", "depth", "semantic")):
         times[f"render 64 x 256x256, {', '.join(channels)}, to NumPy"] = milliseconds(
             lambda channels=channels: renderer.render(poses, small, (256, 256), channels))
+    images = empty_images(64, (256, 256))
+    stream = torch.cuda.current_stream(GPU).cuda_stream
+    for channels in (("rgb",), ("rgb", "depth", "semantic")):
+        chosen = {name: images[name] for name in channels}
+        times[f"render 64 x 256x256, {', '.join(channels)}, on the GPU"] = milliseconds(
+            lambda chosen=chosen: renderer.render_to(poses, small, (256, 256), chosen, stream))
     for name, milliseconds_taken in times.items():
         print(f"{milliseconds_taken:9.3f} ms  {name}")
     return times
@@ -280,6 +332,7 @@ def main():
         check(checks)
     with tempfile.TemporaryDirectory() as folder:
         check_renderer(checks, pathlib.Path(folder))
+        check_arrays_of_the_gpu(checks, pathlib.Path(folder))
         times = {} if arguments.quick else measure(pathlib.Path(folder))
     if arguments.record:
         arguments.record.write_text(json.dumps({"gpu": torch.cuda.get_device_name(GPU), "torch": torch.__version__,
