@@ -74,6 +74,6 @@ class Rasterizers:
         self._held, self.cameras = [], None
 
     def __del__(self) -> None:
-        if self._held:
+        if getattr(self, "_held", None):
             idle = _idle.setdefault(self._kind, [])
             idle.extend(self._held[:max(0, _MOST_IDLE - len(idle))])
