@@ -348,3 +348,25 @@ def test_wrong_arguments_are_named(changed, message):
     arguments |= {name: change(arguments[name]) for name, change in changed.items()}
     with pytest.raises(InputError, match=message):
         rasterize(**arguments)
+
+
+def test_a_scene_is_trained_on_and_drawn_again(tmp_path):
+    file = write_room(tmp_path / "room.ply", surfels=2000)
+    scene = fastsegsim.Scene.load(file)
+    for values, of_file in zip(scene.surfel_parameters().values(), read_surfels(file), strict=True):
+        np.testing.assert_allclose(values, of_file, rtol=1e-4, atol=1e-5)
+    parameters = {name: torch.from_numpy(values) for name, values in scene.surfel_parameters().items()}
+    parameters["sh"].requires_grad_()
+    size, camera, pose = (64, 48), fastsegsim.pinhole((64, 48), 1.2), fastsegsim.look_at((1, 3, 1.2), (6, 3, 1))
+    optimiser = torch.optim.Adam([parameters["sh"]], lr=0.2)
+    for _ in range(20):  # Paint what is in view red.
+        optimiser.zero_grad()
+        images = rasterize(**parameters, T_world_camera=pose, K=camera, size=size)
+        (images.rgb - torch.tensor([1.0, 0.0, 0.0])).square().mean().backward()
+        optimiser.step()
+    with torch.no_grad():
+        expected = rasterize(**parameters, T_world_camera=pose, K=camera, size=size).rgb
+    painted = fastsegsim.Scene.from_parameters(**{name: values.detach() for name, values in parameters.items()})
+    before, after = (fastsegsim.Renderer(s).render(pose, camera, size, "rgb")["rgb"] for s in (scene, painted))
+    np.testing.assert_allclose(255 * expected.clamp(max=1), after, atol=2)
+    assert after[..., 0].mean() > 1.3 * before[..., 0].mean() and after[..., 1].mean() < 0.3 * before[..., 1].mean()
