@@ -57,10 +57,6 @@ nb::dict parameters_of(const Scene& scene) {
   return named;
 }
 
-std::string text_of(std::size_t length) {
-  return length == SIZE_MAX ? "K" : std::to_string(length);
-}
-
 /// @param shape  SIZE_MAX: any length.
 template <class Scalar>
 Numbers<Scalar> numbers_of(nb::handle values, const char* name, const char* type,
@@ -71,7 +67,9 @@ Numbers<Scalar> numbers_of(nb::handle values, const char* name, const char* type
   bool fits = numbers.ndim() == shape.size();
   std::string expected, found;
   for (std::size_t axis = 0; axis < shape.size(); ++axis) {
-    expected += (axis > 0 ? ", " : "") + text_of(shape[axis]);
+    const std::string any = axis > 0 ? "K" : "N";
+    expected +=
+        (axis > 0 ? ", " : "") + (shape[axis] == SIZE_MAX ? any : std::to_string(shape[axis]));
     fits = fits && (shape[axis] == SIZE_MAX || numbers.shape(axis) == shape[axis]);
   }
   for (std::size_t axis = 0; axis < numbers.ndim(); ++axis) {

@@ -66,7 +66,7 @@ def test_arrays_are_copies(room):
 
 
 @pytest.mark.parametrize(("changed", "message"), [
-    ({"positions_m": [(1, 2)]}, r"positions_m: expected shape \[K, 3\], found \[1, 2\]"),
+    ({"positions_m": [(1, 2)]}, r"positions_m: expected shape \[N, 3\], found \[1, 2\]"),
     ({"log_scales": np.zeros((3, 2))}, r"log_scales: expected shape \[2, 2\], found \[3, 2\]"),
     ({"sh": np.zeros((2, 3, 3))}, "sh: expected 1, 4, 9 or 16 coefficients of a colour, found 3"),
     ({"sh": np.zeros((2, 25, 3))}, "sh: expected 1, 4, 9 or 16 coefficients of a colour, found 25"),
@@ -87,5 +87,5 @@ def test_only_ply_files_are_written(tmp_path):
     with pytest.raises(fastsegsim.InputError, match=r"path: expected a name that ends in \.ply, found .*scene\.obj"):
         scene.save(tmp_path / "scene.obj")
     (tmp_path / "file").write_text("")
-    with pytest.raises(fastsegsim.InputError, match="file/scene.ply"):
+    with pytest.raises(fastsegsim.InputError, match="file: expected a folder that can be made"):
         scene.save(tmp_path / "file" / "scene.ply")
