@@ -93,7 +93,8 @@ def check_differences(checks):
     def loss(parameters):
         images = rasterize(*parameters, np.eye(4), camera, size, distortion=True)
         parts = [getattr(images, name).double() for name in SMOOTH]
-        return sum((ramp * (part if part.dim() == 2 else part @ part.new_tensor([0.5, 1.0, 1.5]))).sum() for part in parts)
+        weights = parts[0].new_tensor([0.5, 1.0, 1.5])
+        return sum((ramp * (part if part.dim() == 2 else part @ weights)).sum() for part in parts)
 
     gradients = torch.autograd.grad(loss(surfels), surfels)
     for k, name in enumerate(PARAMETERS):

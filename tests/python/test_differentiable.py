@@ -191,6 +191,13 @@ def test_screen_gradients_tell_which_surfels_to_split():
     assert float(screen.grad) == pytest.approx(float(by_pixel.norm()), rel=1e-6)
 
 
+def test_screen_gradients_without_others():
+    surfels = [values.detach() for values in random_surfels(20)]
+    screen = torch.zeros(20, dtype=torch.float64, requires_grad=True)
+    rasterize(*surfels, np.eye(4), K, SIZE, screen_gradient=screen).rgb.sum().backward()
+    assert screen.grad.max() > 0.01
+
+
 def test_depth_normals_of_a_wall():
     """A plane in the world, seen from two places, has its normal everywhere but at the border."""
     size, camera = (20, 14), fastsegsim.pinhole((20, 14), 1.0)

@@ -76,8 +76,9 @@ def test_gradients_are_those_of_differences(name):
     small, cameras = (8, 6), KS * torch.tensor([[8 / 12], [6 / 9], [1.0]])
 
     def images_of(values):
-        colors, alphas, normals, *_ = rasterization_2dgs(*inputs[:k], values, *inputs[k + 1:], VIEWMATS, cameras, *small,
-                                                         render_mode="RGB+D", backgrounds=background, threads=1)
+        given = (*inputs[:k], values, *inputs[k + 1:])
+        colors, alphas, normals, *_ = rasterization_2dgs(*given, VIEWMATS, cameras, *small, render_mode="RGB+D",
+                                                         backgrounds=background, threads=1)
         return colors, alphas, normals
 
     assert torch.autograd.gradcheck(images_of, (inputs[k],), eps=1e-6, atol=1e-6, rtol=1e-5)

@@ -50,8 +50,9 @@ def test_labels_and_harmonics_are_saved(tmp_path):
     assert scene.has_labels and scene.classes == []
     scene.save(tmp_path / "labelled.ply")
     loaded = fastsegsim.Scene.load(tmp_path / "labelled.ply")
-    np.testing.assert_allclose(loaded.surfel_parameters()["sh"], two_surfels()["sh"], rtol=1e-5)
-    np.testing.assert_allclose(loaded.surfel_parameters()["rotations"][0], (np.sqrt(0.5), 0, np.sqrt(0.5), 0), rtol=1e-5)
+    found = loaded.surfel_parameters()
+    np.testing.assert_allclose(found["sh"], two_surfels()["sh"], rtol=1e-5)
+    np.testing.assert_allclose(found["rotations"][0], (np.sqrt(0.5), 0, np.sqrt(0.5), 0), rtol=1e-5)
     camera = fastsegsim.look_at((0, 0, 1), (1, 0, 1))
     drawn = [fastsegsim.Renderer(s).render(camera, K, SIZE, ("semantic", "instance")) for s in (scene, loaded)]
     assert set(np.unique(drawn[0]["instance"])) >= {0, 103}

@@ -61,8 +61,8 @@ def _world_from_camera(viewmats: Tensor) -> Tensor:
     return torch.cat([torch.cat([rotation, -rotation @ matrices[:, :3, 3:]], dim=2), matrices[:, 3:]], dim=1)
 
 
-def _check(means: Tensor, quats: Tensor, scales: Tensor, opacities: Tensor, colors: Tensor, viewmats: Tensor, Ks: Tensor,
-           sh_degree: int | None, backgrounds: Tensor | None) -> None:
+def _check(means: Tensor, quats: Tensor, scales: Tensor, opacities: Tensor, colors: Tensor, viewmats: Tensor,
+           Ks: Tensor, sh_degree: int | None, backgrounds: Tensor | None) -> None:
     check_tensor("means", means, ("N", 3))
     count = len(means)
     check_tensor("quats", quats, (count, 4), means)

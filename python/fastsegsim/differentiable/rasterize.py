@@ -54,17 +54,17 @@ class _Rasterize(torch.autograd.Function):
                 *parameters: Tensor) -> tuple[Tensor | None, ...]:
         del screen_gradient  # Only its gradient is of interest.
         surfels = _plain(parameters)
-        views, (width, height) = len(call.rasterizers.cameras), call.size
+        cameras, (width, height) = call.rasterizers.cameras, call.size
+        views = len(cameras)
         shapes = [(height, width, 3), (height, width), (height, width), (height, width, 3), (height, width)]
         shapes += [(height, width)] if call.distortion else []
         images = [surfels[0].new_empty((views, *shape)) for shape in shapes]
         max_weight = surfels[0].new_empty((views, len(surfels[0])))
         for view in range(views):
-            of_view = [image[view] for image in images]
+            of_view = [image[view] for image in images] + [None] * (6 - len(images))
             with call.present_device(surfels[0]):
                 call.rasterizers.of_view(view if call.differentiable else 0).forward(
-                    surfels, call.active_sh_degree, call.rasterizers.cameras, view, of_view + [None] * (6 - len(of_view)),
-                    max_weight[view])
+                    surfels, call.active_sh_degree, cameras, view, of_view, max_weight[view])
         if call.differentiable:
             ctx.call = call
             ctx.save_for_backward(T_world_camera, None if T_world_camera is None else images[3], *parameters)
@@ -168,6 +168,7 @@ def rasterize(positions_m: Tensor, log_scales: Tensor, rotations: Tensor, opacit
         which surfels are split in training.
     threads: on the CPU, 0 for all processors. Nothing but speed depends on it.
     deterministic: on a GPU, gradients are equal to the bit from call to call, and slower; on the CPU they always are.
+        So they are where torch.use_deterministic_algorithms(True) was called.
 
     All tensors are float32, or on the CPU float64. On a GPU the work goes into its current stream. Gradients are exact
     but where alpha is clamped at 0.99, and cannot be differentiated again. Surfels whose numbers are not finite are not
@@ -194,7 +195,8 @@ def rasterize(positions_m: Tensor, log_scales: Tensor, rotations: Tensor, opacit
     pose = None
     if has_gradient(T_world_camera):
         pose = T_world_camera if cameras.batch else T_world_camera[None]
-    differentiable = any(has_gradient(tensor) for tensor in (T_world_camera, *parameters))
+    differentiable = any(map(has_gradient, (T_world_camera, screen_gradient, *parameters)))
+    deterministic = deterministic or torch.are_deterministic_algorithms_enabled()
     call = _Call(Rasterizers(cameras, positions_m, threads, deterministic), size, degree, distortion, differentiable)
     images = _Rasterize.apply(call, screen_gradient, pose, *parameters)
     return SurfelImages(*(image if cameras.batch or image is None else image[0] for image in images))
