@@ -377,3 +377,13 @@ def test_a_scene_is_trained_on_and_drawn_again(tmp_path):
     before, after = (fastsegsim.Renderer(s).render(pose, camera, size, "rgb")["rgb"] for s in (scene, painted))
     np.testing.assert_allclose(255 * expected.clamp(max=1), after, atol=2)
     assert after[..., 0].mean() > 1.3 * before[..., 0].mean() and after[..., 1].mean() < 0.3 * before[..., 1].mean()
+
+
+def test_the_example_fits_surfels(bundle, tmp_path):
+    program = pathlib.Path(__file__).resolve().parents[2] / "python" / "examples" / "fit_surfels.py"
+    arguments = ("--surfels", "300", "--steps", "40", "--size", "64", "48", "--output", tmp_path / "fitted.ply")
+    printed = subprocess.run([sys.executable, program, bundle, *arguments], check=True, capture_output=True,
+                             text=True).stdout
+    words = printed.replace(",", "").split()
+    assert float(words[words.index("last") - 2]) < 0.9 * float(words[words.index("first") - 2])
+    assert fastsegsim.Scene.load(tmp_path / "fitted.ply").surfels == 300
