@@ -148,6 +148,11 @@ def check_repetition(checks):
     checks.that("several cameras: images", torch.equal(first.rgb, torch.stack([images.rgb for images, _ in singles])))
     for k, name in enumerate(PARAMETERS):
         checks.close(f"several cameras: gradient by {name}", by_first[k], singles[0][1][k] + singles[1][1][k], 1e-5)
+    many, by_many = gradients(np.concatenate([T_WORLD_CAMERA] * 6))  # More than keep their memory.
+    checks.that("many cameras: images", torch.equal(many.rgb, first.rgb.repeat(6, 1, 1, 1)))
+    for k, name in enumerate(PARAMETERS):
+        checks.close(f"many cameras: gradient by {name}", by_many[k], 6 * by_first[k], 1e-5)
+    del many
     differentiable.release_memory()
     try:
         rasterize(*leaves_on(surfels, GPU, torch.float64), np.eye(4), camera, size)

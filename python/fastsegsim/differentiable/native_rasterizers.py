@@ -1,6 +1,7 @@
 """The rasterizers of C++, each for one view at a time, which keep their memory from call to call."""
 
 import atexit
+import threading
 import weakref
 from typing import Any
 
@@ -13,7 +14,9 @@ HAS_CUDA: bool = _rasterizer.has_cuda
 #: What is nearer to the camera than this, along its z in metres, is not drawn.
 NEAR_M: float = _rasterizer.near_m
 
-_MOST_IDLE = 8  # Of a kind: a batch of that many views asks for no memory.
+#: Views of a call that keep what their backward pass needs; that of the others is made anew when it comes.
+MOST_KEPT = 8
+_MOST_IDLE = MOST_KEPT + 1  # Of a kind.
 # No lock: each step is a single one of a dict or a list, and collecting garbage, at any time, may hand back.
 _idle: dict[tuple[Any, ...], list[Any]] = {}
 _used: weakref.WeakSet["Rasterizers"] = weakref.WeakSet()
@@ -45,6 +48,7 @@ class Rasterizers:
     def __init__(self, cameras: Any, like: torch.Tensor, threads: int, deterministic: bool) -> None:
         """like: a tensor of the type and at the place of all others."""
         self.cameras = cameras
+        self.redrawing = threading.Lock()  # While the rasterizer MOST_KEPT draws and differentiates a view.
         self._held: list[Any] = []
         if like.device.type == "cuda":
             if not HAS_CUDA:
@@ -60,14 +64,14 @@ class Rasterizers:
             raise InputError(f"positions_m: expected a tensor of the CPU or of a CUDA GPU, found {like.device}")
         _used.add(self)
 
-    def of_view(self, view: int) -> Any:
+    def numbered(self, number: int) -> Any:
         """The rasterizer with this number; it is the same in every call."""
-        while len(self._held) <= view:
+        while len(self._held) <= number:
             try:
                 self._held.append(_idle[self._kind].pop())
             except LookupError:
                 self._held.append(_made(self._kind))
-        return self._held[view]
+        return self._held[number]
 
     def end(self) -> None:
         """Nothing is drawn or differentiated any more."""

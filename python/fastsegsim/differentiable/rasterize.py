@@ -10,7 +10,7 @@ from torch.autograd.function import once_differentiable
 
 from fastsegsim import InputError, _rasterizer
 from fastsegsim.differentiable.camera_gradient import camera_gradient
-from fastsegsim.differentiable.native_rasterizers import Rasterizers
+from fastsegsim.differentiable.native_rasterizers import MOST_KEPT, Rasterizers
 
 
 class SurfelImages(NamedTuple):
@@ -39,6 +39,27 @@ class _Call:
     distortion: bool
     differentiable: bool  # Whether backward() may come.
 
+    def empty_images(self, views: int, like: Tensor) -> list[Tensor]:
+        width, height = self.size
+        shapes = [(height, width, 3), (height, width), (height, width), (height, width, 3), (height, width)]
+        shapes += [(height, width)] if self.distortion else []
+        return [like.new_empty((views, *shape)) for shape in shapes]
+
+    def draw(self, number: int, view: int, surfels: list[Tensor], images: list[Tensor], max_weight: Tensor) -> None:
+        """Draws a view with the rasterizer of that number."""
+        self.rasterizers.numbered(number).forward(surfels, self.active_sh_degree, self.rasterizers.cameras, view,
+                                                  images + [None] * (6 - len(images)), max_weight)
+
+    def differentiate(self, view: int, surfels: list[Tensor], by_images: list[Tensor | None], gradients: list[Tensor],
+                      screen: Tensor | None) -> None:
+        """The derivatives of a view that was drawn, with the rasterizer that still knows it or draws it again."""
+        number = min(view, MOST_KEPT)
+        with self.rasterizers.redrawing if number == MOST_KEPT else contextlib.nullcontext():
+            if number == MOST_KEPT:
+                images = [image[0] for image in self.empty_images(1, surfels[0])]
+                self.draw(number, view, surfels, images, surfels[0].new_empty(len(surfels[0])))
+            self.rasterizers.numbered(number).backward(surfels, self.active_sh_degree, by_images, gradients, screen)
+
     def present_device(self, like: Tensor) -> contextlib.AbstractContextManager[Any]:
         return torch.cuda.device(like.device) if like.is_cuda else contextlib.nullcontext()
 
@@ -54,17 +75,13 @@ class _Rasterize(torch.autograd.Function):
                 *parameters: Tensor) -> tuple[Tensor | None, ...]:
         del screen_gradient  # Only its gradient is of interest.
         surfels = _plain(parameters)
-        cameras, (width, height) = call.rasterizers.cameras, call.size
-        views = len(cameras)
-        shapes = [(height, width, 3), (height, width), (height, width), (height, width, 3), (height, width)]
-        shapes += [(height, width)] if call.distortion else []
-        images = [surfels[0].new_empty((views, *shape)) for shape in shapes]
+        views = len(call.rasterizers.cameras)
+        images = call.empty_images(views, surfels[0])
         max_weight = surfels[0].new_empty((views, len(surfels[0])))
         for view in range(views):
-            of_view = [image[view] for image in images] + [None] * (6 - len(images))
             with call.present_device(surfels[0]):
-                call.rasterizers.of_view(view if call.differentiable else 0).forward(
-                    surfels, call.active_sh_degree, cameras, view, of_view, max_weight[view])
+                call.draw(min(view, MOST_KEPT) if call.differentiable else 0, view, surfels,
+                          [image[view] for image in images], max_weight[view])
         if call.differentiable:
             ctx.call = call
             ctx.save_for_backward(T_world_camera, None if T_world_camera is None else images[3], *parameters)
@@ -88,9 +105,8 @@ class _Rasterize(torch.autograd.Function):
         for view in range(views):
             gradients = of_view if view > 0 else total
             with call.present_device(surfels[0]):
-                call.rasterizers.of_view(view).backward(
-                    surfels, call.active_sh_degree, [None if by is None else by[view] for by in by_images], gradients,
-                    None if screen is None else screen[view])
+                call.differentiate(view, surfels, [None if by is None else by[view] for by in by_images], gradients,
+                                   None if screen is None else screen[view])
             if by_poses is not None:
                 by_poses[view] = camera_gradient(surfels, gradients, call.active_sh_degree, poses[view], normal[view],
                                                  None if by_images[3] is None else by_images[3][view])
