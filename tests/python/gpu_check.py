@@ -39,12 +39,18 @@ class Checks:
         print(f"{'ok    ' if holds else 'FAILED'} {what}{f': {found}' if found != '' else ''}", flush=True)
 
     def close(self, what, found, expected, tolerance):
-        """The largest difference must be below the tolerance times the largest value."""
+        """Differences must be below the tolerance times the largest value.
+
+        One of a thousand may not be: in a pixel rounding decides whether a surfel has 1/255 of its light, or which one
+        is the median.
+        """
         found, expected = found.detach().double().cpu(), expected.detach().double().cpu()
         largest = float(expected.abs().max())
-        difference = float((found - expected).abs().max())
-        self.that(what, largest > 0 and difference <= tolerance * largest,
-                  f"differ by {difference / largest if largest else difference:.1e} of the largest value")
+        differences = (found - expected).abs() / (largest or 1.0)
+        beyond = int((differences > tolerance).sum())
+        self.that(what, largest > 0 and beyond * 1000 <= differences.numel() and bool(torch.isfinite(found).all()),
+                  f"differ by {float(differences.max()):.1e} of the largest value"
+                  f"{f', {beyond} of {differences.numel()} too much' if beyond else ''}")
 
 
 def leaves_on(surfels, device, dtype):
