@@ -57,11 +57,19 @@ std::unique_ptr<core::Renderer> make_renderer(
   return make_cpu_renderer(std::move(surfels), options, std::move(field));
 }
 
+CudaRenderer* as_cuda_renderer([[maybe_unused]] core::Renderer& renderer) {
+#ifdef SEGSIM_WITH_CUDA
+  return dynamic_cast<CudaRenderer*>(&renderer);
+#else
+  return nullptr;
+#endif
+}
+
 void draw_in_place(core::Renderer& renderer, const core::CameraPose& T_world_camera,
                    const core::CameraIntrinsics& intrinsics, core::Channels channels,
                    core::Frame& frame) {
 #ifdef SEGSIM_WITH_CUDA
-  if (auto* gpu = dynamic_cast<CudaRenderer*>(&renderer)) {
+  if (CudaRenderer* gpu = as_cuda_renderer(renderer)) {
     gpu->render_batch({&T_world_camera, 1}, intrinsics, channels);
     gpu->wait();
     return;

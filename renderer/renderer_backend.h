@@ -14,6 +14,8 @@
 
 namespace segsim::renderer {
 
+class CudaRenderer;
+
 enum class Backend : unsigned char {
   kAuto,  ///< The GPU if it can do what is asked, else the CPU.
   kCpu,
@@ -35,6 +37,9 @@ enum class Backend : unsigned char {
     Backend backend, std::shared_ptr<const SurfelCloud> surfels, RenderOptions options = {},
     std::shared_ptr<const PanopticField> field = nullptr,
     const std::function<void(const std::string&)>& warn = {});
+
+/// The GPU's renderer that this is; null where it is another one.
+[[nodiscard]] CudaRenderer* as_cuda_renderer(core::Renderer& renderer);
 
 /// Draws a view and waits for it. A GPU's images stay on the device, and `frame` as it is: to
 /// measure drawing alone.

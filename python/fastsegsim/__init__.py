@@ -1,4 +1,4 @@
-"""Fast-SegSim in Python: surfel scenes rendered with depth, normals and labels; environments; results of runs.
+"""Fast-SegSim in Python: surfel scenes rendered with depth, normals and labels; gradients; environments; results.
 
     scene = fastsegsim.Scene.load("out/flat/scene")
     renderer = fastsegsim.Renderer(scene)
@@ -22,7 +22,7 @@ __version__ = _build.partition(" ")[0]
 
 
 def __getattr__(name: str) -> Any:
-    # Databases, statistics and environments are loaded by who uses them: `import fastsegsim` stays quick.
-    if name in ("environments", "results"):
+    # Databases, statistics, environments and gradients are loaded by who uses them: `import fastsegsim` stays quick.
+    if name in ("differentiable", "environments", "results"):
         return importlib.import_module(f"fastsegsim.{name}")
     raise AttributeError(f"module 'fastsegsim' has no attribute '{name}'")

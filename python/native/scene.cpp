@@ -13,6 +13,7 @@
 
 #include "core/bundle_parts.h"
 #include "python/native/camera_arguments.h"
+#include "python/native/surfel_arrays.h"
 #include "renderer/files/ply_io.h"
 
 namespace segsim::python {
@@ -133,8 +134,10 @@ void bind_scene(nb::module_& module) {
           },
           nb::sig("def frames(self) -> list[str]"), "Names of the views in the recording.");
 
-  nb::class_<Scene>(module, "Scene",
-                    "Surfels with labels. World frame: metres, z up, floor at z = 0.")
+  nb::class_<Scene> bound(module, "Scene",
+                          "Surfels with labels. World frame: metres, z up, floor at z = 0.");
+  bind_surfel_arrays(bound);
+  bound
       .def_static("load", &load_scene, "path"_a, nb::call_guard<nb::gil_scoped_release>(),
                   nb::sig("def load(path: str | os.PathLike[str]) -> Scene"),
                   "Read the folder of a scene bundle, or a file of surfels in the layout of "

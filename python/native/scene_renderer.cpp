@@ -1,6 +1,7 @@
 #include "python/native/scene_renderer.h"
 
 #include <cstddef>
+#include <cstdint>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -10,6 +11,7 @@
 #include <nanobind/stl/variant.h>
 #include <nanobind/stl/vector.h>
 
+#include "core/check.h"
 #include "core/error.h"
 #include "python/native/camera_arguments.h"
 #include "python/native/frame_arrays.h"
@@ -42,16 +44,21 @@ renderer::Compat compat_of(const std::string& name) {
   throw core::InputError::expected("compat", "exact | inria | gsplat", "\"" + name + "\"");
 }
 
+void check_features(const char* argument, core::Channels drawn,
+                    const SceneRenderer& renderer) {
+  if (core::has(drawn, core::Channels::kFeatures) && !renderer.has_features()) {
+    throw core::InputError::expected(argument, "none of features, which the scene lacks",
+                                     "semantic_feature or instance_feature");
+  }
+}
+
 using Names = std::variant<std::string, std::vector<std::string>>;
 
 ChannelChoice choice_of(const Names& channels, const SceneRenderer& renderer) {
   const auto* one = std::get_if<std::string>(&channels);
   ChannelChoice choice(one != nullptr ? std::vector{*one}
                                       : std::get<std::vector<std::string>>(channels));
-  if (core::has(choice.drawn(), core::Channels::kFeatures) && !renderer.has_features()) {
-    throw core::InputError::expected("channels", "none of features, which the scene lacks",
-                                     "semantic_feature or instance_feature");
-  }
+  check_features("channels", choice.drawn(), renderer);
   return choice;
 }
 
@@ -88,6 +95,19 @@ nb::dict render(SceneRenderer& renderer, nb::handle T_world_camera, nb::handle K
   const Views views = views_of(T_world_camera, K, size_px);
   return views.batch ? render_batch(renderer, views, size_px, choice)
                      : render_one(renderer, views, choice);
+}
+
+void render_to(SceneRenderer& renderer, nb::handle T_world_camera, nb::handle K,
+               std::pair<int, int> size_px, const nb::dict& images, std::uintptr_t stream) {
+  if (!renderer.on_gpu()) {
+    throw core::InputError::expected("render_to", "a renderer whose backend is cuda",
+                                     "one that is cpu");
+  }
+  const Views views = views_of(T_world_camera, K, size_px);
+  const DeviceImages places(images, views);
+  check_features("images", places.drawn(), renderer);
+  const nb::gil_scoped_release released;
+  renderer.draw_to(views, places, reinterpret_cast<CUstream_st*>(stream));
 }
 
 nb::dict stats_of(const SceneRenderer& renderer) {
@@ -137,6 +157,21 @@ Arrays of one view own the memory that the renderer wrote: nothing is copied. Ot
 threads run meanwhile; calls of one renderer wait for one another. Ctrl-C ends a batch after
 the image that is being drawn. Raises InputError, naming the argument.)";
 
+constexpr const char* kRenderToSignature =
+    "def render_to(self, T_world_camera: numpy.typing.ArrayLike, K: numpy.typing.ArrayLike, "
+    "size: tuple[int, int], images: dict[str, typing.Any], stream: int = 0) -> None";
+
+constexpr const char* kRenderToHelp =
+    R"(Draw into arrays in the memory of the GPU, where backend is 'cuda'.
+
+images: channel -> array of what DLPack exports (PyTorch, CuPy, JAX), with the type and shape
+    that render() gives; contiguous, on the renderer's GPU. There is no depth_normal.
+stream: the cudaStream_t as a number in whose order the arrays are written, for PyTorch
+    torch.cuda.current_stream().cuda_stream. The call returns when the images are drawn; the
+    copies to the arrays are then in the stream.
+
+Several poses with one K are drawn 256 at a time. Raises InputError, naming the argument.)";
+
 }  // namespace
 
 SceneRenderer::SceneRenderer(const Scene& scene, const std::string& backend, int threads,
@@ -164,6 +199,16 @@ void SceneRenderer::draw(const core::CameraPose& T_world_camera,
   stats_ = frame.stats;
 }
 
+void SceneRenderer::draw_to(const Views& views, const DeviceImages& images,
+                            CUstream_st* stream) {
+  const std::lock_guard lock(mutex_);
+  renderer::CudaRenderer* gpu = renderer::as_cuda_renderer(*renderer_);
+  SEGSIM_CHECK(gpu != nullptr, "not on the GPU");
+  if (views.T_world_camera.empty()) return;
+  images.draw(*gpu, views, stream);
+  stats_ = gpu->stats();
+}
+
 core::RenderStats SceneRenderer::stats() const {
   const std::lock_guard lock(mutex_);
   return stats_;
@@ -186,6 +231,8 @@ void bind_renderer(nb::module_& module) {
       .def("render", &render, "T_world_camera"_a, "K"_a, "size"_a,
            "channels"_a = std::vector<std::string>{"rgb", "depth"}, nb::sig(kRenderSignature),
            kRenderHelp)
+      .def("render_to", &render_to, "T_world_camera"_a, "K"_a, "size"_a, "images"_a,
+           "stream"_a = 0, nb::sig(kRenderToSignature), kRenderToHelp)
       .def_prop_ro("backend", &SceneRenderer::backend, "'cpu' or 'cuda': what draws.")
       .def_prop_ro("fallback_reason", &SceneRenderer::fallback_reason,
                    "Why 'auto' draws on the CPU; empty if it does not.")

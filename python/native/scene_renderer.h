@@ -11,6 +11,7 @@
 
 #include "core/camera.h"
 #include "core/render.h"
+#include "python/native/device_images.h"
 #include "python/native/scene.h"
 
 namespace segsim::python {
@@ -26,7 +27,12 @@ class SceneRenderer {
   void draw(const core::CameraPose& T_world_camera, const core::CameraIntrinsics& intrinsics,
             core::Channels channels, core::Frame& frame);
 
+  /// Draws views into the GPU's memory, in the order of the stream; likewise.
+  /// @throws core::ContractViolation if the CPU draws.
+  void draw_to(const Views& views, const DeviceImages& images, CUstream_st* stream);
+
   [[nodiscard]] bool has_features() const { return has_features_; }
+  [[nodiscard]] bool on_gpu() const { return on_gpu_; }
   [[nodiscard]] const char* backend() const { return on_gpu_ ? "cuda" : "cpu"; }
   /// Why `auto` took the CPU; empty if it did not.
   [[nodiscard]] const std::string& fallback_reason() const { return fallback_reason_; }

@@ -106,6 +106,18 @@ class CudaRendererImpl final : public CudaRenderer {
     images_.read_back(index, channels, stream_.get(), frame);
   }
 
+  void copy_images(std::span<const DeviceCopy> copies, CUstream_st* stream) override {
+    wait();
+    for (const DeviceCopy& copy : copies) {
+      throw_on_error(
+          cudaMemcpyAsync(copy.to, copy.from, copy.bytes, cudaMemcpyDeviceToDevice, stream),
+          "cudaMemcpyAsync");
+    }
+    throw_on_error(cudaEventRecord(copied_.get(), stream), "cudaEventRecord");
+    throw_on_error(cudaStreamWaitEvent(stream_.get(), copied_.get(), 0),
+                   "cudaStreamWaitEvent");
+  }
+
   core::RenderStats stats() override {
     wait();
     const cuda::FrameStatus& s = *host_status_.data();
@@ -282,6 +294,7 @@ class CudaRendererImpl final : public CudaRenderer {
   std::shared_ptr<const SurfelCloud> surfels_;
   RenderOptions options_;
   cuda::Stream stream_;
+  cuda::Event copied_;
   cuda::DeviceScene scene_;
   DeviceArray<cuda::ViewCamera> cameras_, previous_cameras_;
   DeviceArray<std::uint32_t> queue_, count_, order_, redo_list_;

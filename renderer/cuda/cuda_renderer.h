@@ -20,6 +20,7 @@
 ///
 /// Not here: RenderOptions::compat other than kExact, and top_k == kAllSurfels.
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -36,6 +37,13 @@ namespace segsim::renderer {
 /// Duration of a frame's steps by device events [ms].
 struct CudaStageTimes {
   double begin_ms = 0, project_ms = 0, order_ms = 0, raster_ms = 0, redo_ms = 0;
+};
+
+/// An image of a batch, or a part of it, and where in the device's memory it shall be.
+struct DeviceCopy {
+  const void* from;  ///< Where a member of core::DeviceFrames points.
+  void* to;
+  std::size_t bytes;
 };
 
 /// One object serves one thread.
@@ -59,6 +67,10 @@ class CudaRenderer : public core::Renderer {
   /// Copies image `index` of the last batch to the host through page-locked memory, only the
   /// channels asked for (among those rendered). Calls wait().
   virtual void read_back(int index, core::Channels channels, core::Frame& frame) = 0;
+
+  /// Puts copies of the last batch's images into a stream of the caller, after what is there
+  /// already; the next batch waits for them. Calls wait().
+  virtual void copy_images(std::span<const DeviceCopy> copies, CUstream_st* stream) = 0;
 
   /// Counters of the last batch; calls wait(). RenderStats::contributions and feature_fetches
   /// need count_contributions(true), which makes frames slower.

@@ -244,6 +244,12 @@ def test_auto_says_what_draws(room):
             fastsegsim.Renderer(room, backend="cuda")
 
 
+def test_only_a_gpu_draws_into_arrays_of_its_memory(room):
+    renderer = fastsegsim.Renderer(room, backend="cpu")
+    with pytest.raises(fastsegsim.InputError, match="render_to: expected a renderer whose backend is cuda, found one"):
+        renderer.render_to(POSE, K, SIZE, {"rgb": np.zeros((SIZE[1], SIZE[0], 3), np.uint8)})
+
+
 def test_work_is_counted(renderer):
     renderer.render(POSE, K, SIZE)
     assert 0 < renderer.stats["surfels_projected"] <= 4000
