@@ -135,6 +135,7 @@ BenchScene load_bench_scene(const BenchSceneOptions& options) {
   const scenes::SceneSurfels drawn = scenes::load_scene_surfels(bundle);
   scene.surfels = drawn.surfels;
   scene.labels = drawn.labels;
+  scene.classes = bundle.manifest.classes;
   if (scene.labels) scene.name += ", label distributions";
   const sim::Navmesh navmesh = sim::Navmesh::load(bundle.navmesh_file());
   scene.path = walk_cameras(random_walk(navmesh, options.seed), options.views,

@@ -10,6 +10,7 @@
 
 #include "core/camera.h"
 #include "core/frames.h"
+#include "core/scene_bundle.h"
 #include "renderer/scene/panoptic_field.h"
 #include "renderer/scene/surfels.h"
 
@@ -31,6 +32,7 @@ struct BenchScene {
   std::shared_ptr<const renderer::SurfelCloud> surfels;
   /// Label distributions of a bundle; nullptr: the surfels' own ids.
   std::shared_ptr<const renderer::PanopticField> labels;
+  std::vector<core::SceneClass> classes;  ///< Of a bundle.
   std::vector<core::CameraPose> path;
   double focal_per_width = 0.0;  ///< Focal length over image width.
 

@@ -87,11 +87,12 @@ double label_agreement(const core::Frame& a, const core::Frame& b) {
 }
 
 std::vector<BenchResult> run_cases(const BenchScene& scene, std::span<const BenchCase> cases,
-                                   int repeat, const std::function<void(int, int)>& on_frame) {
+                                   int repeat, const std::function<void(int, int)>& on_frame,
+                                   const LabelledViews* truth) {
   SEGSIM_CHECK(repeat > 0, "repeat = " + std::to_string(repeat));
   std::vector<BenchResult> results(cases.size());
   std::vector<std::unique_ptr<core::Renderer>> renderers;
-  std::vector<core::Frame> frames(cases.size());
+  std::vector<core::Frame> frames(cases.size()), labels(cases.size());
   std::vector<std::vector<double>> frame_ms(cases.size());
   for (std::size_t c = 0; c < cases.size(); ++c) {
     results[c].setup = cases[c];
@@ -101,6 +102,7 @@ std::vector<BenchResult> run_cases(const BenchScene& scene, std::span<const Benc
   }
   const int total = static_cast<int>(scene.path.size() * cases.size()) * (repeat + 1);
   const double share = 1.0 / static_cast<double>(scene.path.size());
+  const bool labelled = scene.labels != nullptr || scene.surfels->has_labels();
   int done = 0;
   for (int pass = 0; pass <= repeat; ++pass) {  // Pass 0 allocates, counts and compares.
     for (const core::CameraPose& T_world_camera : scene.path) {
@@ -110,7 +112,10 @@ std::vector<BenchResult> run_cases(const BenchScene& scene, std::span<const Benc
         if (pass == 0) {
           renderers[c]->render(T_world_camera, camera, setup.channels, frames[c]);
           add(frames[c].stats, share, results[c].stats);
-          results[c].agreement += share * agreement_with(frames[0], frames[c]);
+          if (labelled) {
+            renderers[c]->render(T_world_camera, camera, Channels::kLabels, labels[c]);
+          }
+          results[c].agreement += share * agreement_with(labels[0], labels[c]);
         } else {
           const auto start = std::chrono::steady_clock::now();
           renderer::draw_in_place(*renderers[c], T_world_camera, camera, setup.channels,
@@ -125,6 +130,7 @@ std::vector<BenchResult> run_cases(const BenchScene& scene, std::span<const Benc
   }
   for (std::size_t c = 0; c < cases.size(); ++c) {
     results[c].times = summarise_times(frame_ms[c]);
+    if (truth != nullptr) results[c].quality = label_quality(*renderers[c], *truth);
   }
   return results;
 }

@@ -6,12 +6,14 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "core/render.h"
 #include "experiments/benchmarks/bench_scene.h"
+#include "experiments/benchmarks/label_quality.h"
 #include "experiments/reproducibility/machine_peaks.h"
 #include "renderer/renderer_backend.h"
 #include "renderer/scene/render_options.h"
@@ -45,6 +47,8 @@ struct BenchResult {
   /// Share of pixels with the panoptic id that the first case of the run gave, mean over the
   /// path; NaN without labels or if the image sizes differ.
   double agreement = 0;
+  /// In labelled views, under the strict rules; none without such views.
+  std::optional<reconstruction::PanopticReport> quality;
 
   [[nodiscard]] double fps() const { return 1000.0 / times.median_ms; }
   [[nodiscard]] double tiles() const;  ///< Of 16 x 16 px.
@@ -60,11 +64,13 @@ struct BenchResult {
 [[nodiscard]] double label_agreement(const core::Frame& a, const core::Frame& b);
 
 /// Renders the path `repeat` times with every case, the cases in turn at each view, so that a
-/// disturbance of the machine meets all alike; one unmeasured pass comes first.
+/// disturbance of the machine meets all alike; one unmeasured pass comes first. Labels are
+/// compared whether or not they are among the channels whose drawing is timed.
+/// @param truth  Views for BenchResult::quality; may be null.
 /// @param on_frame  Called after each frame with the number of frames done and of all.
 [[nodiscard]] std::vector<BenchResult> run_cases(
     const BenchScene& scene, std::span<const BenchCase> cases, int repeat,
-    const std::function<void(int, int)>& on_frame = {});
+    const std::function<void(int, int)>& on_frame = {}, const LabelledViews* truth = nullptr);
 
 /// Counted work of one frame.
 struct Work {

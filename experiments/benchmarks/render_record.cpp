@@ -71,8 +71,14 @@ core::MeasurementRecord ablation_record(std::span<const AblationRow> rows,
     add("pairs", "M", 1e-6 * r.stats.pairs_binned);
     add("pairs per tile", "", r.pairs_per_tile());
     add("touched", "M", 1e-6 * r.stats.pairs_touched);
-    add("label fetches", "M", 1e-6 * r.stats.feature_fetches);
+    add("fetches", "M", 1e-6 * r.stats.feature_fetches);
     if (!std::isnan(r.agreement)) add("agreement", "%", 100.0 * r.agreement);
+    if (r.quality) {
+      add("PQ", "", 100.0 * r.quality->panoptic.pq);
+      add("SQ", "", 100.0 * r.quality->panoptic.sq);
+      add("RQ", "", 100.0 * r.quality->panoptic.rq);
+      add("mIoU", "", 100.0 * r.quality->pooled.mean_iou);
+    }
     if (!row.in_paper) continue;
     add("paper: time", "ms", row.paper_ms);
     add("paper: frames/s", "", row.paper_fps);

@@ -45,11 +45,13 @@ struct AblationRow {
   double paper_ms = 0, paper_fps = 0, paper_rn_total = 0, paper_rn_tile = 0, paper_pq = 0;
 };
 
-/// (A) aabb + all, (B) accutile + all, (C) aabb + Top-K 3, (D) accutile + Top-K 3 by weight,
-/// and (C'), (D') with the first 3 that the ray meets. @param base  Size, channels, threads.
+/// (A) aabb + all, (S) snugbox + all, (B) accutile + all, (C) aabb + Top-K 3, (D) accutile +
+/// Top-K 3 by weight, (C'), (D') with the first 3 that the ray meets; (E) is (D) with hidden
+/// surfels skipped, and (E1) to (E24) are the same with other K.
+/// @param base  Size, channels, threads, backend: a GPU has no rows with all surfels.
 [[nodiscard]] std::vector<AblationRow> ablation_rows(const BenchCase& base);
 
-/// @param results  One for each row, in order; agreement is with row (A).
+/// @param results  One for each row, in order; agreement is with the first row.
 [[nodiscard]] std::string ablation_table(const BenchProvenance& provenance,
                                          std::span<const AblationRow> rows,
                                          std::span<const BenchResult> results,

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <optional>
 #include <ostream>
 #include <string>
 #include <vector>
@@ -267,9 +268,10 @@ void add_curves_bench(CLI::App& bench) {
 
 struct AblationFlags {
   benchmarks::BenchSceneOptions scene;
-  std::string size = "1296x968", format = "text";
-  fs::path output, record;
-  int threads = 0, repeat = 3;
+  std::string size = "1296x968", format = "text", backend = "cpu";
+  std::vector<std::string> channels{"rgb", "depth", "normal", "features"};
+  fs::path output, record, truth;
+  int threads = 0, repeat = 3, truth_views = 40;
 };
 
 void print_ablation(const AblationFlags& flags) {
@@ -277,18 +279,25 @@ void print_ablation(const AblationFlags& flags) {
   benchmarks::BenchCase base;
   set_size(flags.size, base);
   base.options.threads = flags.threads;
+  base.channels = channels_of(flags.channels);
+  base.backend = renderer::backend_of(flags.backend);
   const std::vector<benchmarks::AblationRow> rows = benchmarks::ablation_rows(base);
   std::vector<benchmarks::BenchCase> cases;
   cases.reserve(rows.size());
   for (const benchmarks::AblationRow& row : rows) cases.push_back(row.setup);
   const benchmarks::BenchScene scene = load_scene(flags.scene, base.channels);
+  std::optional<benchmarks::LabelledViews> truth;
+  if (!flags.truth.empty()) {
+    truth = benchmarks::load_labelled_views(flags.truth, flags.truth_views, scene.classes);
+  }
   const benchmarks::BenchProvenance provenance =
       benchmarks::bench_provenance(scene, cases, flags.repeat);
   core::Progress progress(
       "table 2",
       static_cast<std::int64_t>(cases.size() * scene.path.size()) * (flags.repeat + 1));
   const std::vector<benchmarks::BenchResult> results = benchmarks::run_cases(
-      scene, cases, flags.repeat, [&](int done, int) { progress.update(done); });
+      scene, cases, flags.repeat, [&](int done, int) { progress.update(done); },
+      truth ? &*truth : nullptr);
   progress.finish();
   if (!flags.output.empty()) {
     results::write_table_files(flags.output, "table2", [&](support::TableFormat form) {
@@ -315,6 +324,16 @@ void add_ablation_table(CLI::App& table) {
   CLI::App* command = light::add_listed(table, light::kTableCommands, "2");
   add_scene_flags(*command, flags->scene);
   command->add_option("--size", flags->size, "Image, WxH [px]")->capture_default_str();
+  command
+      ->add_option("--channels", flags->channels,
+                   "Timed: rgb depth normal labels depth-normal features")
+      ->capture_default_str();
+  command->add_option("--backend", flags->backend, "cpu | cuda | auto")->capture_default_str();
+  command->add_option("--truth", flags->truth,
+                      "Recording with labels, of views that the scene was not trained on: PQ");
+  command->add_option("--truth-views", flags->truth_views, "Of the recording, evenly spaced")
+      ->check(CLI::Range(1, 1000000))
+      ->capture_default_str();
   command->add_option("--threads", flags->threads, "0 = all processors")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();

@@ -151,22 +151,23 @@ TEST(RenderBench, ReportsHaveFiguresAndProvenance) {
 
 TEST(Ablation, StandsBesideThePapersFigures) {
   const std::vector<benchmarks::AblationRow> rows = benchmarks::ablation_rows(small_case());
-  ASSERT_EQ(rows.size(), 7U);
+  ASSERT_EQ(rows.size(), 14U);
   EXPECT_EQ(rows[0].setup.options.bounds, renderer::TileBounds::kAabb);
   EXPECT_EQ(rows[0].setup.options.top_k, renderer::kAllSurfels);
-  EXPECT_EQ(rows[3].setup.options.bounds, renderer::TileBounds::kAccuTile);
-  EXPECT_EQ(rows[3].setup.options.top_k, 3);
-  EXPECT_EQ(rows[5].setup.options.top_k_rule, renderer::TopKRule::kFirst);
-  for (std::size_t i = 0; i + 1 < rows.size(); ++i) {  // They differ in one thing.
-    EXPECT_FALSE(rows[i].setup.options.skip_hidden);
+  EXPECT_EQ(rows[4].setup.options.bounds, renderer::TileBounds::kAccuTile);
+  EXPECT_EQ(rows[4].setup.options.top_k, 3);
+  EXPECT_EQ(rows[6].setup.options.top_k_rule, renderer::TopKRule::kFirst);
+  for (std::size_t i = 0; i < rows.size(); ++i) {  // They differ in one thing.
+    EXPECT_EQ(rows[i].setup.options.skip_hidden, i >= 7) << rows[i].name;
   }
-  EXPECT_TRUE(rows[6].setup.options.skip_hidden);
+  EXPECT_EQ(rows.back().setup.options.top_k, renderer::kMaxTopK);
 
-  const std::vector<benchmarks::BenchResult> results(rows.size(), made_up_result());
+  std::vector<benchmarks::BenchResult> results(rows.size(), made_up_result());
+  results[1].quality.emplace().panoptic.pq = 0.4321;
   const benchmarks::BenchProvenance provenance = made_up_machine();
   const std::string text =
       benchmarks::ablation_table(provenance, rows, results, support::TableFormat::kText);
-  for (const char* part : {"74.75", "74.12", "6.1 M", "1230", "(D')", "75.00"}) {
+  for (const char* part : {"74.75", "74.12", "6.1 M", "1230", "(D')", "75.00", "43.21"}) {
     EXPECT_THAT(text, HasSubstr(part));
   }
   const std::string markdown =
@@ -174,18 +175,31 @@ TEST(Ablation, StandsBesideThePapersFigures) {
   EXPECT_THAT(markdown, HasSubstr("| (A) | aabb, all surfels |"));
   const auto json = nlohmann::json::parse(
       benchmarks::ablation_table(provenance, rows, results, support::TableFormat::kJson));
-  EXPECT_EQ(json["rows"][3]["paper"]["fps"], 45.0);
-  EXPECT_FALSE(json["rows"][4].contains("paper"));
+  EXPECT_EQ(json["rows"][4]["paper"]["fps"], 45.0);
+  EXPECT_FALSE(json["rows"][5].contains("paper"));
+  EXPECT_EQ(json["rows"][1]["quality"]["pq"], 0.4321);
+  EXPECT_FALSE(json["rows"][0].contains("quality"));
   const std::string csv =
       benchmarks::ablation_table(provenance, rows, results, support::TableFormat::kCsv);
-  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 8);
-  EXPECT_EQ(std::count(csv.begin(), csv.end(), ','), 8 * 16);
+  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 15);
+  EXPECT_EQ(std::count(csv.begin(), csv.end(), ','), 15 * 20);
 
   std::vector<benchmarks::BenchResult> unlabelled = results;
   for (benchmarks::BenchResult& r : unlabelled) r.agreement = std::nan("");
   EXPECT_THAT(
       benchmarks::ablation_table(provenance, rows, unlabelled, support::TableFormat::kJson),
       Not(HasSubstr("nan")));
+}
+
+TEST(Ablation, HasNoRowsOfAllSurfelsOnAGpu) {
+  benchmarks::BenchCase base = small_case();
+  base.backend = renderer::Backend::kCuda;
+  const std::vector<benchmarks::AblationRow> rows = benchmarks::ablation_rows(base);
+  ASSERT_EQ(rows.size(), 11U);
+  for (const benchmarks::AblationRow& row : rows) {
+    EXPECT_NE(row.setup.options.top_k, renderer::kAllSurfels) << row.name;
+    EXPECT_EQ(row.setup.backend, renderer::Backend::kCuda);
+  }
 }
 
 TEST(MachinePeaks, AreThoseOfARealMachine) {
@@ -225,7 +239,7 @@ TEST(RenderRecord, HasACaseForEachResult) {
 TEST(RenderRecord, OfTable2HasThePapersFiguresWhereItHasTheRow) {
   const std::vector<benchmarks::AblationRow> rows = benchmarks::ablation_rows(small_case());
   std::vector<benchmarks::BenchResult> results(rows.size(), made_up_result());
-  results[1].agreement = std::nan("");
+  results[2].agreement = std::nan("");
   const core::MeasurementRecord record = benchmarks::ablation_record(rows, results);
   const auto first = values_of(record, "(A) aabb, all surfels");
   EXPECT_EQ(first.at("agreement"), 75.0);
