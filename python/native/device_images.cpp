@@ -74,8 +74,7 @@ DeviceImages::DeviceImages(const nb::dict& images, const Views& views) {
     const std::string name = nb::str(key).c_str();
     const DeviceChannel& channel = *channel_of(name);
     const std::string place = "images[\"" + name + "\"]";
-    Image image{
-        name, {}, width * height * channel.values * (channel.dtype.bits / 8U), channel.source};
+    Image image{name, {}, width * height * channel.values * (channel.dtype.bits / 8U)};
     if (!nb::try_cast(value, image.array, false)) {
       throw core::InputError::expected(place, "an array of a GPU, in rows without gaps",
                                        nb::repr(value.type()).c_str());
@@ -99,8 +98,8 @@ DeviceImages::DeviceImages(const nb::dict& images, const Views& views) {
   }
 }
 
-void DeviceImages::draw(renderer::CudaRenderer& renderer, const Views& views,
-                        CUstream_st* stream) const {
+void draw_into(renderer::CudaRenderer& renderer, const Views& views, Channels drawn,
+               std::span<const ImagePlace> places, CUstream_st* stream) {
   constexpr std::size_t kMostViews = 256;  // CudaRenderer::render_batch().
   const std::size_t count = views.T_world_camera.size();
   // Views of one call of the renderer have one camera.
@@ -110,21 +109,31 @@ void DeviceImages::draw(renderer::CudaRenderer& renderer, const Views& views,
     const std::size_t views_drawn = std::min(most, count - first);
     const DeviceFrames& frames =
         renderer.render_batch(std::span(views.T_world_camera).subspan(first, views_drawn),
-                              views.intrinsics_of(first), drawn_);
+                              views.intrinsics_of(first), drawn);
     copies.clear();
-    for (const Image& image : images_) {
-      if (image.array.device_id() != frames.device) {
-        throw core::InputError::expected(
-            "images[\"" + image.name + "\"]",
-            "an array of GPU " + std::to_string(frames.device),
-            "one of GPU " + std::to_string(image.array.device_id()));
+    for (const ImagePlace& place : places) {
+      if (place.device != ImagePlace::kProcessor && place.device != frames.device) {
+        throw core::InputError::expected("images[\"" + place.name + "\"]",
+                                         "an array of GPU " + std::to_string(frames.device),
+                                         "one of GPU " + std::to_string(place.device));
       }
-      auto* to = static_cast<std::byte*>(const_cast<void*>(image.array.data()));
-      copies.push_back({image.source(frames), to + first * image.bytes_per_view,
-                        views_drawn * image.bytes_per_view});
+      copies.push_back({channel_of(place.name)->source(frames),
+                        place.to + first * place.bytes_per_view,
+                        views_drawn * place.bytes_per_view});
     }
     renderer.copy_images(copies, stream);
   }
+}
+
+void DeviceImages::draw(renderer::CudaRenderer& renderer, const Views& views,
+                        CUstream_st* stream) const {
+  std::vector<ImagePlace> places;
+  for (const Image& image : images_) {
+    places.push_back({image.name,
+                      static_cast<std::byte*>(const_cast<void*>(image.array.data())),
+                      image.bytes_per_view, image.array.device_id()});
+  }
+  draw_into(renderer, views, drawn_, places, stream);
 }
 
 }  // namespace segsim::python

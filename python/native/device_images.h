@@ -1,9 +1,11 @@
 #pragma once
 
 /// @file
-/// Images of the GPU's renderer into arrays of Python that lie in the GPU's memory.
+/// Batches of the GPU's renderer into arrays of Python, in the GPU's memory or in that of the
+/// processor.
 
 #include <cstddef>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -13,9 +15,17 @@
 #include "core/device_frames.h"
 #include "core/render.h"
 #include "python/native/camera_arguments.h"
+#include "python/native/frame_arrays.h"
 #include "renderer/cuda/cuda_renderer.h"
 
 namespace segsim::python {
+
+/// Draws all views in as few calls as possible and puts the copies of their images into the
+/// stream; those to the processor are complete on return. Needs no Python.
+/// @param drawn  What `places` need; without depth normals, which no GPU draws.
+/// @throws core::InputError for memory of another GPU than the renderer's.
+void draw_into(renderer::CudaRenderer& renderer, const Views& views, core::Channels drawn,
+               std::span<const ImagePlace> places, CUstream_st* stream);
 
 class DeviceImages {
  public:
@@ -35,7 +45,6 @@ class DeviceImages {
     std::string name;
     nanobind::ndarray<nanobind::device::cuda, nanobind::c_contig> array;
     std::size_t bytes_per_view;
-    const void* (*source)(const core::DeviceFrames&);
   };
 
   std::vector<Image> images_;

@@ -137,6 +137,14 @@ void FrameBatch::put(std::size_t index, const core::Frame& frame) {
   }
 }
 
+std::vector<ImagePlace> FrameBatch::places() const {
+  std::vector<ImagePlace> places;
+  for (const Channel& channel : channels_) {
+    places.push_back({channel.name, channel.images.get(), channel.bytes_per_image});
+  }
+  return places;
+}
+
 nb::dict FrameBatch::take() {
   nb::dict arrays;
   core::Frame frame;

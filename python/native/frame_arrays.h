@@ -31,6 +31,15 @@ class ChannelChoice {
 /// The images of one frame, which gives up their memory: name -> [H, W] or [H, W, C].
 [[nodiscard]] nanobind::dict take_images(core::Frame&& frame, const ChannelChoice& choice);
 
+/// Where the images of one channel go, view after view.
+struct ImagePlace {
+  static constexpr int kProcessor = -1;
+  std::string name;
+  std::byte* to;
+  std::size_t bytes_per_view;
+  int device = kProcessor;  ///< Number of the GPU whose memory it is.
+};
+
 /// Images of several frames of one size, one behind the other: name -> [N, H, W(, C)].
 class FrameBatch {
  public:
@@ -39,6 +48,8 @@ class FrameBatch {
 
   /// Copies the images of frame `index`; needs no Python.
   void put(std::size_t index, const core::Frame& frame);
+  /// For who puts all frames at once.
+  [[nodiscard]] std::vector<ImagePlace> places() const;
   [[nodiscard]] nanobind::dict take();
 
  private:

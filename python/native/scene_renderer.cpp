@@ -79,6 +79,14 @@ nb::dict render_one(SceneRenderer& renderer, const Views& views, const ChannelCh
 nb::dict render_batch(SceneRenderer& renderer, const Views& views, std::pair<int, int> size_px,
                       const ChannelChoice& choice) {
   FrameBatch batch(choice, views.T_world_camera.size(), size_px.first, size_px.second);
+  if (renderer.on_gpu() && !core::has(choice.drawn(), core::Channels::kDepthNormal)) {
+    handle_signals();
+    {
+      const nb::gil_scoped_release released;
+      renderer.draw_batch(views, choice.drawn(), batch.places());
+    }
+    return batch.take();
+  }
   core::Frame frame;
   for (std::size_t i = 0; i < views.T_world_camera.size(); ++i) {
     handle_signals();
@@ -206,6 +214,16 @@ void SceneRenderer::draw_to(const Views& views, const DeviceImages& images,
   SEGSIM_CHECK(gpu != nullptr, "not on the GPU");
   if (views.T_world_camera.empty()) return;
   images.draw(*gpu, views, stream);
+  stats_ = gpu->stats();
+}
+
+void SceneRenderer::draw_batch(const Views& views, core::Channels drawn,
+                               std::span<const ImagePlace> places) {
+  const std::lock_guard lock(mutex_);
+  renderer::CudaRenderer* gpu = renderer::as_cuda_renderer(*renderer_);
+  SEGSIM_CHECK(gpu != nullptr, "not on the GPU");
+  if (views.T_world_camera.empty()) return;
+  draw_into(*gpu, views, drawn, places, nullptr);
   stats_ = gpu->stats();
 }
 

@@ -31,6 +31,10 @@ class SceneRenderer {
   /// @throws core::ContractViolation if the CPU draws.
   void draw_to(const Views& views, const DeviceImages& images, CUstream_st* stream);
 
+  /// Draws views with the GPU into the memory of the processor; likewise.
+  void draw_batch(const Views& views, core::Channels drawn,
+                  std::span<const ImagePlace> places);
+
   [[nodiscard]] bool has_features() const { return has_features_; }
   [[nodiscard]] bool on_gpu() const { return on_gpu_; }
   [[nodiscard]] const char* backend() const { return on_gpu_ ? "cuda" : "cpu"; }

@@ -110,7 +110,7 @@ class CudaRendererImpl final : public CudaRenderer {
     wait();
     for (const DeviceCopy& copy : copies) {
       throw_on_error(
-          cudaMemcpyAsync(copy.to, copy.from, copy.bytes, cudaMemcpyDeviceToDevice, stream),
+          cudaMemcpyAsync(copy.to, copy.from, copy.bytes, cudaMemcpyDefault, stream),
           "cudaMemcpyAsync");
     }
     throw_on_error(cudaEventRecord(copied_.get(), stream), "cudaEventRecord");

@@ -39,7 +39,8 @@ struct CudaStageTimes {
   double begin_ms = 0, project_ms = 0, order_ms = 0, raster_ms = 0, redo_ms = 0;
 };
 
-/// An image of a batch, or a part of it, and where in the device's memory it shall be.
+/// An image of a batch, or a part of it, and where in the memory of the device or the host it
+/// shall be.
 struct DeviceCopy {
   const void* from;  ///< Where a member of core::DeviceFrames points.
   void* to;
@@ -69,7 +70,8 @@ class CudaRenderer : public core::Renderer {
   virtual void read_back(int index, core::Channels channels, core::Frame& frame) = 0;
 
   /// Puts copies of the last batch's images into a stream of the caller, after what is there
-  /// already; the next batch waits for them. Calls wait().
+  /// already; the next batch waits for them. Those to memory of the host that is not
+  /// page-locked are complete on return. Calls wait().
   virtual void copy_images(std::span<const DeviceCopy> copies, CUstream_st* stream) = 0;
 
   /// Counters of the last batch; calls wait(). RenderStats::contributions and feature_fetches

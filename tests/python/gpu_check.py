@@ -223,6 +223,10 @@ def check_renderer(checks, folder):
     gpu, cpu = (fastsegsim.Renderer(scene, backend=name) for name in ("cuda", "cpu"))
     checks.that("the renderer is the GPU's", gpu.backend == "cuda")
     of_gpu, of_cpu = gpu.render(poses, camera, size, channels), cpu.render(poses, camera, size, channels)
+    views = [gpu.render(pose, camera, size, channels) for pose in poses]
+    same = all(np.array_equal(of_gpu[name][i], view[name], equal_nan=name == "depth")
+               for i, view in enumerate(views) for name in channels)
+    checks.that("a batch has the images of its views", same)
     rgb = np.abs(of_gpu["rgb"].astype(int) - of_cpu["rgb"])
     checks.that("rgb is the CPU's", rgb.max() <= 1, f"differs by {rgb.max()} of 255")
     both = np.isfinite(of_gpu["depth"]) & np.isfinite(of_cpu["depth"])
