@@ -101,7 +101,8 @@ def test_arrow_tables_have_types_units_and_provenance(database):  # noqa: F811
     assert pa.types.is_dictionary(types["arm"]) and types["episode"] == pa.string()
     # What is not known is null; the rest comes as it was stored.
     assert trials["distance_to_goal_m"].null_count == 19 and trials["images"].null_count == 20
-    assert trials["state_hash"][0].as_py() == 0xFEDCBA9876543210 and trials["arm"].to_pylist()[:2] == ["before", "after"]
+    assert trials["state_hash"][0].as_py() == 0xFEDCBA9876543210
+    assert trials["arm"].to_pylist()[:2] == ["before", "after"]
     assert trials.schema.field("path_m").metadata == {b"unit": b"m"} and trials.schema.field("ticks").metadata is None
     assert tables["arms"].schema.field("unseen_ap50").type == pa.float64()
     for table in tables.values():
@@ -144,7 +145,8 @@ def test_data_frames_have_the_columns(database):  # noqa: F811
 
 
 def test_hierarchical_functions_take_columns():
-    values = results.SeededValues([1] * 6, [0, 0, 0, 1, 1, 1], [0] * 6, [0, 1, 2, 0, 1, 2], np.array([1, 0, 1, 1, 1, 0]))
+    successes = np.array([1, 0, 1, 1, 1, 0])
+    values = results.SeededValues([1] * 6, [0, 0, 0, 1, 1, 1], [0] * 6, [0, 1, 2, 0, 1, 2], successes)
     rate = results.hierarchical_rate_interval(values)
     assert rate.mean == pytest.approx(4 / 6) and 0 < rate.low < rate.mean < rate.high < 1
     assert results.hierarchical_interval(values).mean == pytest.approx(4 / 6)

@@ -86,9 +86,10 @@ class Run:
         return summarise(self, before, after)
 
     def arrow(self) -> "dict[str, pyarrow.Table]":
-        """The run as Arrow tables: "run", "scenes", "arms", "trials", "rates" and "comparisons" (docs/python_results.md).
+        """The run as Arrow tables: "run", "scenes", "arms", "trials", "rates", "comparisons" (docs/python_results.md).
 
-        Null is what is not known. The metadata "segsim" of each is JSON: schema, digests, rule of success. Needs pyarrow.
+        Null is what is not known. The metadata "segsim" of each is JSON: schema, digests, rule of success. Needs
+        pyarrow.
         """
         return arrow_tables.arrow_tables(self)
 

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
 NOT_COUNTED = ("error", "infeasible", "trivial")  # Outcomes that enter no rate.
 _MEANS = ("spl", "soft_spl", "sim_s", "path_m")  # Of an episode: over its repetitions.
-_TRIAL_MEANS = {"sim_s": "sim_s", "path_m": "path_m", "contacts": "contacts", "invalid_pixels": "invalid_pixel_fraction"}
+_TRIAL_MEANS = {"sim_s": "sim_s", "path_m": "path_m", "contacts": "contacts",
+                "invalid_pixels": "invalid_pixel_fraction"}
 _PAIRED = ("spl", "sim_s", "path_m")
 
 
@@ -180,7 +181,8 @@ def _arm_summary(inputs: _Inputs, family: list[int], episodes: list[_Episode]) -
 def _paired_mean(values: _Seeded, several: bool) -> dict[str, Any]:
     if several:
         mean = hierarchical_interval(values.values())
-        return {"mean": mean.mean, "hierarchical95": _interval(mean[1:]), "p_trainings": training_test(values.values()).p}
+        p = training_test(values.values()).p
+        return {"mean": mean.mean, "hierarchical95": _interval(mean[1:]), "p_trainings": p}
     mean = bootstrap_mean(values.numbers())
     return {"mean": mean.mean, "bootstrap95": _interval(mean[1:]), "p_sign_flip": sign_flip_p(values.numbers())}
 

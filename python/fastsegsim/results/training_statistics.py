@@ -27,7 +27,8 @@ class SeededValues:
     value: Sequence[float]
 
     def _columns(self) -> list[list]:
-        columns = [[int(x) for x in column] for column in (self.reconstruction, self.training, self.scene, self.episode)]
+        places = (self.reconstruction, self.training, self.scene, self.episode)
+        columns: list[list] = [[int(x) for x in column] for column in places]
         columns.append([float(x) for x in self.value])
         lengths = [len(column) for column in columns]
         if len(set(lengths)) > 1:
@@ -54,8 +55,8 @@ def _check(confidence: float) -> None:
 def hierarchical_interval(differences: SeededValues, confidence: float = 0.95) -> MeanInterval:
     """Mean of differences with a Student interval over reconstructions, trainings, scenes and episodes.
 
-    Its variance is that of a hierarchical bootstrap, in closed form: nothing is drawn. Scenes are draws from five on. With
-    one training it is the interval of the episodes alone. Not cut off at -1 and 1. Zeros for no values.
+    Its variance is that of a hierarchical bootstrap, in closed form: nothing is drawn. Scenes are draws from five on.
+    With one training it is the interval of the episodes alone. Not cut off at -1 and 1. Zeros for no values.
     """
     _check(confidence)
     return MeanInterval(*_statistics.hierarchical_interval(*differences._columns(), confidence))
