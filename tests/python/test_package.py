@@ -7,7 +7,7 @@ import sys
 import pytest
 
 import fastsegsim
-from fastsegsim import results
+from fastsegsim import adapters, results
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 PACKAGE = pathlib.Path(fastsegsim.__file__).parent
@@ -23,7 +23,7 @@ def test_the_version_is_the_projects():
 
 
 def test_every_public_name_is_documented():
-    for module in (fastsegsim, results):
+    for module in (fastsegsim, adapters, results):
         for name in module.__all__:
             documented = getattr(module, name)
             assert documented.__doc__, f"{module.__name__}.{name}"

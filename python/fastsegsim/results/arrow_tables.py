@@ -33,8 +33,8 @@ _RATES = {**_GROUP, "arm": str, "successes": int, "episodes": int, "success_rate
           "contacts": float, "invalid_pixels": float, "failed_trials": int, "excluded_trials": int}
 _COMPARISONS = {**_GROUP, "before": str, "after": str, "both": int, "only_after": int, "only_before": int,
                 "neither": int, "dropped_pairs": int, "difference": float, "low": float, "high": float,
-                "interval": str, "p": float, "p_holm": float, "verdict": str, "difference_spl": float, "difference_sim_s": float,
-                "difference_path_m": float}
+                "interval": str, "p": float, "p_holm": float, "verdict": str, "difference_spl": float,
+                "difference_sim_s": float, "difference_path_m": float}
 
 
 def import_pyarrow(module: str = "pyarrow") -> Any:
