@@ -94,6 +94,7 @@ class TorchvisionDetector:
         self.class_names = list(categories)
 
     def detect(self, seen: Observation) -> list[Detection]:
+        """What the robot's image shows."""
         return self.find(seen.rgb)
 
     def find(self, rgb: np.ndarray) -> list[Detection]:

@@ -27,6 +27,13 @@ _BOOLEAN = ("success", "stopped")
 _HEXADECIMAL = ("state_hash",)
 
 
+def paired_counts(before: dict[Any, bool], after: dict[Any, bool]) -> PairedCounts:
+    """The episodes of two arms, of one run or of two, that both ran: what Run.episode_successes() gives, compared."""
+    pairs = [(before[key], after[key]) for key in before if key in after]
+    return PairedCounts(both=pairs.count((True, True)), only_after=pairs.count((False, True)),
+                        only_before=pairs.count((True, False)), neither=pairs.count((False, False)))
+
+
 @dataclasses.dataclass(frozen=True)
 class Run:
     """One run. Times in seconds (_s), milliseconds (_ms) or ticks, lengths in metres (_m); -1 ticks are "never"."""
@@ -71,10 +78,7 @@ class Run:
 
     def paired_counts(self, before: str, after: str) -> PairedCounts:
         """The episodes that both arms ran, by the outcomes of the two."""
-        first, second = self.episode_successes(before), self.episode_successes(after)
-        pairs = [(first[key], second[key]) for key in first if key in second]
-        return PairedCounts(both=pairs.count((True, True)), only_after=pairs.count((False, True)),
-                            only_before=pairs.count((True, False)), neither=pairs.count((False, False)))
+        return paired_counts(self.episode_successes(before), self.episode_successes(after))
 
     def table(self, before: str = "", after: str = "") -> dict[str, Any]:
         """Rates, intervals and tests: what the JSON of `segsim table` has under the same keys, to the last digit.
