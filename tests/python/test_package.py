@@ -62,6 +62,12 @@ def test_what_is_not_there_is_no_attribute():
     assert fastsegsim.results is results
 
 
+def test_the_reference_is_that_of_the_docstrings():
+    checked = subprocess.run([sys.executable, ROOT / "tools/python_reference.py", PACKAGE, "--check"], check=False,
+                             capture_output=True, text=True)
+    assert checked.returncode == 0, checked.stdout + checked.stderr
+
+
 def test_the_example_draws_a_scene(bundle, tmp_path):
     program = ROOT / "python" / "examples" / "render_scene.py"
     printed = subprocess.run([sys.executable, program, bundle, "--from", "0.5", "3", "1.4", "--to", "8", "3", "1.2"],
