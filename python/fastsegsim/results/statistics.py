@@ -41,7 +41,7 @@ class PairedDifference(NamedTuple):
 
 
 class MeanInterval(NamedTuple):
-    """A mean with an interval of 95 %."""
+    """A mean and its interval, at a confidence of 0.95."""
 
     mean: float
     low: float
