@@ -6,7 +6,8 @@
 ROOT is the repository, WORK a folder for the package; pip compiles in ROOT/build, as it does for users. SEGSIM,
 SMALL_RESULTS and TINY_TRIAL are the programs that the package's images, figures and environments are compared with;
 without them those tests are skipped. Nothing is downloaded: where a module is missing that building or testing needs,
-the exit code is 77, and the reason is printed. Without Gymnasium the tests of environments are skipped.
+the exit code is 77, and the reason is printed. Without Gymnasium the tests of environments are skipped, and so are, by
+name, those that need pyarrow, pandas, PyAV, LeRobot, torch, torchvision or nbclient with ipykernel and matplotlib.
 """
 import importlib.util
 import os

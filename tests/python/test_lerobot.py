@@ -201,14 +201,20 @@ def test_the_command_exports(small_run, tmp_path):
     again = run("lerobot", small_run, tmp_path / "set")
     assert again.returncode == 2 and again.stderr.count("\n") == 1
     assert "expected a folder that is not there" in again.stderr
+    (tmp_path / "file").write_text("")
+    for format in ("lerobot", "parquet"):
+        nowhere = run(format, small_run, tmp_path / "file" / "set")
+        assert nowhere.returncode == 2 and nowhere.stderr.count("\n") == 1 and "file" in nowhere.stderr
     tables = run("parquet", small_run, tmp_path / "tables")
     assert tables.returncode == 0 and len(tables.stdout.splitlines()) == 6
     assert parquet.read_table(tmp_path / "tables/trials.parquet").num_rows == 8
 
 
-@pytest.mark.parametrize("storage", ["video", "png", "none"])
-def test_lerobot_reads_it(small_run, pictures, tmp_path, monkeypatch, storage):
+@pytest.mark.parametrize("storage, decoder", [("video", "torchcodec"), ("video", "pyav"), ("png", None), ("none", None)])
+def test_lerobot_reads_it(small_run, pictures, tmp_path, monkeypatch, storage, decoder):
     pytest.importorskip("lerobot")
+    if decoder == "torchcodec":
+        pytest.importorskip("torchcodec")
     torch = pytest.importorskip("torch")
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
     monkeypatch.setenv("HF_DATASETS_CACHE", str(tmp_path / "cache"))
@@ -216,7 +222,7 @@ def test_lerobot_reads_it(small_run, pictures, tmp_path, monkeypatch, storage):
 
     images, kept = ("none", "png") if storage == "none" else ("auto", storage)
     results.export_lerobot(small_run, tmp_path / "set", images=images, storage=kept)
-    data = LeRobotDataset("segsim/small", root=tmp_path / "set")
+    data = LeRobotDataset("segsim/small", root=tmp_path / "set", video_backend=decoder)
     rows, episodes = read_rows(pictures), read_episodes(pictures)
     assert len(data) == rows.num_rows and data.num_episodes == 8 and data.fps == 4
     first = episodes[5]["dataset_from_index"]

@@ -37,7 +37,7 @@ def main() -> None:
                               arguments.successes_only)
         print(f"{made.root}: {made.episodes} episodes, {made.frames} frames, {len(made.tasks)} tasks, "
               f"images {made.images}")
-    except InputError as error:
+    except (InputError, OSError) as error:  # Also a full disk.
         print(error, file=sys.stderr)
         sys.exit(2)
     except ImportError as error:
