@@ -95,7 +95,7 @@ class TorchvisionDetector:
 
     def detect(self, seen: Observation) -> list[Detection]:
         """What the robot's image shows."""
-        return self.find(seen.rgb)
+        return [] if seen.rgb is None else self.find(seen.rgb)
 
     def find(self, rgb: np.ndarray) -> list[Detection]:
         """rgb: uint8 [height, width, 3], sRGB."""

@@ -210,7 +210,8 @@ def test_the_command_exports(small_run, tmp_path):
     assert parquet.read_table(tmp_path / "tables/trials.parquet").num_rows == 8
 
 
-@pytest.mark.parametrize("storage, decoder", [("video", "torchcodec"), ("video", "pyav"), ("png", None), ("none", None)])
+@pytest.mark.parametrize("storage, decoder", [("video", "torchcodec"), ("video", "pyav"), ("png", None),
+                                              ("none", None)])
 def test_lerobot_reads_it(small_run, pictures, tmp_path, monkeypatch, storage, decoder):
     pytest.importorskip("lerobot")
     if decoder == "torchcodec":

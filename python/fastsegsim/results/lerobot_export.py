@@ -1,6 +1,7 @@
 """Trials of a run as a LeRobot data set, format v3.0: what robot learning programs read."""
 
 import fractions
+import itertools
 import os
 import pathlib
 import shutil
@@ -121,7 +122,8 @@ class _Export:
         columns["episode_index"] = np.full(count, number)
         columns["index"] = np.arange(self.frames, self.frames + count)
         columns["task_index"] = np.full(count, self.tasks.index(recording.task))
-        place, statistics, pictures = {}, {name: vector_statistics(values) for name, values in columns.items()}, None
+        place: dict[str, Any] = {}
+        statistics, pictures = {name: vector_statistics(values) for name, values in columns.items()}, None
         if self._storage:
             place, statistics[CAMERA], pictures = self._add_images(recording)
         data = self._data.add(_arrow_episode(columns, pictures))
@@ -217,19 +219,18 @@ def export_lerobot(run: Run | str | os.PathLike[str], folder: str | os.PathLike[
     trials = list(_chosen(run, arms, successes_only))
     if not trials:
         raise InputError(f"{run.folder}: expected trials to export, found none")
+    recordings = (read_recording(run, trial) for trial in trials)
+    first = next(recordings)
     unfinished = root.with_name(f".{root.name}.{os.getpid()}")
-    unfinished.mkdir(parents=True)
-    export = None
+    export = _Export(unfinished, first, images, storage)
     try:
-        for trial in trials:
-            recording = read_recording(run, trial)
-            export = export or _Export(unfinished, recording, images, storage)
+        unfinished.mkdir(parents=True)
+        for recording in itertools.chain([first], recordings):
             export.add(recording)
         export.finish(run)
         unfinished.rename(root)
     except BaseException:
-        if export:
-            export.close()
+        export.close()
         shutil.rmtree(unfinished, ignore_errors=True)
         raise
     sources = export.sources or {"none"}

@@ -4,7 +4,7 @@ Left out is what a table says beyond them: causes, perception, other success rul
 """
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -135,7 +135,7 @@ class _Inputs:
         return before or default[0], after or default[1]
 
 
-def _interval(found: Interval) -> list[float]:
+def _interval(found: Sequence[Any]) -> list[float]:
     return [float(found[0]), float(found[1])]
 
 
@@ -207,7 +207,8 @@ def _compare(inputs: _Inputs, pairs: list[_Pair], episodes: list[_Episode]) -> d
     found: dict[str, Any] = {**counts._asdict(), "dropped_pairs": dropped}
     if several:
         mean, test = hierarchical_interval(success.values()), training_test(success.values())
-        difference = PairedDifference(mean.mean, Interval(max(-1.0, mean.low), min(1.0, mean.high)))
+        ends = np.clip([mean.low, mean.high], -1.0, 1.0)
+        difference = PairedDifference(np.float64(mean.mean), Interval(*ends))
         p = test.p
         found |= {"difference": mean.mean, "p": p, "hierarchical95": _interval(difference.interval), "p_trainings": p,
                   "degrees_of_freedom": test.degrees_of_freedom, "training_sd": test.training_sd,
@@ -242,7 +243,7 @@ def summarise(run: "Run", before: str = "", after: str = "") -> dict[str, Any]:
             found["comparison"] = _compare(inputs, pairs, episodes)
         return found
 
-    scenes = [group(name, title, lambda e, name=name: e.scene == name) for name, title in inputs.scenes.items()]
+    scenes = [group(name, title, lambda e: e.scene == name) for name, title in inputs.scenes.items()]
     found: dict[str, Any] = {"before": before, "after": after, "scenes": scenes}
     if len(scenes) > 1:
         found["all"] = group("all", "All scenes", lambda _: True)
@@ -254,7 +255,7 @@ def summarise(run: "Run", before: str = "", after: str = "") -> dict[str, Any]:
             found["all"]["comparison"]["over_scenes"] = {"difference": mean.mean,
                                                          "cluster_bootstrap95": _interval(mean[1:])}
     names = sorted({goal for goal in np.unique(run.trials["goal_class"]).tolist()}, key=str.encode)
-    found["classes"] = [group(name, name, lambda e, name=name: e.goal_class == name) for name in names]
+    found["classes"] = [group(name, name, lambda e: e.goal_class == name) for name in names]
     if pairs and names:
         corrected = holm_correction([g["comparison"]["p"] for g in found["classes"]])
         for g, p in zip(found["classes"], corrected.tolist()):
