@@ -15,6 +15,7 @@ from fastsegsim.adapters import ImageTextDetector, ImageTextScorer, TorchvisionD
 from fastsegsim.peer import Detection, Observation
 from test_peer import HELLO_DETECTOR, ask, message, observation  # noqa: F401 (a fixture)
 
+ROOT = pathlib.Path(__file__).resolve().parents[2]
 COLOURS = {"red": (1, 0, 0), "green": (0, 1, 0), "blue": (0, 0, 1)}
 
 
@@ -125,6 +126,7 @@ class Finder(ImageTextDetector):
 @pytest.mark.parametrize("installed", [True, False])
 def test_an_adapter_serves_a_run(tiny, segsim, tmp_path, monkeypatch, installed):
     monkeypatch.setenv("PATH", f"{pathlib.Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
+    monkeypatch.chdir(ROOT)  # Where the program finds peer.py.
     if not installed:  # What lies beside the program serves then.
         monkeypatch.delenv("PYTHONPATH", raising=False)
     (tmp_path / "finder.py").write_text(COUCH_FINDER)
@@ -200,7 +202,7 @@ def test_the_example_tunes_a_detector(tmp_path):
     torch = pytest.importorskip("torch")
     train, validation = write_views(tmp_path, 12), write_views(tmp_path, 5)
     (tmp_path / "tiny_network.py").write_text(TINY_NETWORK)
-    program = pathlib.Path(__file__).resolve().parents[2] / "python/examples/tune_detector.py"
+    program = ROOT / "python/examples/tune_detector.py"
     command = [sys.executable, program, train, validation, "--network", "tiny_network:ColourFinder", "--rate", "0.1"]
     paths = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
     printed = subprocess.run([*command, "--steps", "100"], cwd=tmp_path, check=True, capture_output=True, text=True,
@@ -214,7 +216,7 @@ def test_the_example_tunes_a_detector(tmp_path):
 def test_a_network_of_torchvision_takes_the_labels(tmp_path):
     pytest.importorskip("torchvision")
     train, validation = write_views(tmp_path, 4), write_views(tmp_path, 2)
-    program = pathlib.Path(__file__).resolve().parents[2] / "python/examples/tune_detector.py"
+    program = ROOT / "python/examples/tune_detector.py"
     printed = subprocess.run([sys.executable, program, train, validation, "--steps", "1"], cwd=tmp_path, check=True,
                              capture_output=True, text=True).stdout
     assert "before: AP50 0." in printed and "step 0: loss " in printed and "gain: " in printed

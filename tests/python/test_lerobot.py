@@ -202,8 +202,8 @@ def test_the_command_exports(small_run, tmp_path):
     assert again.returncode == 2 and again.stderr.count("\n") == 1
     assert "expected a folder that is not there" in again.stderr
     (tmp_path / "file").write_text("")
-    for format in ("lerobot", "parquet"):
-        nowhere = run(format, small_run, tmp_path / "file" / "set")
+    for command in (["lerobot", "--images", "none"], ["parquet"]):
+        nowhere = run(*command, small_run, tmp_path / "file" / "set")
         assert nowhere.returncode == 2 and nowhere.stderr.count("\n") == 1 and "file" in nowhere.stderr
     tables = run("parquet", small_run, tmp_path / "tables")
     assert tables.returncode == 0 and len(tables.stdout.splitlines()) == 6

@@ -37,11 +37,9 @@ def main() -> None:
                               arguments.successes_only)
         print(f"{made.root}: {made.episodes} episodes, {made.frames} frames, {len(made.tasks)} tasks, "
               f"images {made.images}")
-    except (InputError, OSError) as error:  # Also a full disk.
+    except (ImportError, InputError, OSError) as error:  # Also a module that is missing, and a full disk.
         print(error, file=sys.stderr)
         sys.exit(2)
-    except ImportError as error:
-        sys.exit(str(error))
 
 
 if __name__ == "__main__":
