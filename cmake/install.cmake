@@ -59,7 +59,8 @@ foreach(folder budgets class_maps engines label_maps scene_lists specs suites tr
 endforeach()
 install(DIRECTORY perception/weights DESTINATION ${segsim_data_folder}/perception
   COMPONENT program)
-install(FILES python/fastsegsim/peer.py DESTINATION ${segsim_data_folder}/python/fastsegsim
+install(FILES python/fastsegsim/peer.py python/fastsegsim/adapters.py
+  DESTINATION ${segsim_data_folder}/python/fastsegsim
   COMPONENT program)
 install(FILES perception/training_defaults.yaml DESTINATION ${segsim_data_folder}/perception
   COMPONENT program)

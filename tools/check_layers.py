@@ -22,7 +22,8 @@ MAY_INCLUDE = {  # module: the folders of other modules that its files may inclu
     "reconstruction": ("core", "renderer"),
     "worlds": ("core", "sim/ground"),
     "experiments": ("core", "renderer", "reconstruction", "perception", "nav", "sim", "ros", "peers", "worlds"),
-    "python": ("core", "renderer", "reconstruction/rasterizer", "sim/ground", "sim/trial", "experiments/episodes"),
+    "python": ("core", "renderer", "reconstruction/rasterizer", "sim/ground", "sim/trial", "experiments/episodes",
+               "experiments/results"),
 }
 # Rooms of a module from the ground up: a room includes those before it, never one after it. "." is the module's own
 # folder. A folder `internal` belongs to the room above it, unless it is listed as a room itself.

@@ -12,11 +12,11 @@ import importlib
 from typing import Any
 
 from fastsegsim._native import (InputError, Recording, Renderer, Scene, SceneClass, SceneInstance, look_at, mast_camera,
-                                pinhole)
+                                pinhole, read_frame)
 from fastsegsim._native import build as _build
 
 __all__ = ["InputError", "Recording", "Renderer", "Scene", "SceneClass", "SceneInstance", "look_at", "mast_camera",
-           "pinhole", "results"]
+           "pinhole", "read_frame", "results"]
 InputError.__module__ = "fastsegsim"  # Where users catch it.
 __version__ = _build.partition(" ")[0]
 

@@ -94,9 +94,14 @@ class TorchvisionDetector:
         self.class_names = list(categories)
 
     def detect(self, seen: Observation) -> list[Detection]:
+        """What the robot's image shows."""
+        return [] if seen.rgb is None else self.find(seen.rgb)
+
+    def find(self, rgb: np.ndarray) -> list[Detection]:
+        """rgb: uint8 [height, width, 3], sRGB."""
         import torch
 
-        image = torch.from_numpy(np.array(seen.rgb)).to(self._device).permute(2, 0, 1).float() / 255.0
+        image = torch.from_numpy(np.array(rgb)).to(self._device).permute(2, 0, 1).float() / 255.0
         with torch.inference_mode():
             found = self._model([image])[0]
         rows = zip(found["labels"].tolist(), found["scores"].tolist(), found["boxes"].tolist())
@@ -220,7 +225,9 @@ def main() -> None:
     # Types are imported from fastsegsim.peer, which is this file: also where the package is not installed, or another
     # version of it is.
     if importlib.util.find_spec("fastsegsim") is None:
-        sys.modules["fastsegsim"] = types.ModuleType("fastsegsim")
+        package = types.ModuleType("fastsegsim")
+        package.__path__ = [os.path.dirname(os.path.abspath(__file__))]  # For fastsegsim.adapters, which lies beside.
+        sys.modules["fastsegsim"] = package
     sys.modules["fastsegsim.peer"] = sys.modules["__main__"]
     module, _, name = arguments.name.partition(":")
     try:

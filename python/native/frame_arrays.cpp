@@ -97,6 +97,15 @@ ChannelChoice::ChannelChoice(std::vector<std::string> names) : names_(std::move(
   if (alpha && drawn_ == Channels::kLabels) drawn_ = drawn_ | Channels::kDepth;
 }
 
+std::string missing_image(const core::Frame& frame, const ChannelChoice& choice) {
+  for (const std::string& name : choice.names()) {
+    bool empty = false;
+    visit_image(frame, name, [&](const auto& image) { empty = image.pixels().empty(); });
+    if (empty) return name;
+  }
+  return {};
+}
+
 nb::dict take_images(core::Frame&& frame, const ChannelChoice& choice) {
   nb::dict images;
   const int width_px = frame.intrinsics.width_px, height_px = frame.intrinsics.height_px;

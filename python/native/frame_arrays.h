@@ -28,6 +28,9 @@ class ChannelChoice {
   core::Channels drawn_ = core::Channels::kNone;
 };
 
+/// The name of a chosen image that the frame lacks; empty if there is none.
+[[nodiscard]] std::string missing_image(const core::Frame& frame, const ChannelChoice& choice);
+
 /// The images of one frame, which gives up their memory: name -> [H, W] or [H, W, C].
 [[nodiscard]] nanobind::dict take_images(core::Frame&& frame, const ChannelChoice& choice);
 

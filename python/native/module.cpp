@@ -14,6 +14,7 @@
 #include "core/frames.h"
 #include "core/version.h"
 #include "python/native/camera_arguments.h"
+#include "python/native/frame_file.h"
 #include "python/native/scene.h"
 #include "python/native/scene_renderer.h"
 
@@ -90,4 +91,5 @@ NB_MODULE(_native, module) {
   python::bind_cameras(module);
   python::bind_scene(module);
   python::bind_renderer(module);
+  python::bind_frame_files(module);
 }

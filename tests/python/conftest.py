@@ -105,3 +105,28 @@ def bundle(tmp_path, room_file) -> pathlib.Path:
     cameras = hashlib.sha256(CAMERAS.encode()).hexdigest()
     (folder / "scene.yaml").write_text(SCENE_YAML.format(surfels=sha256, cameras=cameras))
     return folder
+
+
+RUN_SPEC = """schema: segsim.experiment/1
+name: small
+seed: 3
+scenes:
+  - {{name: tiny, title: Two rooms, bundle: {bundle}, goals: [couch, chair], episodes: 4, camera_height_m: 1.0}}
+arms:
+  - {{name: before, detector: oracle, policy: frontier}}
+  - {{name: after, detector: oracle, policy: oracle-path}}
+robot: jackal-gentle
+control_period_s: 0.25
+time_limit_s: 12
+camera: {{width: 96, height: 72, hfov_deg: 70, pitch_down_deg: 10, depth_range_m: 6}}
+frames: {{of: all, every_s: 0.25}}
+"""
+
+
+@pytest.fixture(scope="session")
+def small_run(tiny, segsim, tmp_path_factory) -> pathlib.Path:
+    """The work folder of a finished run of two arms, with logs and the image of every tick. To be read only."""
+    folder = tmp_path_factory.mktemp("small_run")
+    (folder / "small.yaml").write_text(RUN_SPEC.format(bundle=tiny.bundle))
+    segsim("run", folder / "small.yaml", "--work", folder / "work", "--workers", 2)
+    return folder / "work"

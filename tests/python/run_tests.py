@@ -7,7 +7,8 @@ ROOT is the repository, WORK a folder for the package; pip compiles in ROOT/buil
 SMALL_RESULTS, TINY_TRIAL and SURFEL_GRADIENTS are the programs that the package's images, figures, environments and
 gradients are compared with; without them those tests are skipped. Nothing is downloaded: where a module is missing that
 building or testing needs, the exit code is 77, and the reason is printed. Without Gymnasium the tests of environments
-are skipped, without PyTorch those of gradients.
+are skipped, and so are, by name, those that need PyTorch, pyarrow, pandas, PyAV, LeRobot, torchvision or nbclient with
+ipykernel and matplotlib.
 """
 import importlib.util
 import os

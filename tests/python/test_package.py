@@ -7,7 +7,7 @@ import sys
 import pytest
 
 import fastsegsim
-from fastsegsim import results
+from fastsegsim import adapters, results
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 PACKAGE = pathlib.Path(fastsegsim.__file__).parent
@@ -23,7 +23,7 @@ def test_the_version_is_the_projects():
 
 
 def test_every_public_name_is_documented():
-    for module in (fastsegsim, results):
+    for module in (fastsegsim, adapters, results):
         for name in module.__all__:
             documented = getattr(module, name)
             assert documented.__doc__, f"{module.__name__}.{name}"
@@ -60,6 +60,12 @@ def test_what_is_not_there_is_no_attribute():
     with pytest.raises(AttributeError, match="module 'fastsegsim' has no attribute 'nothing'"):
         fastsegsim.nothing
     assert fastsegsim.results is results
+
+
+def test_the_reference_is_that_of_the_docstrings():
+    checked = subprocess.run([sys.executable, ROOT / "tools/python_reference.py", PACKAGE, "--check"], check=False,
+                             capture_output=True, text=True)
+    assert checked.returncode == 0, checked.stdout + checked.stderr
 
 
 def test_the_example_draws_a_scene(bundle, tmp_path):

@@ -1,6 +1,9 @@
 import json
+import pathlib
+import shutil
 import sqlite3
 import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -86,6 +89,27 @@ def test_figures_are_those_of_the_programs_table(database, segsim):
     difference = results.newcombe_paired_difference(counts)
     assert difference.difference == pytest.approx(compared["difference"])
     np.testing.assert_allclose(difference.interval, compared["newcombe95"], rtol=1e-9)
+
+
+def test_the_example_compares_arms_and_runs(database, tmp_path):
+    program = pathlib.Path(__file__).resolve().parents[2] / "python/examples/compare_runs.py"
+
+    def compare(*arguments):
+        return subprocess.run([sys.executable, program, *map(str, arguments)], capture_output=True, text=True,
+                              check=False)
+
+    lines = compare(database).stdout.splitlines()
+    counts = results.load_run(database).paired_counts("before", "after")
+    successes, _ = results.load_run(database).success_counts("after")
+    assert lines[0].startswith("before ") and f"{successes}/10 = " in lines[1]
+    assert f"+{counts.only_after} -{counts.only_before} of 10 pairs, p = 0.070" in lines[2] and "couch" in lines[4]
+    other = tmp_path / "other.sqlite"
+    shutil.copy(database, other)
+    assert compare(database, other, "--after", "before").stdout.splitlines()[2].split()[1] == "+0.0%"
+    change(other, "UPDATE scene SET episodes_sha256 = 'cc'")
+    assert "scene room: expected the same episodes, found others" in compare(database, other).stderr
+    change(other, "UPDATE run SET success_profile = 'barn'")
+    assert "success rule: expected" in compare(database, other).stderr
 
 
 def test_runs_are_chosen_by_number(database):

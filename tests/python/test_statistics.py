@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from fastsegsim import InputError
-from fastsegsim.results import (PairedCounts, cluster_bootstrap_mean, mcnemar_exact_p, mcnemar_mid_p,
-                                newcombe_paired_difference, wilson_interval)
+from fastsegsim.results import (PairedCounts, bootstrap_mean, clopper_pearson_interval, cluster_bootstrap_mean,
+                                holm_correction, mcnemar_exact_p, mcnemar_mid_p, newcombe_paired_difference,
+                                pairs_needed, sign_flip_p, verdict, wilson_interval)
 from fastsegsim.results.random_stream import random_indices
 
 
@@ -114,10 +115,27 @@ def test_cluster_bootstrap_sees_the_scenes_not_the_episodes():
     assert cluster_bootstrap_mean([], []) == (0.0, 0.0, 0.0)
 
 
+def test_what_the_program_computes_has_the_reference_values():
+    np.testing.assert_allclose(clopper_pearson_interval(0, 10), (0.0, 1 - 0.025**0.1), rtol=1e-12)
+    assert clopper_pearson_interval(0, 0) == (0.0, 1.0)
+    assert pairs_needed(.30, .10) == 234 and pairs_needed(.30, .10, .9) == 312
+    np.testing.assert_allclose(holm_correction([.04, .01, .03]), [.06, .03, .06], rtol=1e-12)
+    assert sign_flip_p([1, 2, 3]) == 2 / 8 and sign_flip_p([]) == 1.0
+    assert bootstrap_mean([0, 1]) == (0.5, 0.0, 1.0) and bootstrap_mean([0.25]) == (0.25, 0.25, 0.25)
+    found = {counts: verdict(PairedCounts(*counts)) for counts in
+             [(5, 8, 0, 3), (5, 0, 8, 3), (2, 2, 1, 5), (20, 12, 5, 20), (200, 2, 2, 200)]}
+    assert list(found.values()) == ["improved", "worse", "underpowered", "unresolved", "held"]
+    assert verdict(PairedCounts(5, 8, 0, 3), p=0.5) == "unresolved"
+
+
 def test_what_is_no_count_is_refused():
     for call in (lambda: wilson_interval(3, 2), lambda: wilson_interval(-1, 2), lambda: wilson_interval(1, 2, 1.0),
                  lambda: mcnemar_exact_p(-1, 2), lambda: mcnemar_mid_p(0.5, 2),
                  lambda: newcombe_paired_difference(PairedCounts(1, -1, 0, 0)),
-                 lambda: cluster_bootstrap_mean([1.0], [1, 2]), lambda: cluster_bootstrap_mean([1.0], [1], rounds=0)):
+                 lambda: cluster_bootstrap_mean([1.0], [1, 2]), lambda: cluster_bootstrap_mean([1.0], [1], rounds=0),
+                 lambda: clopper_pearson_interval(3, 2), lambda: clopper_pearson_interval(1, 2, 0.0),
+                 lambda: holm_correction([1.5]), lambda: sign_flip_p([math.nan]), lambda: bootstrap_mean([1], seed=-1),
+                 lambda: pairs_needed(.1, .2), lambda: pairs_needed(.3, .1, 1.0),
+                 lambda: verdict(PairedCounts(1, -1, 0, 0))):
         with pytest.raises(InputError):
             call()

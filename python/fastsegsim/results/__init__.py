@@ -1,9 +1,16 @@
-"""Results of runs: trials as arrays, and the statistics of `segsim table` as functions of NumPy arrays."""
+"""Results of runs: trials as arrays and tables, and the statistics of `segsim table` as functions."""
 
-from fastsegsim.results.statistics import (Interval, MeanInterval, PairedCounts, PairedDifference,
-                                           cluster_bootstrap_mean, mcnemar_exact_p, mcnemar_mid_p,
-                                           newcombe_paired_difference, wilson_interval)
-from fastsegsim.results.stored_run import Run, load_run
+from fastsegsim.results.lerobot_export import LeRobotSet, export_lerobot
+from fastsegsim.results.statistics import (Interval, MeanInterval, PairedCounts, PairedDifference, bootstrap_mean,
+                                           clopper_pearson_interval, cluster_bootstrap_mean, holm_correction,
+                                           mcnemar_exact_p, mcnemar_mid_p, newcombe_paired_difference, pairs_needed,
+                                           sign_flip_p, verdict, wilson_interval)
+from fastsegsim.results.stored_run import Run, load_run, paired_counts
+from fastsegsim.results.training_statistics import (SeededValues, TrainingTest, hierarchical_interval,
+                                                    hierarchical_rate_interval, training_test)
 
-__all__ = ["Interval", "MeanInterval", "PairedCounts", "PairedDifference", "Run", "cluster_bootstrap_mean", "load_run",
-           "mcnemar_exact_p", "mcnemar_mid_p", "newcombe_paired_difference", "wilson_interval"]
+__all__ = ["Interval", "LeRobotSet", "MeanInterval", "PairedCounts", "PairedDifference", "Run", "SeededValues",
+           "TrainingTest", "bootstrap_mean", "clopper_pearson_interval", "cluster_bootstrap_mean", "export_lerobot",
+           "hierarchical_interval", "hierarchical_rate_interval", "holm_correction", "load_run", "mcnemar_exact_p",
+           "mcnemar_mid_p", "newcombe_paired_difference", "paired_counts", "pairs_needed", "sign_flip_p",
+           "training_test", "verdict", "wilson_interval"]

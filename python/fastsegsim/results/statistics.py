@@ -1,17 +1,16 @@
-"""Statistics of success rates: those of experiments/results/statistics.h, to about 1e-9.
+"""Statistics of success rates: those of experiments/results/statistics.h, to the last digits of a table's JSON.
 
 Symbols: k successes of n trials. Paired outcomes of two arms on the same episodes: both succeed, only the second
 ("after") does, only the first ("before") does, neither does.
 """
 
-import math
 from collections.abc import Callable
-from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fastsegsim import _statistics
 from fastsegsim._native import InputError
 from fastsegsim.results.random_stream import random_indices
 
@@ -42,17 +41,35 @@ class PairedDifference(NamedTuple):
 
 
 class MeanInterval(NamedTuple):
-    """A mean with an interval of 95 %."""
+    """A mean and its interval, at a confidence of 0.95."""
 
     mean: float
     low: float
     high: float
 
 
+def _between_0_and_1(value: float, name: str) -> None:
+    if not 0.0 < value < 1.0:
+        raise InputError(f"{name}: expected a number between 0 and 1, found {value}")
+
+
 def _quantile(confidence: float) -> float:
-    if not 0.0 < confidence < 1.0:
-        raise InputError(f"confidence: expected a number between 0 and 1, found {confidence}")
-    return NormalDist().inv_cdf(0.5 + 0.5 * confidence)
+    _between_0_and_1(confidence, "confidence")
+    return _statistics.normal_quantile(0.5 + 0.5 * confidence)
+
+
+def _values(values: ArrayLike, name: str) -> list[float]:
+    found = np.asarray(values, np.float64)
+    if found.ndim != 1 or not np.all(np.isfinite(found)):
+        raise InputError(f"{name}: expected a list of finite numbers, found {values!r}")
+    return found.tolist()
+
+
+def _check_draws(rounds: int, seed: int) -> None:
+    if rounds < 1:
+        raise InputError(f"rounds: expected at least 1, found {rounds}")
+    if not 0 <= seed < 2**32:
+        raise InputError(f"seed: expected 0 to {2**32 - 1}, found {seed}")
 
 
 def _counts(values: ArrayLike, name: str) -> Numbers:
@@ -78,24 +95,13 @@ def wilson_interval(successes: ArrayLike, trials: ArrayLike, confidence: float =
     return Interval(low[()], high[()])
 
 
-def _binomial_half(n: int, k: int) -> float:
-    """C(n, k) / 2^n."""
-    return math.exp(math.lgamma(n + 1) - math.lgamma(k + 1) - math.lgamma(n - k + 1) - n * math.log(2.0))
-
-
-def _exact_p(only_after: int, only_before: int) -> float:
-    n = only_after + only_before
-    return min(1.0, 2.0 * sum(_binomial_half(n, i) for i in range(min(only_after, only_before) + 1)))
-
-
-def _mid_p(only_after: int, only_before: int) -> float:
-    n = only_after + only_before
-    if n == 0:
-        return 1.0
-    observed = _binomial_half(n, min(only_after, only_before))
-    # An uneven split has a mirror image that is as uneven; the even one stands alone.
-    as_uneven = observed if only_after == only_before else 2.0 * observed
-    return _exact_p(only_after, only_before) - 0.5 * as_uneven
+def clopper_pearson_interval(successes: int, trials: int, confidence: float = 0.95) -> Interval:
+    """Clopper and Pearson's interval (1934) of a rate: it always covers at least `confidence`. [0, 1] for no trials."""
+    _between_0_and_1(confidence, "confidence")
+    k, n = int(_counts(successes, "successes")), int(_counts(trials, "trials"))
+    if k > n:
+        raise InputError("successes: expected at most as many as trials, found more")
+    return Interval(*_statistics.clopper_pearson_interval(k, n, confidence))
 
 
 def _of_each_pair(test: Callable[[int, int], float], only_after: ArrayLike, only_before: ArrayLike) -> Numbers:
@@ -106,12 +112,12 @@ def _of_each_pair(test: Callable[[int, int], float], only_after: ArrayLike, only
 
 def mcnemar_exact_p(only_after: ArrayLike, only_before: ArrayLike) -> Numbers:
     """Exact two-sided McNemar test of the discordant pairs; 1 where there are none. Any shape; broadcast."""
-    return _of_each_pair(_exact_p, only_after, only_before)
+    return _of_each_pair(_statistics.mcnemar_exact_p, only_after, only_before)
 
 
 def mcnemar_mid_p(only_after: ArrayLike, only_before: ArrayLike) -> Numbers:
     """The same with half the probability of splits as uneven as the observed one (Fagerland et al. 2013)."""
-    return _of_each_pair(_mid_p, only_after, only_before)
+    return _of_each_pair(_statistics.mcnemar_mid_p, only_after, only_before)
 
 
 def newcombe_paired_difference(counts: PairedCounts, confidence: float = 0.95) -> PairedDifference:
@@ -148,8 +154,7 @@ def cluster_bootstrap_mean(sums: ArrayLike, counts: ArrayLike, rounds: int = 100
     total, count = np.asarray(sums, np.float64), _counts(counts, "counts")
     if total.ndim != 1 or total.shape != count.shape:
         raise InputError(f"sums, counts: expected two arrays of one length, found {total.shape} and {count.shape}")
-    if rounds < 1:
-        raise InputError(f"rounds: expected at least 1, found {rounds}")
+    _check_draws(rounds, seed)
     total, count = total[count > 0], count[count > 0]
     used = len(total)
     if used == 0:
@@ -162,3 +167,48 @@ def cluster_bootstrap_mean(sums: ArrayLike, counts: ArrayLike, rounds: int = 100
     means = np.sort(drawn_sum / drawn_count)
     tail = int(0.025 * rounds)
     return MeanInterval(float(sum(total.tolist()) / count.sum()), float(means[tail]), float(means[rounds - 1 - tail]))
+
+
+def bootstrap_mean(values: ArrayLike, rounds: int = 10000, seed: int = 1) -> MeanInterval:
+    """Mean of values [n], with the percentile bootstrap's interval (Efron 1979), which is too narrow for a handful.
+
+    From 1000 values on it is its normal limit, and nothing is drawn. Zeros for no values.
+    """
+    _check_draws(rounds, seed)
+    return MeanInterval(*_statistics.bootstrap_mean(_values(values, "values"), rounds, seed))
+
+
+def sign_flip_p(differences: ArrayLike, rounds: int = 10000, seed: int = 1) -> float:
+    """Two-sided sign-flip permutation test of a mean of 0. Exact up to 16 values; 1 for no values."""
+    _check_draws(rounds, seed)
+    return _statistics.sign_flip_p(_values(differences, "differences"), rounds, seed)
+
+
+def holm_correction(p_values: ArrayLike) -> Numbers:
+    """p-values [n] after Holm's correction (1979) for their number, in the order given."""
+    p = _values(p_values, "p_values")
+    if any(not 0.0 <= value <= 1.0 for value in p):
+        raise InputError(f"p_values: expected numbers from 0 to 1, found {p_values!r}")
+    return np.array(_statistics.holm_correction(p), np.float64)
+
+
+def pairs_needed(discordant: float, difference: float, power: float = 0.8) -> int:
+    """Pairs of trials that find a difference of two rates at the 5 % level, two-sided (Connor 1987).
+
+    discordant: expected share of the pairs whose outcomes differ; at least as large as the difference.
+    """
+    _between_0_and_1(power, "power")
+    if not 0.0 < abs(difference) <= discordant <= 1.0:
+        raise InputError(f"difference: expected 0 < |difference| <= discordant <= 1, found {difference}, {discordant}")
+    return _statistics.pairs_needed(discordant, difference, power)
+
+
+def verdict(counts: PairedCounts, p: float | None = None, difference: PairedDifference | None = None) -> str:
+    """In one word: "improved", "worse", "underpowered", "held" or "unresolved" (docs/report.md).
+
+    p, difference: of another test and interval than McNemar's exact one and Newcombe's.
+    """
+    a, b, c, d = (int(_counts(value, name)) for name, value in zip(counts._fields, counts))
+    p = _statistics.mcnemar_exact_p(b, c) if p is None else p
+    found = newcombe_paired_difference(counts) if difference is None else difference
+    return _statistics.verdict(a, b, c, d, p, float(found.difference), *(float(end) for end in found.interval))

@@ -4,22 +4,34 @@ import dataclasses
 import os
 import pathlib
 import sqlite3
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fastsegsim._native import InputError
+from fastsegsim.results import arrow_tables
 from fastsegsim.results.statistics import PairedCounts
+from fastsegsim.results.summary import NOT_COUNTED, summarise
+
+if TYPE_CHECKING:
+    import pandas
+    import pyarrow
 
 SCHEMA_VERSION = 8  # experiments/records/store.h
-NOT_COUNTED = ("error", "infeasible", "trivial")  # Outcomes that enter no rate.
 
 # Columns of `attribution` that a trial of an older version has no value for, and what it then has.
 _UNKNOWN = {"images": -1, "misplaced_clouds": -1, "stop_views": -1, "first_true_tick": -1, "inevitable_tick": -1,
             "decisive_tick": -1, "cause": "", "log": "", "object_m": None, "planar_m": None, "shortest_object_m": None}
 _BOOLEAN = ("success", "stopped")
 _HEXADECIMAL = ("state_hash",)
+
+
+def paired_counts(before: dict[Any, bool], after: dict[Any, bool]) -> PairedCounts:
+    """The episodes of two arms, of one run or of two, that both ran: what Run.episode_successes() gives, compared."""
+    pairs = [(before[key], after[key]) for key in before if key in after]
+    return PairedCounts(both=pairs.count((True, True)), only_after=pairs.count((False, True)),
+                        only_before=pairs.count((True, False)), neither=pairs.count((False, False)))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -66,10 +78,32 @@ class Run:
 
     def paired_counts(self, before: str, after: str) -> PairedCounts:
         """The episodes that both arms ran, by the outcomes of the two."""
-        first, second = self.episode_successes(before), self.episode_successes(after)
-        pairs = [(first[key], second[key]) for key in first if key in second]
-        return PairedCounts(both=pairs.count((True, True)), only_after=pairs.count((False, True)),
-                            only_before=pairs.count((True, False)), neither=pairs.count((False, False)))
+        return paired_counts(self.episode_successes(before), self.episode_successes(after))
+
+    def table(self, before: str = "", after: str = "") -> dict[str, Any]:
+        """Rates, intervals and tests: what the JSON of `segsim table` has under the same keys, to the last digit.
+
+        before, after: arms to compare; by default those that the program compares. Several trainings of an arm count as
+        there, too. Returns "before", "after", "scenes", "all" (of several scenes) and "classes"; a group has "name",
+        "title", "arms" and, of two arms, "comparison".
+        """
+        return summarise(self, before, after)
+
+    def arrow(self) -> "dict[str, pyarrow.Table]":
+        """The run as Arrow tables: "run", "scenes", "arms", "trials", "rates", "comparisons" (docs/python_results.md).
+
+        Null is what is not known. The metadata "segsim" of each is JSON: schema, digests, rule of success. Needs
+        pyarrow.
+        """
+        return arrow_tables.arrow_tables(self)
+
+    def pandas(self) -> "dict[str, pandas.DataFrame]":
+        """The same as data frames. Needs pandas, too."""
+        return {name: table.to_pandas() for name, table in self.arrow().items()}
+
+    def to_parquet(self, folder: str | os.PathLike[str]) -> list[pathlib.Path]:
+        """Write the tables of arrow() as `<folder>/<name>.parquet`, and return the files."""
+        return arrow_tables.write_parquet(self, folder)
 
 
 def load_run(path: str | os.PathLike[str], run_id: int = 0) -> Run:
