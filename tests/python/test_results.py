@@ -126,6 +126,10 @@ def test_the_file_is_not_changed(database):
     assert database.read_bytes() == before
 
 
+def test_the_module_itself_loads_a_run(database):
+    assert fastsegsim.results(database).trial_rows() == results.load_run(database).trial_rows()
+
+
 def test_what_is_no_database_of_results_is_refused(tmp_path, database):
     with pytest.raises(fastsegsim.InputError, match="none.sqlite: expected a results database, found none"):
         results.load_run(tmp_path / "none.sqlite")
