@@ -280,10 +280,6 @@ void PvlffHead::load(const std::filesystem::path& file) {
 
 }  // namespace
 
-std::unique_ptr<PanopticHead> make_pvlff_head(PanopticHeadInputs inputs,
-                                              const PanopticTrainingConfig& config,
-                                              std::uint64_t seed) {
-  return std::make_unique<PvlffHead>(std::move(inputs), config, seed);
-}
+constinit const HeadMaker kMakePvlff = make_head<PvlffHead>;
 
 }  // namespace segsim::reconstruction::internal
