@@ -187,7 +187,9 @@ TEST_F(Heads, ClustersOfAllPixelsAreNamedByTheirClassFeatures) {
   config.iterations = 600;
   config.rate.scale = 3.0;
   const PanopticResult result = scene().train("pvlff", config)->result();
-  EXPECT_EQ(result.field.instance_id.size(), 9U);  // Seven objects, the floor and the walls.
+  // Seven objects, the floor and the walls, which may be several clusters of their class.
+  EXPECT_GE(result.field.instance_id.size(), 9U);
+  EXPECT_LE(result.field.instance_id.size(), 13U);
   const PanopticQuality quality = scene().evaluate(result.field);
   EXPECT_GT(quality.pq, 0.9);
   EXPECT_GT(quality.rq, 0.99);

@@ -192,9 +192,9 @@ TEST(PlaneLoss, IsTheDistanceOfTheSensorsPointsFromThePlane) {
                       config);
   };
   EXPECT_NEAR(loss(plane.depth_m, plane.normal).item<double>(), 0.07, 1e-6);
-  EXPECT_LT(gradient_error(plane.depth_m,
-                           [&](const Tensor& x) { return loss(x, plane.normal); }),
-            1e-7);
+  EXPECT_LT(
+      gradient_error(plane.depth_m, [&](const Tensor& x) { return loss(x, plane.normal); }),
+      1e-7);
   EXPECT_LT(gradient_error(plane.normal.contiguous(),
                            [&](const Tensor& x) { return loss(plane.depth_m, x); }),
             1e-7);
