@@ -37,7 +37,7 @@ struct Flags {
   fs::path stereo_work, record;
   RecordingFlags recording;
   std::string robot = "jackal-gentle";
-  std::string backend = "cpu", mesh = "auto", depth = "auto";
+  std::string backend = "cpu", mesh = "auto", depth = "auto", labels = "frozen";
   std::vector<double> depth_range_m;  ///< Two numbers, or none.
   reconstruction::StereoOptions stereo;
   bool init_only = false, check = false;
@@ -70,6 +70,11 @@ void check_head(const std::string& head) {
   if (std::find(known.begin(), known.end(), head) != known.end()) return;
   throw core::InputError::expected(
       "--head", reconstruction::panoptic_head_list(" | ") + " | none", "\"" + head + "\"");
+}
+
+bool trains_jointly(const std::string& labels) {
+  if (labels == "frozen" || labels == "joint") return labels == "joint";
+  throw core::InputError::expected("--labels", "frozen | joint", "\"" + labels + "\"");
 }
 
 /// What cannot be asked for together.
@@ -244,6 +249,8 @@ void reconstruct(Flags flags) {
     check_head(flags.training.head);
     flags.training.config = config_of(flags);
     flags.training.device.backend = renderer::backend_of(flags.backend);
+    flags.training.joint = trains_jointly(flags.labels);
+    training::check_joint(flags.training);
     flags.training.set.frame_step = flags.reconstruct.lift.frame_step;
     flags.reconstruct.training = flags.training;
   }
@@ -356,6 +363,12 @@ void add_training_options(CLI::App& command, const std::shared_ptr<Flags>& flags
   command
       .add_option("--head", training.head,
                   reconstruction::panoptic_head_list(" | ") + " | none: what learns labels")
+      ->capture_default_str();
+  command
+      .add_option(
+          "--labels", flags->labels,
+          "frozen: labels are learnt on finished surfels | joint: both learn together, "
+          "on the CPU (docs/training.md)")
       ->capture_default_str();
   command
       .add_option("--held-out-every", training.set.held_out_every,

@@ -111,7 +111,9 @@ void add_panoptic_table(CLI::App& table) {
                       "or a YAML file; default: flat-3, flat-8 and what --data has");
   command
       ->add_option("--heads", flags->heads,
-                   "Of " + reconstruction::panoptic_head_list(", ") + ", separated by commas")
+                   "Of " + reconstruction::panoptic_head_list(", ") +
+                       ", separated by commas; heads of queries also with :joint, trained "
+                       "together with the surfels")
       ->capture_default_str();
   command
       ->add_option("--rules", flags->rules,

@@ -62,6 +62,13 @@ std::string describe_masks(const PanopticRunOptions& options, const PanopticScen
   return training::describe(simulation);
 }
 
+/// @param head  Of PanopticRunOptions::heads.
+void set_head(training::TrainingOptions& training, const std::string& head) {
+  const std::string suffix = kJointSuffix;
+  training.joint = head.ends_with(suffix);
+  training.head = training.joint ? head.substr(0, head.size() - suffix.size()) : head;
+}
+
 /// What frames are used and how; shape and colour follow from it and the configuration.
 std::string describe_frames(const PanopticRunOptions& options, const PanopticScene& scene) {
   std::ostringstream text;
@@ -103,7 +110,8 @@ class SceneJob {
   [[nodiscard]] fs::path surfel_file() const { return folder_ / "surfels.ply"; }
   [[nodiscard]] std::string surfel_recipe() const {
     reconstruction::TrainingConfig config = options_.config;
-    config.panoptic = {};  // Takes no part.
+    config.panoptic = {};  // These take no part.
+    config.joint = {};
     return describe_frames(options_, scene_) + "; seed " + std::to_string(options_.seed) +
            ", geometry " + core::sha256_hex(reconstruction::training_config_text(config));
   }
@@ -205,6 +213,7 @@ void SceneJob::prepare_surfels() {
   training.head = "none";
   // Surfels know nothing of labels: a state must not be refused because of them.
   training.config.panoptic = {};
+  training.config.joint = {};
   training.masks.clear();
   reconstruction::LiftOptions lift;
   lift.voxel_m = scene_.source.voxel_m;
@@ -253,8 +262,8 @@ std::vector<core::SceneClass> SceneJob::evaluated_classes() const {
 
 SceneFigures SceneJob::run(const std::string& head) {
   training::TrainingOptions training = stage(head, recipe(head));
-  training.head = head;
-  training.config.geometry.iterations = 0;  // Frozen, the same for all heads.
+  set_head(training, head);
+  training.config.geometry.iterations = 0;  // The surfels are there, the same for all heads.
   const renderer::SurfelCloud surfels = renderer::read_surfels_ply(surfel_file());
   training.config.geometry.sh_degree = surfels.sh_degree;
   training::TrainedScene trained = training::train_scene(*set_, surfels, training);
@@ -292,6 +301,13 @@ SceneFigures SceneJob::run(const std::string& head) {
 }  // namespace
 
 std::vector<SceneFigures> run_panoptic_scenes(const PanopticRunOptions& options) {
+  for (const std::string& head : options.heads) {  // Before the long work.
+    training::TrainingOptions training;
+    training.config = options.config;
+    training.device = options.device;
+    set_head(training, head);
+    training::check_joint(training);
+  }
   const std::size_t pairs = options.scenes.size() * options.heads.size();
   std::vector<std::optional<SceneFigures>> results(pairs);
   const auto result_of = [&](std::size_t scene, std::size_t head) -> auto& {

@@ -24,9 +24,13 @@
 
 namespace segsim::experiments::panoptic {
 
+inline constexpr const char* kJointSuffix = ":joint";
+
 struct PanopticRunOptions {
   std::vector<PanopticScene> scenes;
-  std::vector<std::string> heads;  ///< Of panoptic_head_names().
+  /// Of panoptic_head_names(); with kJointSuffix those of joint_head_names(), trained together
+  /// with the surfels that the others find frozen.
+  std::vector<std::string> heads;
   reconstruction::TrainingConfig config;
   /// Level of simulated masks (docs/masks.md), for scenes without masks of their own; none:
   /// exact labels.

@@ -10,6 +10,7 @@
 #include "core/config.h"
 #include "core/error.h"
 #include "core/formatted.h"
+#include "experiments/panoptic/panoptic_run.h"
 #include "experiments/support/grid_document.h"
 #include "experiments/support/text_grid.h"
 #include "reconstruction/labels/panoptic_head.h"
@@ -312,7 +313,11 @@ std::vector<std::string> parse_rules(const std::string& text) {
 }
 
 std::vector<std::string> parse_heads(const std::string& text) {
-  return parse_list(text, "--heads", reconstruction::panoptic_head_names());
+  std::vector<std::string> known = reconstruction::panoptic_head_names();
+  for (const std::string& name : reconstruction::joint_head_names()) {
+    known.push_back(name + kJointSuffix);
+  }
+  return parse_list(text, "--heads", known);
 }
 
 std::string format_panoptic_table(const PanopticTable& table, support::TableFormat format) {

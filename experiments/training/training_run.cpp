@@ -20,6 +20,7 @@
 #include "perception/data/image_file.h"
 #include "reconstruction/datasets/mask_files.h"
 #include "reconstruction/labels/panoptic_training.h"
+#include "reconstruction/training/joint_training.h"
 #include "reconstruction/training/pose_alignment.h"
 #include "reconstruction/training/surfel_labels.h"
 #include "reconstruction/training/training_memory.h"
@@ -36,6 +37,7 @@ using renderer::SurfelCloud;
 
 constexpr const char* kGeometryState = "geometry.state";
 constexpr const char* kHeadState = "head.state";
+constexpr const char* kJointState = "joint.state";
 constexpr const char* kHeadMark = "head.iteration";
 constexpr double kGeometryShare = 0.6;  ///< Of a time limit.
 
@@ -51,6 +53,11 @@ class Every {
     if (interval_s_ <= 0.0 || seconds_since(last_) < interval_s_) return false;
     last_ = Clock::now();
     return true;
+  }
+  /// What was due took until now: it may take this share of the time.
+  void done() {
+    constexpr double kMostShare = 0.05;
+    interval_s_ = std::max(interval_s_, seconds_since(last_) / kMostShare);
   }
 
  private:
@@ -117,6 +124,7 @@ class TrainingRun {
         identity_(training_identity(options, set, start)),
         preview_due_(options.preview_every_s),
         checkpoint_due_(options.checkpoint_every_s) {
+    check_joint(options);
     fs::create_directories(options.work);
     if (!options.resume) {
       remove_training_state(options.work);
@@ -184,6 +192,7 @@ class TrainingRun {
   }
   [[nodiscard]] fs::path geometry_state() const { return options_.work / kGeometryState; }
   [[nodiscard]] fs::path head_state() const { return options_.work / kHeadState; }
+  [[nodiscard]] fs::path joint_state() const { return options_.work / kJointState; }
   [[nodiscard]] fs::path head_mark() const { return options_.work / kHeadMark; }
 
   [[nodiscard]] bool out_of_time(double share) const {
@@ -229,12 +238,15 @@ class TrainingRun {
   std::vector<std::pair<std::string, double>> statistics_;
   std::vector<core::CameraPose> poses_;  ///< Of the training views; empty: as recorded.
   std::vector<reconstruction::Exposure> exposures_;  ///< Of the training views, if trained.
+  std::unique_ptr<reconstruction::GeometryTrainer> trainer_;  ///< In joint training, from
+                                                              ///< train_geometry() on.
 };
 
 SurfelCloud TrainingRun::train_geometry() {
   const reconstruction::GeometryConfig& config = options_.config.geometry;
-  reconstruction::GeometryTrainer trainer(set_, start_, config, options_.seed,
-                                          options_.device);
+  auto owned = std::make_unique<reconstruction::GeometryTrainer>(
+      set_, start_, config, options_.seed, options_.device);
+  reconstruction::GeometryTrainer& trainer = *owned;
   if (options_.resume && fs::exists(geometry_state())) {
     trainer.load(geometry_state(), identity_);
     std::fprintf(stderr, "resumed at iteration %ld of %ld\n",
@@ -279,6 +291,7 @@ SurfelCloud TrainingRun::train_geometry() {
   }
   keep_poses(trainer);
   exposures_ = trainer.exposures();
+  if (options_.joint) trainer_ = std::move(owned);
   return trainer.surfels();
 }
 
@@ -335,6 +348,10 @@ std::int64_t TrainingRun::load_head(reconstruction::PanopticHead& head) {
                                      "that of a run with other options or data");
   }
   head.load(head_state());
+  if (trainer_) {
+    trainer_->load(joint_state(), identity_);
+    head.move_surfels(trainer_->positions_m());
+  }
   return iteration;
 }
 
@@ -342,14 +359,23 @@ void TrainingRun::save_head(const reconstruction::PanopticHead& head, std::int64
   // Without its mark a state is not used, so a kill in between costs time, not correctness.
   fs::remove(head_mark());
   head.save(head_state());
+  if (trainer_) trainer_->save(joint_state(), identity_);
   core::write_file_atomically(
       head_mark(), [&](std::ostream& out) { out << identity_ << ' ' << iteration << '\n'; });
 }
 
 std::shared_ptr<const renderer::PanopticField> TrainingRun::train_head(TrainedScene& scene) {
   const Clock::time_point start = Clock::now();
-  const auto views =
-      reconstruction::make_training_views(set_, scene.surfels, options_.device, poses_);
+  std::unique_ptr<reconstruction::PanopticViews> views;
+  reconstruction::MovingSurfels* moving = nullptr;
+  if (trainer_) {
+    auto joint = reconstruction::make_joint_views(set_, *trainer_, options_.config.joint,
+                                                  options_.device);
+    moving = joint.get();
+    views = std::move(joint);
+  } else {
+    views = reconstruction::make_training_views(set_, scene.surfels, options_.device, poses_);
+  }
   const reconstruction::PanopticTrainingConfig& config = options_.config.panoptic;
   reconstruction::PanopticHeadInputs inputs;
   inputs.position_m = scene.surfels.position_m;
@@ -366,6 +392,7 @@ std::shared_ptr<const renderer::PanopticField> TrainingRun::train_head(TrainedSc
   run.classes = set_.classes;
   run.seed = options_.seed;
   run.first_iteration = load_head(*head);
+  run.moving = moving;
   run.warp = options_.head == "panoptic-splatting" || config.loss.warp > 0.0;
   core::Progress progress("train labels", config.iterations);
   const auto surfels = std::make_shared<const SurfelCloud>(scene.surfels);
@@ -385,6 +412,7 @@ std::shared_ptr<const renderer::PanopticField> TrainingRun::train_head(TrainedSc
       write_preview(options_.work / "preview.png", set_, surfels,
                     std::make_shared<const renderer::PanopticField>(head->result().field),
                     options_.device.threads);
+      preview_due_.done();  // Of some heads a result takes clusters of all pixels.
     }
     return !out_of_time(1.0) && !support::StopOnSignal::requested();
   };
@@ -394,6 +422,10 @@ std::shared_ptr<const renderer::PanopticField> TrainingRun::train_head(TrainedSc
   save_head(*head, iterations);
   check_signal();
 
+  if (trainer_) {
+    scene.surfels = trainer_->surfels();
+    exposures_ = trainer_->exposures();
+  }
   reconstruction::PanopticResult result = head->result();
   scene.model = std::move(result.model);
   scene.surfels.semantic_feature = std::move(result.semantic_feature);
@@ -424,9 +456,32 @@ TrainingSet load_set(const reconstruction::RgbdSequence& recording,
   return set;
 }
 
+void check_joint(const TrainingOptions& options) {
+  if (!options.joint) return;
+  const auto refuse = [](const std::string& wanted, const std::string& got) {
+    throw core::InputError::expected("training labels and surfels together (joint)", wanted,
+                                     got);
+  };
+  const std::vector<std::string> heads = reconstruction::joint_head_names();
+  if (std::find(heads.begin(), heads.end(), options.head) == heads.end()) {
+    std::string known;
+    for (const std::string& head : heads) known += (known.empty() ? "" : " | ") + head;
+    refuse("a head of queries: " + known, "\"" + options.head + "\"");
+  }
+  if (reconstruction::trains_on_gpu(options.device)) {
+    refuse("the CPU (--backend cpu)", "a GPU");
+  }
+  const int most = options.config.panoptic.sampling.max_surfels_per_pixel;
+  if (most != 0) {
+    refuse("all surfels of a pixel (panoptic.sampling.max_surfels_per_pixel: 0)",
+           std::to_string(most));
+  }
+}
+
 std::string training_identity(const TrainingOptions& options, const TrainingSet& set,
                               const SurfelCloud& start) {
   std::string text = reconstruction::training_config_text(options.config);
+  if (options.joint) text += "joint ";
   text += options.head + " seed " + std::to_string(options.seed) + " start " +
           core::sha256_hex(std::as_bytes(std::span(start.position_m))) + " masks " +
           fs::weakly_canonical(options.masks).string() + " size " +
@@ -443,7 +498,7 @@ std::string training_identity(const TrainingOptions& options, const TrainingSet&
 
 void remove_training_state(const fs::path& work) {
   for (const char* name :
-       {kGeometryState, kHeadState, kHeadMark, kSurfelsSoFar, kCamerasSoFar}) {
+       {kGeometryState, kHeadState, kJointState, kHeadMark, kSurfelsSoFar, kCamerasSoFar}) {
     fs::remove(work / name);
   }
 }

@@ -2,9 +2,11 @@
 
 /// @file
 /// Lifted surfels -> trained surfels with labels: geometry first, then a panoptic head on the
-/// frozen result (docs/training.md). Long, so it can be stopped and gone on with:
+/// frozen result, or together with it (docs/training.md). Long, so it can be stopped and gone
+/// on with:
 ///
-///     <work>/geometry.state, <work>/head.state   everything that training needs to go on
+///     <work>/geometry.state, <work>/head.state   everything that training needs to go on;
+///     <work>/joint.state                         the surfels that belong to a head's state
 ///     <work>/preview.png                         rendered | recorded | panoptic, every few s
 ///     <work>/surfels.ply, cameras.txt            the scene so far, to look at
 ///     <work>/losses.csv                          iteration, losses, surfels, seconds
@@ -30,7 +32,9 @@ namespace segsim::experiments::training {
 
 struct TrainingOptions {
   reconstruction::TrainingConfig config;
-  std::string head = "query";   ///< panoptic_head_names(), or "none": shape and colour only.
+  std::string head = "query";  ///< panoptic_head_names(), or "none": shape and colour only.
+  /// The head and the surfels learn together (joint_training.h), on the CPU.
+  bool joint = false;
   std::filesystem::path masks;  ///< Folder of per-view masks; empty: the recording's labels.
   reconstruction::TrainingSetOptions set;
   reconstruction::GeometryDevice device;
@@ -66,6 +70,9 @@ struct TrainedScene {
 [[nodiscard]] TrainedScene train_scene(const reconstruction::TrainingSet& set,
                                        const renderer::SurfelCloud& start,
                                        const TrainingOptions& options);
+
+/// @throws core::InputError if these options cannot train jointly, and are to.
+void check_joint(const TrainingOptions& options);
 
 /// What a state belongs to: other settings, frames or seeds are another run.
 [[nodiscard]] std::string training_identity(const TrainingOptions& options,

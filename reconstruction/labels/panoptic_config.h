@@ -143,8 +143,12 @@ struct PanopticTrainingConfig {
   GaussianGroupingConfig gaussian_grouping;
   OpenGaussianConfig open_gaussian;
   PanopticReconConfig panoptic_recon;
+  PanopticReconPlusConfig panoptic_recon_plus;
   PvlffConfig pvlff;
 };
+
+/// The same with what PanopticRecon++ does otherwise than the paper's head.
+[[nodiscard]] PanopticTrainingConfig recon_plus_config(PanopticTrainingConfig config);
 
 /// @throws core::ContractViolation naming the field that is out of range.
 void check_panoptic_config(const PanopticTrainingConfig& config);

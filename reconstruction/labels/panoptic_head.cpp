@@ -1,8 +1,10 @@
 #include "reconstruction/labels/panoptic_head.h"
 
+#include <algorithm>
 #include <cstdint>
 #include <initializer_list>
 #include <set>
+#include <utility>
 
 #include "core/check.h"
 #include "core/error.h"
@@ -45,6 +47,19 @@ class RangeChecker {
   std::vector<std::string> path_;
 };
 
+/// As panoptic_head_names() lists them.
+const std::pair<const char*, internal::HeadMaker> kHeads[] = {
+    {"query", internal::kMakeQuery},
+    {"panoptic-splatting", internal::kMakePanopticSplatting},
+    {"panoptic-lifting", internal::kMakePanopticLifting},
+    {"contrastive-lift", internal::kMakeContrastiveLift},
+    {"gaussian-grouping", internal::kMakeGaussianGrouping},
+    {"open-gaussian", internal::kMakeOpenGaussian},
+    {"panoptic-recon", internal::kMakePanopticRecon},
+    {"panoptic-recon++", internal::kMakePanopticReconPlus},
+    {"pvlff", internal::kMakePvlff},
+};
+
 }  // namespace
 
 void check_panoptic_config(const PanopticTrainingConfig& config) {
@@ -61,6 +76,29 @@ void check_panoptic_config(const PanopticTrainingConfig& config) {
                "panoptic.sampling.stuff_share + instance_share = " + std::to_string(share));
 }
 
+PanopticTrainingConfig recon_plus_config(PanopticTrainingConfig config) {
+  const PanopticReconPlusConfig& plus = config.panoptic_recon_plus;
+  QueryConfig& query = config.query;
+  query.variant = renderer::LabelVariant::kRaw;
+  query.seeding = QuerySeeding::kGrid;
+  query.initial_sigma_m = plus.initial_sigma_m;
+  query.max_sigma_m = std::max(query.max_sigma_m, plus.initial_sigma_m);
+  query.max_dice = plus.max_dice;
+  query.prune_from = plus.prune_from;
+  query.prune_every = plus.prune_every;
+  query.min_frames = 1;  // Only what was never matched goes.
+  query.overlap_score = plus.overlap_score;
+  config.rate.query_position_m = plus.query_position_m;
+  config.rate.query_log_sigma = plus.query_log_sigma;
+  config.rate.final_factor = plus.final_factor;
+  config.rate.decay_from = 0.0;
+  return config;
+}
+
+void PanopticHead::move_surfels(const std::vector<glm::vec3>&) {
+  SEGSIM_CHECK(false, "a head that is not trained jointly");
+}
+
 std::unique_ptr<PanopticHead> make_panoptic_head(const std::string& name,
                                                  PanopticHeadInputs inputs,
                                                  const PanopticTrainingConfig& config,
@@ -71,28 +109,9 @@ std::unique_ptr<PanopticHead> make_panoptic_head(const std::string& name,
   for (const core::SceneClass& c : inputs.classes) {
     SEGSIM_CHECK(c.id != 0 && ids.insert(c.id).second, "class " + std::to_string(c.id));
   }
-  if (name == "query") {
-    return internal::make_query_head(name, std::move(inputs), config, seed, config.loss.warp);
+  for (const auto& [known, make] : kHeads) {
+    if (name == known) return make(std::move(inputs), config, seed);
   }
-  if (name == "panoptic-splatting") {
-    return internal::make_panoptic_splatting_head(std::move(inputs), config, seed);
-  }
-  if (name == "panoptic-lifting") {
-    return internal::make_panoptic_lifting_head(std::move(inputs), config, seed);
-  }
-  if (name == "contrastive-lift") {
-    return internal::make_contrastive_lift_head(std::move(inputs), config, seed);
-  }
-  if (name == "gaussian-grouping") {
-    return internal::make_gaussian_grouping_head(std::move(inputs), config, seed);
-  }
-  if (name == "open-gaussian") {
-    return internal::make_open_gaussian_head(std::move(inputs), config, seed);
-  }
-  if (name == "panoptic-recon") {
-    return internal::make_panoptic_recon_head(std::move(inputs), config, seed);
-  }
-  if (name == "pvlff") return internal::make_pvlff_head(std::move(inputs), config, seed);
   throw core::InputError::expected("head", panoptic_head_list(", "), "\"" + name + "\"");
 }
 

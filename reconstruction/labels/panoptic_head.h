@@ -1,9 +1,10 @@
 #pragma once
 
 /// @file
-/// What learns labels on frozen surfels. With frozen geometry an image of labels is linear in
-/// the surfels' labels, out = W L, so a head sees sparse blending weights W of a few pixels
-/// and never the renderer (docs/training.md):
+/// What learns labels on surfels. With frozen geometry an image of labels is linear in the
+/// surfels' labels, out = W L, so a head sees sparse blending weights W of a few pixels and
+/// never the renderer (docs/training.md); in joint training it also says how its loss changes
+/// with W:
 ///
 ///     frame -> pixels -> W, targets -> step() -> losses          panoptic_training.h
 ///                                       ...
@@ -30,6 +31,13 @@
 
 namespace segsim::reconstruction {
 
+/// Derivatives of a step's loss by what the surfels' geometry decides.
+struct GeometryGradient {
+  std::vector<float> by_weight;      ///< [entries] of PanopticBatch::weights, as they are.
+  std::vector<std::int64_t> surfel;  ///< Whose centres entered the labels, ascending.
+  std::vector<float> by_position;    ///< [surfel, 3], world frame.
+};
+
 /// Sampled pixels of one image. Borrowed for the call.
 struct PanopticBatch {
   std::int64_t frame = 0;  ///< Index of the image.
@@ -43,6 +51,8 @@ struct PanopticBatch {
   const float* confidence = nullptr;         ///< [pixels], host, [0, 1]; null = 1.
   /// [pixels], host, mean 1: PixelSample::importance; null = 1.
   const float* importance = nullptr;
+  /// Joint training: where step() leaves these derivatives. Null: geometry is frozen.
+  GeometryGradient* gradient = nullptr;
 };
 
 struct NamedLoss {
@@ -89,6 +99,10 @@ class PanopticHead {
   /// @throws core::InputError if the total is not finite; the parameters are then unchanged.
   virtual std::vector<NamedLoss> step(const PanopticBatch& batch, std::int64_t iteration) = 0;
 
+  /// Joint training: where the surfels are from now on.
+  /// @throws core::ContractViolation unless the head is one of joint_head_names().
+  virtual void move_surfels(const std::vector<glm::vec3>& position_m);
+
   [[nodiscard]] virtual PanopticResult result() const = 0;
 
   /// The whole state (parameters, Adam's moments, counts): training that is loaded goes on as
@@ -99,8 +113,10 @@ class PanopticHead {
 };
 
 /// "query" (the paper), "panoptic-splatting", "panoptic-lifting", "contrastive-lift",
-/// "gaussian-grouping", "open-gaussian", "panoptic-recon", "pvlff".
+/// "gaussian-grouping", "open-gaussian", "panoptic-recon", "panoptic-recon++", "pvlff".
 [[nodiscard]] std::vector<std::string> panoptic_head_names();
+/// Those that can be trained together with the surfels (joint_training.h): heads of queries.
+[[nodiscard]] std::vector<std::string> joint_head_names();
 /// The same in one line. @param between  Stands between two of them.
 [[nodiscard]] std::string panoptic_head_list(const std::string& between);
 

@@ -11,7 +11,12 @@ std::vector<std::string> panoptic_head_names() {
           "gaussian-grouping",
           "open-gaussian",
           "panoptic-recon",
+          "panoptic-recon++",
           "pvlff"};
+}
+
+std::vector<std::string> joint_head_names() {
+  return {"query", "panoptic-splatting", "panoptic-recon++"};
 }
 
 std::string panoptic_head_list(const std::string& between) {

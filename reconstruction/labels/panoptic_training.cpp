@@ -111,7 +111,13 @@ std::vector<NamedLoss> train_once(PanopticViews& views, PanopticHead& head,
     batch.warped = &warped.weights;
     batch.warped_row = warped.row.data();
   }
-  return head.step(batch, iteration);
+  if (run.moving == nullptr) return head.step(batch, iteration);
+  GeometryGradient gradient;
+  batch.gradient = &gradient;
+  std::vector<NamedLoss> losses = head.step(batch, iteration);
+  run.moving->move(pixels, batch.weights, gradient);
+  head.move_surfels(run.moving->positions_m());
+  return losses;
 }
 
 }  // namespace
@@ -190,6 +196,9 @@ void prepare_head_inputs(const std::string& head, PanopticViews& views,
   if (head == "query" || head == "panoptic-splatting") {
     inputs.query_seeds = seed_queries(views, config, seed);
   }
+  if (head == "panoptic-recon++") {
+    inputs.query_seeds = seed_queries(views, recon_plus_config(config), seed);
+  }
   if (head == "gaussian-grouping" &&
       config.gaussian_grouping.identities == IdentitySource::kAssociated) {
     inputs.object_of_mask = associate_masks(views, config);
@@ -234,6 +243,8 @@ std::int64_t train_panoptic(PanopticViews& views, PanopticHead& head,
                             const PanopticTrainingRun& run) {
   check_panoptic_config(run.config);
   SEGSIM_CHECK(run.first_iteration >= 0 && run.checkpoint_every > 0, "iterations");
+  SEGSIM_CHECK(run.moving == nullptr || run.config.sampling.max_surfels_per_pixel == 0,
+               "joint training needs all weights of a pixel");
   if (views.count() == 0) {
     throw core::InputError::expected("label training", "at least one view with masks", "none");
   }

@@ -46,6 +46,17 @@ class PanopticViews {
                                              int max_per_pixel, int slot) = 0;
 };
 
+/// Surfels that learn from labels, too: after each step of a head they take one.
+class MovingSurfels {
+ public:
+  virtual ~MovingSurfels() = default;
+  /// @param pixels  Of the last weights() of slot 0.
+  /// @param gradient  What the head's step left; empty: nothing.
+  virtual void move(std::span<const std::int32_t> pixels, const PixelWeights& weights,
+                    const GeometryGradient& gradient) = 0;
+  [[nodiscard]] virtual std::vector<glm::vec3> positions_m() const = 0;
+};
+
 /// Where queries begin, by config.query.seeding, from the masks of all views with depth; on
 /// the grid, too, if the masks agree on no object.
 [[nodiscard]] std::vector<QuerySeed> seed_queries(PanopticViews& views,
@@ -78,6 +89,8 @@ struct PanopticTrainingRun {
   std::int64_t checkpoint_every = 1000;
   /// Fetch weights in a neighbouring view too, for heads with label warping.
   bool warp = false;
+  /// Joint training, of a head of joint_head_names(); null: the surfels are frozen.
+  MovingSurfels* moving = nullptr;
 };
 
 /// @return  The iterations done in all, fewer than configured if on_progress stopped it.

@@ -12,6 +12,7 @@
 #include "reconstruction/rasterizer/internal/tile_images.h"
 #include "reconstruction/rasterizer/internal/training_tile.h"
 #include "reconstruction/rasterizer/internal/view_surfels.h"
+#include "reconstruction/rasterizer/internal/weight_losses.h"
 #include "reconstruction/rasterizer/surfel_activation.h"
 #include "renderer/raster/tile_binning.h"
 #include "renderer/scene/projection_camera.h"
@@ -37,6 +38,7 @@ class CpuRasterizer final : public DifferentiableRasterizer<Real> {
                renderer::internal::projection_camera<float>(T_world_camera, camera),
                camera.width_px, camera.height_px};
     surfel_count_ = surfels.count;
+    weight_losses_.clear();
     if (max_weight != nullptr) std::fill_n(max_weight, surfels.count, Real(0));
 
     bins_.begin(camera.width_px, camera.height_px, workers_.thread_count());
@@ -66,9 +68,13 @@ class CpuRasterizer final : public DifferentiableRasterizer<Real> {
       internal::TileLoss<Real> tile_loss;
       const internal::TileView<Real> view = view_of(tile);
       internal::read_loss(view, loss, tile_loss);
+      internal::TileWeightLoss<Real> weight_loss;
+      const bool weighs = weight_losses_.read(tile, view, cells_[tile], weight_loss);
       internal::backward_tile(view, records_[tile], cells_[tile].data(), tile_loss,
+                              weighs ? &weight_loss : nullptr,
                               pair_gradients_.data() + first_pair_[tile]);
     });
+    weight_losses_.clear();
     const auto count = static_cast<std::size_t>(surfels.count);
     const renderer::ProjectionCamera<Real> camera = internal::camera_as<Real>(camera_.exact);
     workers_.for_each((count + kSurfelsPerTask - 1) / kSurfelsPerTask, [&](std::size_t task) {
@@ -77,6 +83,19 @@ class CpuRasterizer final : public DifferentiableRasterizer<Real> {
         write_surfel(surfels, i, camera, gradients);
       }
     });
+  }
+
+  void add_weight_loss(std::span<const std::int32_t> pixels, const PixelWeights& weights,
+                       const float* by_weight) override {
+    check_drawn();
+    SEGSIM_CHECK(weights.pixels == static_cast<std::int64_t>(pixels.size()), "rows");
+    for (std::size_t row = 0; row < pixels.size(); ++row) {
+      const Place place = place_of(pixels[row]);
+      const auto begin = weights.row_start[row], end = weights.row_start[row + 1];
+      weight_losses_.add(
+          place.cell / kCells, place.cell % kCells * internal::kCellSize + place.in_cell,
+          {weights.surfel + begin, weights.weight + begin, by_weight + begin, end - begin});
+    }
   }
 
   [[nodiscard]] PixelWeights weights(const std::int32_t* pixels, std::int64_t count,
@@ -199,6 +218,7 @@ class CpuRasterizer final : public DifferentiableRasterizer<Real> {
   internal::PairOrder order_;
   std::vector<LocalGradient<Real>> pair_gradients_;
   internal::WeightRows weights_;
+  internal::WeightLosses<Real> weight_losses_;
 };
 
 }  // namespace

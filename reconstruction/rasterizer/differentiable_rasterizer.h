@@ -8,8 +8,10 @@
 
 #include <cstdint>
 #include <memory>
+#include <span>
 
 #include "core/camera.h"
+#include "core/error.h"
 #include "core/frames.h"
 #include "reconstruction/rasterizer/surfel_parameters.h"
 
@@ -45,6 +47,14 @@ class DifferentiableRasterizer {
                         const TrainingImages<const Real>& loss,
                         const SurfelGradients<Real>& gradients) = 0;
 
+  /// Adds a loss of weights() to those that the next backward() differentiates.
+  /// @param pixels  Those that weights() was asked for, with max_per_pixel = 0.
+  /// @param weights  What it gave, in host memory. Like the derivatives, copied.
+  /// @param by_weight  [weights.entries], derivatives of the loss.
+  /// @throws core::InputError on a GPU.
+  virtual void add_weight_loss(std::span<const std::int32_t> pixels,
+                               const PixelWeights& weights, const float* by_weight);
+
   /// Weights of the last forward() at pixels y * width + x, valid until the next call of any
   /// function.
   /// @param max_per_pixel  The heaviest of a pixel (ties by lower index); 0 = all.
@@ -60,5 +70,12 @@ struct DifferentiableRasterizerOptions {
 template <class Real>
 [[nodiscard]] std::unique_ptr<DifferentiableRasterizer<Real>> make_cpu_rasterizer(
     const DifferentiableRasterizerOptions& options = {});
+
+template <class Real>
+void DifferentiableRasterizer<Real>::add_weight_loss(std::span<const std::int32_t>,
+                                                     const PixelWeights&, const float*) {
+  throw core::InputError::expected("losses of blending weights (--labels joint)",
+                                   "training on the CPU (--backend cpu)", "a GPU");
+}
 
 }  // namespace segsim::reconstruction

@@ -13,9 +13,10 @@
 /// weights: a surfel adds w_k v_k,
 ///
 ///     v_k = L_rgb.c_k + L_depth z_k + L_alpha + L_normal.n_k
-///           + L_distortion (M2 + A m_k^2 - 2 M1 m_k)
+///           + L_distortion (M2 + A m_k^2 - 2 M1 m_k) + L_k
 ///
-/// with L the loss's derivatives by the pixel's images. The last term is the derivative of the
+/// with L the loss's derivatives by the pixel's images, and L_k that by the weight itself, if
+/// there is one. The last term is the derivative of the
 /// distortion A M2 - M1^2 by w_k, where A, M1, M2 = sum of w, w m, w m^2 over the whole pixel.
 /// All later weights contain (1 - alpha_k), so
 ///
@@ -202,17 +203,20 @@ struct HitGradient {
 };
 
 /// The next surfel that forward blended into this pixel (its caller knows where it stopped).
+/// @param by_weight  L_k.
 template <class Real>
 SEGSIM_HD inline HitGradient<Real> unblend_hit(const DrawnSurfel<Real>& s,
                                                const SurfelHit<Real>& hit,
-                                               PixelAdjoint<Real>& pixel) {
+                                               PixelAdjoint<Real>& pixel,
+                                               Real by_weight = Real(0)) {
   const PixelLoss<Real>& loss = pixel.loss;
   const Real w = pixel.transmittance * hit.alpha;
   const Real inverse_depth = Real(1) / hit.depth_m;
   const Real m = Real(kDistortionScale) * (pixel.first_inverse_depth - inverse_depth);
-  const Real value = renderer::dot(loss.rgb, s.colour) + loss.depth_m * hit.depth_m +
-                     loss.alpha + renderer::dot(loss.normal, s.normal) +
-                     loss.distortion * (pixel.m2 + m * (pixel.alpha * m - Real(2) * pixel.m1));
+  const Real value =
+      renderer::dot(loss.rgb, s.colour) + loss.depth_m * hit.depth_m + loss.alpha +
+      renderer::dot(loss.normal, s.normal) +
+      loss.distortion * (pixel.m2 + m * (pixel.alpha * m - Real(2) * pixel.m1)) + by_weight;
   pixel.remaining -= w * value;
   HitGradient<Real> gradient;
   gradient.weight = w;

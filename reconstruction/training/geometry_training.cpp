@@ -74,11 +74,23 @@ class GeometryTrainer::Impl {
   [[nodiscard]] std::vector<Exposure> exposures() const;
 
   GeometryStep step();
+  [[nodiscard]] PixelWeights draw(std::size_t view, std::span<const std::int32_t> pixels);
+  GeometryStep step_with(std::span<const std::int32_t> pixels, const PixelWeights& weights,
+                         const GeometryGradient& labels, const JointConfig& config);
+  [[nodiscard]] std::vector<glm::vec3> positions_m() const {
+    const std::vector<float> values = host(state_.leaves().position_m.detach());
+    std::vector<glm::vec3> positions_m(values.size() / 3);
+    for (std::size_t i = 0; i < positions_m.size(); ++i) {
+      positions_m[i] = {values[3 * i], values[3 * i + 1], values[3 * i + 2]};
+    }
+    return positions_m;
+  }
   void save(const std::filesystem::path& file, const std::string& identity) const;
   void load(const std::filesystem::path& file, const std::string& identity);
 
  private:
   [[nodiscard]] double progress() const {
+    if (joint_) return 1.0;
     return static_cast<double>(iteration_) /
            static_cast<double>(std::max<std::int64_t>(config_.iterations, 1));
   }
@@ -87,7 +99,21 @@ class GeometryTrainer::Impl {
     const double grown = std::floor(progress() / config_.sh_grow_every);
     return static_cast<int>(std::min<double>(config_.sh_degree, grown));
   }
-  [[nodiscard]] internal::SurfelRates rates() const;
+  /// What is drawn waits for its losses.
+  struct Drawn {
+    std::size_t index = 0;
+    SurfelTensors leaves;
+    ViewTensors images;
+  };
+  void draw(std::size_t index);
+  /// Losses of what is drawn, and Adam.
+  /// @param before, after  Called before and after the derivatives are taken.
+  template <class Before, class After>
+  GeometryStep learn(const Before& before, const After& after, double rate);
+  [[nodiscard]] Tensor rows_in_view() const {
+    return drawn_.images.max_weight.gt(0).nonzero().squeeze(1);
+  }
+  [[nodiscard]] internal::SurfelRates rates(double factor) const;
   [[nodiscard]] bool refines_poses() const {
     return config_.rate.pose_rotation > 0.0 || config_.rate.pose_translation > 0.0;
   }
@@ -114,64 +140,116 @@ class GeometryTrainer::Impl {
   internal::AdamTensor exposure_;  ///< [views, (log gain, offset), rgb].
   HoleFiller holes_;
   std::int64_t iteration_ = 0;
+  bool joint_ = false;
+  Drawn drawn_;
   /// Since the last change of the count.
   Tensor gradient_sum_, gradient_views_, max_weight_;
   std::int64_t statistics_views_ = 0;
 };
 
-internal::SurfelRates GeometryTrainer::Impl::rates() const {
+internal::SurfelRates GeometryTrainer::Impl::rates(double factor) const {
   const GeometryConfig::Rate& rate = config_.rate;
   internal::SurfelRates rates;
   // From the first to the last along an exponential (Kerbl et al. 2023).
   const double ratio = rate.position > 0.0 ? rate.position_final / rate.position : 0.0;
-  rates.position = rate.position * std::pow(std::max(ratio, 1e-12), progress()) * extent_m_;
-  rates.log_scale = rate.log_scale;
-  rates.rotation = rate.rotation;
-  rates.opacity = rate.opacity;
-  rates.color = rate.color;
-  rates.color_rest = rate.color_rest;
+  rates.position =
+      rate.position * std::pow(std::max(ratio, 1e-12), progress()) * extent_m_ * factor;
+  rates.log_scale = rate.log_scale * factor;
+  rates.rotation = rate.rotation * factor;
+  rates.opacity = rate.opacity * factor;
+  rates.color = rate.color * factor;
+  rates.color_rest = rate.color_rest * factor;
   return rates;
 }
 
-GeometryStep GeometryTrainer::Impl::step() {
-  const std::size_t index = view_of_iteration(iteration_, set_.training.size(), seed_);
-  const TrainingView& view = set_.training[index];
-  const core::CameraPose T_world_camera = poses_.now()[index];
-  const internal::ViewTargets targets = internal::view_targets(view, raster_.device());
-  const SurfelTensors leaves = state_.leaves();
+void GeometryTrainer::Impl::draw(std::size_t index) {
+  drawn_.index = index;
+  drawn_.leaves = state_.leaves();
   const bool distorts =
       config_.loss.distortion > 0.0 && progress() >= config_.loss.distortion_from;
-  const ViewTensors drawn =
-      raster_.draw(leaves, active_sh_degree(), set_.intrinsics, T_world_camera, distorts);
+  drawn_.images = raster_.draw(drawn_.leaves, active_sh_degree(), set_.intrinsics,
+                               poses_.now()[index], distorts);
+}
+
+GeometryStep GeometryTrainer::Impl::step() {
+  draw(view_of_iteration(iteration_, set_.training.size(), seed_));
+  const core::CameraPose T_world_camera = poses_.now()[drawn_.index];  // It may move.
+  GeometryStep step = learn([] {}, [] {}, 1.0);
+  gather(drawn_.images, rows_in_view(), set_.training[drawn_.index], T_world_camera);
+  ++iteration_;
+  change_count();
+  step.iteration = iteration_;
+  step.surfels = state_.count();
+  return step;
+}
+
+PixelWeights GeometryTrainer::Impl::draw(std::size_t view,
+                                         std::span<const std::int32_t> pixels) {
+  joint_ = true;
+  draw(view);
+  return raster_.rasterizer().weights(pixels.data(), static_cast<std::int64_t>(pixels.size()),
+                                      0);
+}
+
+GeometryStep GeometryTrainer::Impl::step_with(std::span<const std::int32_t> pixels,
+                                              const PixelWeights& weights,
+                                              const GeometryGradient& labels,
+                                              const JointConfig& config) {
+  SEGSIM_CHECK(joint_, "no draw() yet");
+  std::vector<float> by_weight = labels.by_weight;
+  for (float& by : by_weight) by = static_cast<float>(config.labels * static_cast<double>(by));
+  const auto before = [&] {
+    if (by_weight.empty()) return;
+    raster_.rasterizer().add_weight_loss(pixels, weights, by_weight.data());
+  };
+  const auto after = [&] {
+    if (labels.surfel.empty()) return;
+    const at::NoGradGuard no_grad;
+    const Tensor by =
+        internal::device_tensor(labels.by_position, torch::kFloat32, raster_.device())
+            .view({-1, 3});
+    drawn_.leaves.position_m.mutable_grad().index_add_(
+        0, internal::device_tensor(labels.surfel, torch::kInt64, raster_.device()),
+        config.labels * by);
+  };
+  GeometryStep step = learn(before, after, config.rate);
+  step.iteration = ++iteration_;
+  step.surfels = state_.count();
+  return step;
+}
+
+template <class Before, class After>
+GeometryStep GeometryTrainer::Impl::learn(const Before& before, const After& after,
+                                          double rate) {
+  const TrainingView& view = set_.training[drawn_.index];
+  const core::CameraPose T_world_camera = poses_.now()[drawn_.index];
+  const internal::ViewTargets targets = internal::view_targets(view, raster_.device());
   Tensor exposure;
-  const auto exposure_row = static_cast<std::int64_t>(index);
+  const auto exposure_row = static_cast<std::int64_t>(drawn_.index);
   if (config_.rate.exposure > 0.0) {
     exposure = exposure_.value().select(0, exposure_row).detach().clone().requires_grad_(true);
   }
   GeometryStep step;
   const Tensor rays = progress() >= config_.loss.normal_from ? rays_ : Tensor();
-  const Tensor loss =
-      internal::view_loss(drawn, targets, config_.loss, exposure, rays, T_world_camera, step);
+  const Tensor loss = internal::view_loss(drawn_.images, targets, config_.loss, exposure, rays,
+                                          T_world_camera, step);
   if (!std::isfinite(step.total())) {
     throw core::InputError::expected(
         "geometry training: loss at iteration " + std::to_string(iteration_ + 1) + ", frame " +
             view.name,
         "a finite number (lower rates may help)", std::to_string(step.total()));
   }
+  before();
   loss.backward();
+  after();
 
-  const Tensor rows = drawn.max_weight.gt(0).nonzero().squeeze(1);
-  if (refines_poses()) move_pose(index, leaves, rows);
-  state_.step(leaves, rows, active_sh_degree(), rates());
+  const Tensor rows = rows_in_view();
+  if (refines_poses() && !joint_) move_pose(drawn_.index, drawn_.leaves, rows);
+  state_.step(drawn_.leaves, rows, active_sh_degree(), rates(rate));
   if (exposure.defined()) {
     exposure_.step_rows(torch::full({1}, exposure_row, rows.options()),
                         exposure.grad().unsqueeze(0), config_.rate.exposure);
   }
-  gather(drawn, rows, view, T_world_camera);
-  ++iteration_;
-  change_count();
-  step.iteration = iteration_;
-  step.surfels = state_.count();
   return step;
 }
 
@@ -374,6 +452,16 @@ GeometryTrainer::GeometryTrainer(const TrainingSet& set, const renderer::SurfelC
 GeometryTrainer::~GeometryTrainer() = default;
 std::int64_t GeometryTrainer::iteration() const { return impl_->iteration(); }
 GeometryStep GeometryTrainer::step() { return impl_->step(); }
+PixelWeights GeometryTrainer::draw(std::size_t view, std::span<const std::int32_t> pixels) {
+  return impl_->draw(view, pixels);
+}
+GeometryStep GeometryTrainer::step_with(std::span<const std::int32_t> pixels,
+                                        const PixelWeights& weights,
+                                        const GeometryGradient& labels,
+                                        const JointConfig& config) {
+  return impl_->step_with(pixels, weights, labels, config);
+}
+std::vector<glm::vec3> GeometryTrainer::positions_m() const { return impl_->positions_m(); }
 renderer::SurfelCloud GeometryTrainer::surfels() const { return impl_->surfels(); }
 const std::vector<core::CameraPose>& GeometryTrainer::poses() const { return impl_->poses(); }
 std::vector<Exposure> GeometryTrainer::exposures() const { return impl_->exposures(); }

@@ -16,11 +16,13 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "core/frames.h"
 #include "reconstruction/evaluation/image_quality.h"
+#include "reconstruction/labels/panoptic_head.h"
 #include "reconstruction/rasterizer/differentiable_rasterizer.h"
 #include "reconstruction/training/training_config.h"
 #include "reconstruction/training/training_set.h"
@@ -32,10 +34,10 @@ namespace segsim::reconstruction {
 /// What one iteration cost. Losses are times their weights; 0 where one takes no part.
 struct GeometryStep {
   std::int64_t iteration = 0;  ///< Finished.
-  double color = 0.0, depth = 0.0, normal = 0.0, distortion = 0.0;
+  double color = 0.0, depth = 0.0, normal = 0.0, distortion = 0.0, plane = 0.0;
   std::int64_t surfels = 0;
 
-  [[nodiscard]] double total() const { return color + depth + normal + distortion; }
+  [[nodiscard]] double total() const { return color + depth + normal + distortion + plane; }
 };
 
 struct GeometryDevice {
@@ -67,6 +69,17 @@ class GeometryTrainer {
   /// One iteration.
   /// @throws core::InputError if the loss is not finite; the surfels are then unchanged.
   GeometryStep step();
+
+  // Joint training, when the iterations are done: surfels neither come nor go, and rates are
+  // those of the end, times JointConfig::rate.
+
+  /// Draws a view. @return  Weights of some of its pixels, valid until the next call.
+  [[nodiscard]] PixelWeights draw(std::size_t view, std::span<const std::int32_t> pixels);
+  /// An iteration with what was drawn last, and what a head says of the weights it got.
+  /// @param pixels, weights  Of draw().  @param labels  Empty: nothing.
+  GeometryStep step_with(std::span<const std::int32_t> pixels, const PixelWeights& weights,
+                         const GeometryGradient& labels, const JointConfig& config);
+  [[nodiscard]] std::vector<glm::vec3> positions_m() const;
 
   [[nodiscard]] renderer::SurfelCloud surfels() const;
   /// T_world_camera of the training views: as recorded, unless the configuration has rates for

@@ -134,7 +134,7 @@ void check_order(const ConfigNode& root, const TrainingConfig& config) {
 
 TrainingConfig config_of(const ConfigNode& root) {
   TrainingConfig config;
-  if (!root.is_map()) root.fail("a map with the keys geometry, panoptic", "none");
+  if (!root.is_map()) root.fail("a map with the keys geometry, panoptic, joint", "none");
   FieldReader reader(root);
   internal::visit_fields(config, reader);
   reader.finish();

@@ -25,6 +25,8 @@ struct GeometryConfig {
     double depth = 0.1;
     double normal = 0.05;
     double distortion = 0.0;
+    double plane = 0.0;  ///< L_sdf of the paper, on surfels: 0 = off.
+    double plane_truncation_m = 0.15;
     double normal_from = 0.0;                      ///< Share of training.
     double distortion_from = 0.1;                  ///< Share of training.
     double min_depth_m = 0.1, max_depth_m = 10.0;  ///< Of the sensor.
@@ -59,9 +61,16 @@ struct GeometryConfig {
 /// moves faster.
 [[nodiscard]] PanopticTrainingConfig short_panoptic_config();
 
+/// Labels and surfels trained together (joint_training.h). Ours.
+struct JointConfig {
+  double labels = 0.1;  ///< Factor of label losses where they reach the surfels.
+  double rate = 1.0;    ///< Of the surfels' rates at the end of their own training.
+};
+
 struct TrainingConfig {
   GeometryConfig geometry;
   PanopticTrainingConfig panoptic = short_panoptic_config();
+  JointConfig joint;
 };
 
 /// @throws core::InputError naming file, line and key: unknown keys, wrong types, values out

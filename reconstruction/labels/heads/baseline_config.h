@@ -2,11 +2,11 @@
 
 /// @file
 /// Weights and rates of the heads that other papers published. Sources: PL = Panoptic Lifting,
-/// CL = Contrastive Lift, GG = Gaussian Grouping, OG = OpenGaussian, PVLFF, as their programs
-/// have them; ours = a choice of this project. Shares are of the iterations of the whole head
-/// training. Rates are those of a run of 3000 iterations and follow rate.scale and its decay:
-/// a surfel is seen a few dozen times in one, and shares nothing with its neighbours, where
-/// the original trained a network, or ten times as long.
+/// CL = Contrastive Lift, GG = Gaussian Grouping, OG = OpenGaussian, PVLFF, PR++ =
+/// PanopticRecon++, as their programs have them; ours = a choice of this project. Shares are
+/// of the iterations of the whole head training. Rates are those of a run of 3000 iterations
+/// and follow rate.scale and its decay: a surfel is seen a few dozen times in one, and shares
+/// nothing with its neighbours, where the original trained a network, or ten times as long.
 
 #include <cstdint>
 
@@ -108,6 +108,28 @@ struct PanopticReconConfig {
   int min_views = 3;            ///< An object has masks in so many views.
   double semantic = 1.0, instance = 1.0;
   double rate = 5e-3;  ///< Of logits.
+};
+
+/// PanopticRecon++ on surfels. What is not here it shares with the head of the paper
+/// (QueryConfig, HeadRateConfig): sizes, rates of features of queries, the class's part of
+/// matching costs.
+struct PanopticReconPlusConfig {
+  /// Of classes; of masks and classes of queries; of the panoptic map; of similar queries.
+  double semantic = 2.67, instance = 1.0, panoptic = 10.0,
+         repulsion = 3.33;  ///< PR++: 80,
+                            ///< 30, 300, 100.
+  double panoptic_from =
+      0.2;  ///< Share of training; classes and Dice end (PR++ epoch 4 of 20).
+  bool unlabelled_negative = true;  ///< Unlabelled pixels are of no instance (PR++).
+  double feature_rate = 1e-2;       ///< Of surfels (PR++, hash grids).
+  double decoder_rate = 4e-3;       ///< Ours (PR++ 2e-4).
+  double query_position_m = 0.02;   ///< PR++, 5e-3 in a scene of 4 m scaled to 1.
+  double query_log_sigma = 1e-2;    ///< PR++.
+  double final_factor = 0.36;       ///< Of rates, from the start on (PR++ 0.95^20).
+  double initial_sigma_m = 1.0;     ///< PR++.
+  double max_dice = 0.9;            ///< A match with a larger dice loss is none (PR++).
+  double prune_from = 0.1, prune_every = 0.05;  ///< Shares (PR++ epoch 2 of 20, 300 of 6000).
+  double overlap_score = 0.8;                   ///< PR++.
 };
 
 }  // namespace segsim::reconstruction

@@ -238,10 +238,6 @@ class ContrastiveLiftHead : public PanopticHead {
 
 }  // namespace
 
-std::unique_ptr<PanopticHead> make_contrastive_lift_head(PanopticHeadInputs inputs,
-                                                         const PanopticTrainingConfig& config,
-                                                         std::uint64_t seed) {
-  return std::make_unique<ContrastiveLiftHead>(std::move(inputs), config, seed);
-}
+constinit const HeadMaker kMakeContrastiveLift = make_head<ContrastiveLiftHead>;
 
 }  // namespace segsim::reconstruction::internal

@@ -280,10 +280,6 @@ PanopticResult GaussianGroupingHead::result() const {
 
 }  // namespace
 
-std::unique_ptr<PanopticHead> make_gaussian_grouping_head(PanopticHeadInputs inputs,
-                                                          const PanopticTrainingConfig& config,
-                                                          std::uint64_t seed) {
-  return std::make_unique<GaussianGroupingHead>(std::move(inputs), config, seed);
-}
+constinit const HeadMaker kMakeGaussianGrouping = make_head<GaussianGroupingHead>;
 
 }  // namespace segsim::reconstruction::internal

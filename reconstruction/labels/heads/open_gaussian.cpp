@@ -284,10 +284,6 @@ PanopticResult OpenGaussianHead::result() const {
 
 }  // namespace
 
-std::unique_ptr<PanopticHead> make_open_gaussian_head(PanopticHeadInputs inputs,
-                                                      const PanopticTrainingConfig& config,
-                                                      std::uint64_t seed) {
-  return std::make_unique<OpenGaussianHead>(std::move(inputs), config, seed);
-}
+constinit const HeadMaker kMakeOpenGaussian = make_head<OpenGaussianHead>;
 
 }  // namespace segsim::reconstruction::internal

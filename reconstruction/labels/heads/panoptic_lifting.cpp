@@ -14,7 +14,8 @@ constexpr const char* kName = "panoptic-lifting";
 
 class PanopticLiftingHead : public PanopticHead {
  public:
-  PanopticLiftingHead(PanopticHeadInputs inputs, const PanopticTrainingConfig& config)
+  PanopticLiftingHead(PanopticHeadInputs inputs, const PanopticTrainingConfig& config,
+                      std::uint64_t)
       : inputs_(std::move(inputs)),
         config_(config),
         device_(device_of(inputs_.cuda_device)),
@@ -111,10 +112,6 @@ class PanopticLiftingHead : public PanopticHead {
 
 }  // namespace
 
-std::unique_ptr<PanopticHead> make_panoptic_lifting_head(PanopticHeadInputs inputs,
-                                                         const PanopticTrainingConfig& config,
-                                                         std::uint64_t) {
-  return std::make_unique<PanopticLiftingHead>(std::move(inputs), config);
-}
+constinit const HeadMaker kMakePanopticLifting = make_head<PanopticLiftingHead>;
 
 }  // namespace segsim::reconstruction::internal

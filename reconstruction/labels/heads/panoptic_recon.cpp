@@ -23,7 +23,8 @@ constexpr const char* kName = "panoptic-recon";
 
 class PanopticReconHead : public PanopticHead {
  public:
-  PanopticReconHead(PanopticHeadInputs inputs, const PanopticTrainingConfig& config)
+  PanopticReconHead(PanopticHeadInputs inputs, const PanopticTrainingConfig& config,
+                    std::uint64_t)
       : inputs_(std::move(inputs)),
         config_(config),
         device_(device_of(inputs_.cuda_device)),
@@ -143,10 +144,6 @@ class PanopticReconHead : public PanopticHead {
 
 }  // namespace
 
-std::unique_ptr<PanopticHead> make_panoptic_recon_head(PanopticHeadInputs inputs,
-                                                       const PanopticTrainingConfig& config,
-                                                       std::uint64_t) {
-  return std::make_unique<PanopticReconHead>(std::move(inputs), config);
-}
+constinit const HeadMaker kMakePanopticRecon = make_head<PanopticReconHead>;
 
 }  // namespace segsim::reconstruction::internal

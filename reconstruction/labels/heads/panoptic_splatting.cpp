@@ -7,10 +7,10 @@
 
 namespace segsim::reconstruction::internal {
 
-std::unique_ptr<PanopticHead> make_panoptic_splatting_head(
-    PanopticHeadInputs inputs, const PanopticTrainingConfig& config, std::uint64_t seed) {
-  return make_query_head("panoptic-splatting", std::move(inputs), config, seed,
-                         config.loss.warp_of_ps);
-}
+constinit const HeadMaker kMakePanopticSplatting =
+    [](PanopticHeadInputs inputs, const PanopticTrainingConfig& config, std::uint64_t seed) {
+      return make_query_head("panoptic-splatting", std::move(inputs), config, seed,
+                             config.loss.warp_of_ps);
+    };
 
 }  // namespace segsim::reconstruction::internal

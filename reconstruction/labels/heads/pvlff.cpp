@@ -10,13 +10,17 @@
 //   - its masks are SAM's, of everything, and may overlap. Here they are the masks of things
 //     and the regions of stuff classes, which do not;
 //   - features are parameters of surfels instead of a hash grid with networks, at higher
-//     rates, and more groups of pixels are compared in a step;
+//     rates, and more groups of pixels are compared in a step. As such networks' do, instance
+//     features begin smooth in place (waves of random direction, and noise): the surfels of an
+//     object, which views show in part, have something in common before any mask has said so.
+//     From noise alone short trainings find no object in a flat;
 //   - the centre of a mask follows its pixels whenever its image comes, instead of every
 //     thousand steps;
 //   - fewer pixels are clustered, and the centre of a cluster is the mean of its points by
 //     their density instead of that of its densest ones.
 
 #include <map>
+#include <numbers>
 
 #include "core/random.h"
 #include "reconstruction/internal/tensors/adam.h"
@@ -31,6 +35,8 @@ namespace {
 
 constexpr const char* kName = "pvlff";
 constexpr std::int64_t kInstanceSize = 8;
+constexpr double kWaveLength_m = 6.0;  ///< Of instance features at first ...
+constexpr double kWaveHeight = 0.5;    ///< ... beside noise.
 
 Tensor normalised(const Tensor& rows) {
   return rows / (rows.pow(2).sum(1, true) + 1e-12).sqrt();
@@ -54,7 +60,7 @@ class PvlffHead : public PanopticHead {
         maker_(surfels(), device_),
         language_(torch::zeros({surfels(), static_cast<std::int64_t>(inputs_.classes.size())},
                                torch::TensorOptions().dtype(torch::kFloat32).device(device_))),
-        instance_(noise()),
+        instance_(first_features()),
         store_(inputs_.frames, config.pvlff.clustering.points, seed, device_) {}
 
   std::vector<NamedLoss> step(const PanopticBatch& batch, std::int64_t iteration) override {
@@ -101,13 +107,27 @@ class PvlffHead : public PanopticHead {
   [[nodiscard]] std::int64_t surfels() const {
     return static_cast<std::int64_t>(inputs_.position_m.size());
   }
-  [[nodiscard]] Tensor noise() const {
+  [[nodiscard]] Tensor first_features() const {
     core::RandomStream random(seed_, "pvlff_features");
     std::vector<float> values(static_cast<std::size_t>(surfels() * kInstanceSize));
     for (float& value : values) {
       value = static_cast<float>(config_.pvlff.feature_noise * random.normal());
     }
-    return device_tensor(values, torch::kFloat32, device_).view({-1, kInstanceSize});
+    std::vector<float> frequency, phase;
+    for (std::int64_t i = 0; i < 3 * kInstanceSize; ++i) {
+      frequency.push_back(
+          static_cast<float>(2.0 * std::numbers::pi / kWaveLength_m * random.normal()));
+    }
+    for (std::int64_t i = 0; i < kInstanceSize; ++i) {
+      phase.push_back(static_cast<float>(random.uniform(0.0, 2.0 * std::numbers::pi)));
+    }
+    const Tensor waves = torch::sin(
+        positions_tensor(inputs_.position_m, device_)
+            .matmul(
+                device_tensor(frequency, torch::kFloat32, device_).view({3, kInstanceSize})) +
+        device_tensor(phase, torch::kFloat32, device_));
+    return kWaveHeight * waves +
+           device_tensor(values, torch::kFloat32, device_).view({-1, kInstanceSize});
   }
 
   /// L1 distance to the class of the mask as a vector.
@@ -280,10 +300,6 @@ void PvlffHead::load(const std::filesystem::path& file) {
 
 }  // namespace
 
-std::unique_ptr<PanopticHead> make_pvlff_head(PanopticHeadInputs inputs,
-                                              const PanopticTrainingConfig& config,
-                                              std::uint64_t seed) {
-  return std::make_unique<PvlffHead>(std::move(inputs), config, seed);
-}
+constinit const HeadMaker kMakePvlff = make_head<PvlffHead>;
 
 }  // namespace segsim::reconstruction::internal

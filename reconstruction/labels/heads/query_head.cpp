@@ -11,7 +11,7 @@
 #include "reconstruction/labels/internal/head_list.h"
 #include "reconstruction/labels/internal/head_support.h"
 #include "reconstruction/labels/internal/label_losses.h"
-#include "reconstruction/labels/internal/query_matching.h"
+#include "reconstruction/labels/internal/query_losses.h"
 #include "reconstruction/labels/internal/query_set.h"
 #include "reconstruction/labels/internal/sparse_blend.h"
 #include "reconstruction/labels/query_pruning.h"
@@ -19,11 +19,10 @@
 namespace segsim::reconstruction::internal {
 namespace {
 
-constexpr std::int64_t kPruningSurfels = 100'000;  ///< Sampled for the overlap of queries.
-
 /// What one batch renders, with derivatives.
 struct Rendered {
   Tensor semantic_rows, instance_rows;  ///< Leaves: features of the batch's surfels.
+  Tensor position_rows;                 ///< [surfels, 3]; a leaf in joint training.
   Tensor decoder_weight, decoder_bias;  ///< Leaves.
   QuerySet::Leaves queries;
   Tensor projected;     ///< [queries, 32], before the layer norm.
@@ -58,13 +57,15 @@ class QueryHead : public PanopticHead {
         static_cast<double>(iteration) / static_cast<double>(config_.iterations);
     prune_when_due(iteration, progress);
     const bool warps = warp_factor_ > 0.0 && batch.warped != nullptr;
-    const BlendMatrix matrix = maker_.make(batch.weights, warps ? batch.warped : nullptr);
+    const bool joint = batch.gradient != nullptr;
+    const BlendMatrix matrix =
+        maker_.make(batch.weights, warps ? batch.warped : nullptr, joint);
     const Tensor alpha = matrix.alpha.cpu();
     const BatchTargets targets =
         make_targets(batch, alpha.data_ptr<float>(), inputs_.classes, config_);
     if (targets.labelled.empty()) return {{"total", 0.0}};
 
-    const Rendered rendered = render(matrix);
+    const Rendered rendered = render(matrix, joint);
     const std::vector<std::int64_t>& instance_pixels =
         config_.void_policy == VoidPolicy::kNegative ? targets.valid : targets.labelled;
     const MaskTargets all_masks = mask_targets(targets, instance_pixels, device_);
@@ -79,11 +80,19 @@ class QueryHead : public PanopticHead {
             : all_masks;
 
     LossSum sum;
-    const Tensor class_probability = add_semantic_loss(sum, matrix, rendered, targets);
-    add_instance_losses(sum, rendered, matching, masks);
-    add_class_loss(sum, rendered, targets, matching);
+    const Tensor class_probability =
+        add_semantic_loss(sum, config_.loss.semantic, matrix, rendered.classes, targets);
+    add_instance_losses(sum, rendered.masks, matching, masks,
+                        {config_.loss.dice, config_.loss.bce});
+    if (queries_.size() > 0) {
+      sum.add("class", config_.loss.query_class,
+              query_class_loss(rendered.class_logits, targets, matching, classes_,
+                               config_.loss.no_object));
+    }
     if (progress >= config_.loss.panoptic_from) {
-      add_panoptic_loss(sum, matrix, rendered, targets, matching, class_probability);
+      const Tensor panoptic = panoptic_loss(matrix, {rendered.classes, query_shares(rendered)},
+                                            class_probability, targets, matching, classes_);
+      if (panoptic.defined()) sum.add("panoptic", config_.loss.panoptic, panoptic);
     }
     if (warps) add_warp_loss(sum, matrix, rendered, batch, alpha.data_ptr<float>());
     if (queries_.size() > 1) {
@@ -91,8 +100,15 @@ class QueryHead : public PanopticHead {
               repulsion_loss(rendered.projected, config_.loss.repulsion_margin));
     }
     std::vector<NamedLoss> losses = sum.finish(iteration);
+    if (joint) *batch.gradient = geometry_gradient(matrix, batch, rendered.position_rows);
     optimise(matrix, rendered, rate_factor(config_.rate, progress));
     return losses;
+  }
+
+  void move_surfels(const std::vector<glm::vec3>& position_m) override {
+    SEGSIM_CHECK(position_m.size() == inputs_.position_m.size(), "surfels");
+    inputs_.position_m = position_m;
+    position_m_ = positions_tensor(position_m, device_);
   }
 
   [[nodiscard]] PanopticResult result() const override;
@@ -110,11 +126,12 @@ class QueryHead : public PanopticHead {
     return {config_.query.variant, config_.query.none_score, config_.query.temperature};
   }
 
-  [[nodiscard]] Rendered render(const BlendMatrix& matrix) const {
+  [[nodiscard]] Rendered render(const BlendMatrix& matrix, bool joint) const {
     Rendered r;
     const auto leaf = [](const Tensor& value) { return value.detach().requires_grad_(true); };
     r.semantic_rows = leaf(semantic_.value().index_select(0, matrix.surfel));
     r.instance_rows = leaf(instance_.value().index_select(0, matrix.surfel));
+    r.position_rows = position_m_.index_select(0, matrix.surfel).requires_grad_(joint);
     r.decoder_weight = leaf(decoder_weight_.value());
     r.decoder_bias = leaf(decoder_bias_.value());
     r.classes =
@@ -123,118 +140,19 @@ class QueryHead : public PanopticHead {
     r.projected = QuerySet::projected(r.queries);
     const Tensor logit =
         r.instance_rows.matmul(QuerySet::embedding(r.queries, r.projected).t());
-    const Tensor distance2 =
-        squared_distances(position_m_.index_select(0, matrix.surfel), r.queries.position_m,
-                          r.queries.log_sigma, r.queries.rotation);
+    const Tensor distance2 = squared_distances(r.position_rows, r.queries.position_m,
+                                               r.queries.log_sigma, r.queries.rotation);
     r.labels = query_labels(logit, distance2, label_settings());
     r.masks = blend(matrix, r.labels);
     r.class_logits = QuerySet::class_logits(r.queries);
     return r;
   }
 
-  /// @return  [pixels], blended probability of each pixel's class; 0 without one.
-  Tensor add_semantic_loss(LossSum& sum, const BlendMatrix& matrix, const Rendered& rendered,
-                           const BatchTargets& targets) const {
-    Tensor at = blend_channel(matrix, rendered.classes,
-                              padded_indices(targets.class_index, matrix.pixels, device_));
-    const Tensor labelled = device_tensor(targets.labelled, torch::kInt64, device_);
-    const Tensor weight = device_tensor(targets.weight, torch::kFloat32, device_);
-    sum.add("semantic", config_.loss.semantic,
-            negative_log_likelihood(at.index_select(0, labelled),
-                                    weight.index_select(0, labelled)));
-    return at;
-  }
-
-  /// Pixels but those of masks that got no query.
-  [[nodiscard]] static std::vector<std::int64_t> without_unmatched(
-      const std::vector<std::int64_t>& pixels, const BatchTargets& targets,
-      const Matching& matching) {
-    std::vector<std::int64_t> kept;
-    for (const std::int64_t pixel : pixels) {
-      const std::int64_t mask = targets.mask_index[static_cast<std::size_t>(pixel)];
-      if (mask < 0 || matching.query_of[static_cast<std::size_t>(mask)] >= 0)
-        kept.push_back(pixel);
-    }
-    return kept;
-  }
-
-  void add_instance_losses(LossSum& sum, const Rendered& rendered, const Matching& matching,
-                           const MaskTargets& masks) const {
-    if (matching.queries.empty()) return;
-    const Tensor mask =
-        rendered.masks.index_select(1, device_tensor(matching.queries, torch::kInt64, device_))
-            .index_select(0, masks.pixels);
-    const Tensor target =
-        masks.one_hot.index_select(1, device_tensor(matching.masks, torch::kInt64, device_));
-    sum.add("dice", config_.loss.dice, dice_losses(mask, target, masks.importance).mean());
-    sum.add("bce", config_.loss.bce, bce_losses(mask, target, masks.weight).mean());
-  }
-
-  /// Matched queries learn the class of their mask; unmatched ones that win pixels here learn
-  /// that they are nothing. What the frame does not show learns nothing.
-  void add_class_loss(LossSum& sum, const Rendered& rendered, const BatchTargets& targets,
-                      const Matching& matching) const {
-    if (queries_.size() == 0) return;
-    const auto no_object = static_cast<std::int64_t>(classes_.things.size());
-    std::vector<std::int64_t> target(matching.visible.size(), no_object);
-    std::vector<float> weight(matching.visible.size(), 0.0F);
-    for (std::size_t q = 0; q < weight.size(); ++q) {
-      if (matching.visible[q]) weight[q] = static_cast<float>(config_.loss.no_object);
-    }
-    for (std::size_t i = 0; i < matching.queries.size(); ++i) {
-      const TargetMask& mask = targets.masks[static_cast<std::size_t>(matching.masks[i])];
-      const auto q = static_cast<std::size_t>(matching.queries[i]);
-      target[q] = classes_.thing_index[static_cast<std::size_t>(mask.class_index)];
-      weight[q] = 1.0F;
-    }
-    sum.add("class", config_.loss.query_class,
-            class_cross_entropy(rendered.class_logits,
-                                device_tensor(target, torch::kInt64, device_),
-                                device_tensor(weight, torch::kFloat32, device_)));
-  }
-
-  /// [surfels, stuff classes].
-  [[nodiscard]] Tensor stuff_rows(const Rendered& rendered) const {
-    return rendered.classes.index_select(
-        1, device_tensor(classes_.stuff, torch::kInt64, device_));
-  }
   /// [surfels, queries], what of a surfel's thing mass each query has: its label. What the
   /// none-score takes stays without a channel.
   [[nodiscard]] Tensor query_shares(const Rendered& rendered) const {
     if (config_.query.variant != renderer::LabelVariant::kRaw) return rendered.labels;
     return rendered.labels / (rendered.labels.sum(1, true) + 1e-6);
-  }
-
-  /// The parameter-free panoptic head: P(stuff c) = p_c, P(q) = (1 - sum of stuff) l_q,
-  /// blended. Pixels of masks without a query are left out: PanopticRecon++ shifts them to the
-  /// last stuff class by mistake.
-  /// @param class_probability  Of add_semantic_loss().
-  void add_panoptic_loss(LossSum& sum, const BlendMatrix& matrix, const Rendered& rendered,
-                         const BatchTargets& targets, const Matching& matching,
-                         const Tensor& class_probability) const {
-    std::vector<std::int64_t> query(targets.class_index.size(), -1), used;
-    std::vector<float> is_stuff;
-    for (const std::int64_t pixel : targets.labelled) {
-      const auto p = static_cast<std::size_t>(pixel);
-      const std::int64_t mask = targets.mask_index[p];
-      const bool stuff =
-          classes_.stuff_index[static_cast<std::size_t>(targets.class_index[p])] >= 0;
-      if (mask >= 0) query[p] = matching.query_of[static_cast<std::size_t>(mask)];
-      if (!stuff && query[p] < 0) continue;
-      used.push_back(pixel);
-      is_stuff.push_back(stuff ? 1.0F : 0.0F);
-    }
-    if (used.empty()) return;
-    const Tensor of_query = blend_channel(matrix, query_shares(rendered),
-                                          padded_indices(query, matrix.pixels, device_),
-                                          1.0 - stuff_rows(rendered).sum(1));
-    const Tensor pixels = device_tensor(used, torch::kInt64, device_);
-    const Tensor stuff = device_tensor(is_stuff, torch::kFloat32, device_);
-    const Tensor weight = device_tensor(targets.weight, torch::kFloat32, device_);
-    sum.add("panoptic", config_.loss.panoptic,
-            negative_log_likelihood(class_probability.index_select(0, pixels) * stuff +
-                                        of_query.index_select(0, pixels),
-                                    weight.index_select(0, pixels)));
   }
 
   /// The rows below the batch's own show points of it in a neighbouring frame.
@@ -251,7 +169,7 @@ class QueryHead : public PanopticHead {
       there.push_back(row);
     }
     if (here.empty()) return;
-    const Tensor stuff = stuff_rows(rendered);
+    const Tensor stuff = stuff_rows(rendered.classes, classes_);
     const Tensor map = blend(
         matrix, torch::cat({stuff, (1.0 - stuff.sum(1, true)) * query_shares(rendered)}, 1));
     sum.add("warp", warp_factor_,
@@ -282,7 +200,9 @@ class QueryHead : public PanopticHead {
     if (progress < config_.query.prune_from || iteration == 0 || iteration % interval != 0) {
       return;
     }
-    queries_.keep(queries_to_keep(query_uses(), query_config()));
+    queries_.keep(queries_to_keep(
+        query_uses(queries_, instance_.value(), position_m_, config_.query.overlap_score),
+        query_config()));
     queries_.forget_recent();
   }
 
@@ -293,7 +213,6 @@ class QueryHead : public PanopticHead {
         static_cast<int>(std::min<std::int64_t>(config.min_frames, inputs_.frames));
     return config;
   }
-  [[nodiscard]] std::vector<QueryUse> query_uses() const;
   [[nodiscard]] renderer::PanopticModel model() const;
 
   std::string name_;
@@ -308,37 +227,6 @@ class QueryHead : public PanopticHead {
   AdamTensor decoder_weight_, decoder_bias_;
   QuerySet queries_;
 };
-
-std::vector<QueryUse> QueryHead::query_uses() const {
-  const at::NoGradGuard no_grad;
-  std::vector<QueryUse> uses(static_cast<std::size_t>(queries_.size()));
-  const std::int64_t stride = 1 + position_m_.size(0) / kPruningSurfels;
-  const Tensor rows = torch::arange(0, position_m_.size(0), stride,
-                                    position_m_.options().dtype(torch::kInt64));
-  const QuerySet::Leaves leaves = queries_.leaves();
-  const Tensor logit = instance_.value().index_select(0, rows).matmul(
-      QuerySet::embedding(leaves, QuerySet::projected(leaves)).t());
-  const Tensor distance2 = squared_distances(
-      position_m_.index_select(0, rows), leaves.position_m, leaves.log_sigma, leaves.rotation);
-  const Tensor attention =
-      query_labels(logit, distance2, {renderer::LabelVariant::kRaw, 0.0, 1.0})
-          .t()
-          .cpu()
-          .contiguous();
-  const auto* a = attention.data_ptr<float>();
-  for (std::size_t q = 0; q < uses.size(); ++q) {
-    const auto query = static_cast<std::int64_t>(q);
-    uses[q].matches = queries_.matches(query);
-    uses[q].recent_matches = queries_.recent_matches(query);
-    uses[q].frames = static_cast<std::int64_t>(queries_.frames(query));
-    for (std::int64_t s = 0; s < rows.size(0); ++s) {
-      if (static_cast<double>(a[query * rows.size(0) + s]) > config_.query.overlap_score) {
-        uses[q].surfels.push_back(s);
-      }
-    }
-  }
-  return uses;
-}
 
 /// Queries that were never matched in enough frames are not part of the result.
 renderer::PanopticModel QueryHead::model() const {
@@ -423,5 +311,10 @@ std::unique_ptr<PanopticHead> make_query_head(std::string name, PanopticHeadInpu
   return std::make_unique<QueryHead>(std::move(name), std::move(inputs), config, seed,
                                      warp_factor);
 }
+
+constinit const HeadMaker kMakeQuery =
+    [](PanopticHeadInputs inputs, const PanopticTrainingConfig& config, std::uint64_t seed) {
+      return make_query_head("query", std::move(inputs), config, seed, config.loss.warp);
+    };
 
 }  // namespace segsim::reconstruction::internal

@@ -62,45 +62,79 @@ Tensor scatter(const Tensor& to, const Tensor& from, const Tensor& weight, const
   return torch::zeros({rows, in.size(1)}, in.options()).index_add(0, to, part);
 }
 
+/// Derivatives by the weights of rows: out[e] = gradient[row] . labels[index[e]].
+Tensor by_weights(const Tensor& start, const Tensor& index, const Tensor& gradient,
+                  const Tensor& labels) {
+  Tensor out = floats(index.size(0));
+  const std::int64_t channels = labels.size(1);
+  AT_DISPATCH_FLOATING_TYPES(labels.scalar_type(), "blend_weights", [&] {
+    const auto *begin = data(start), *column = data(index);
+    const auto *g = gradient.data_ptr<scalar_t>(), *label = labels.data_ptr<scalar_t>();
+    auto* target = out.data_ptr<float>();
+    at::parallel_for(0, gradient.size(0), kRowsPerTask,
+                     [&](std::int64_t first, std::int64_t last) {
+                       for (std::int64_t r = first; r < last; ++r) {
+                         const scalar_t* __restrict by = g + r * channels;
+                         for (std::int64_t e = begin[r]; e < begin[r + 1]; ++e) {
+                           const scalar_t* __restrict row = label + column[e] * channels;
+                           scalar_t sum{0};
+                           for (std::int64_t c = 0; c < channels; ++c) sum += by[c] * row[c];
+                           target[e] = static_cast<float>(sum);
+                         }
+                       }
+                     });
+  });
+  return out;
+}
+
 class Blend : public Function<Blend> {
  public:
-  static Tensor forward(AutogradContext* context, const Tensor& labels,
-                        const BlendMatrix* matrix) {
+  static Tensor forward(AutogradContext* context, const Tensor& labels_in,
+                        const Tensor& row_weight, const BlendMatrix* matrix) {
     const BlendMatrix& m = *matrix;
+    const Tensor labels = labels_in.is_cpu() ? labels_in.contiguous() : labels_in;
     if (labels.is_cpu()) {
-      context->save_for_backward({m.column_start, m.column_pixel, m.column_weight});
-      return multiply(m.row_start, m.row_surfel, m.row_weight, labels.contiguous(), m.pixels);
+      variable_list kept{m.column_start, m.column_pixel, m.column_weight};
+      if (row_weight.requires_grad()) {
+        kept.insert(kept.end(), {m.row_start, m.row_surfel, labels});
+      }
+      context->save_for_backward(kept);
+      return multiply(m.row_start, m.row_surfel, row_weight, labels, m.pixels);
     }
-    context->save_for_backward({m.row_surfel, m.row_pixel, m.row_weight});
+    context->save_for_backward({m.row_surfel, m.row_pixel, row_weight});
     context->saved_data["surfels"] = m.surfels();
-    return scatter(m.row_pixel, m.row_surfel, m.row_weight, labels, m.pixels);
+    return scatter(m.row_pixel, m.row_surfel, row_weight, labels, m.pixels);
   }
 
   static variable_list backward(AutogradContext* context, const variable_list& gradients) {
     const variable_list saved = context->get_saved_variables();
     const Tensor gradient = gradients[0].contiguous();
     if (gradient.is_cpu()) {
+      const Tensor by_weight =
+          saved.size() > 3 ? by_weights(saved[3], saved[4], gradient, saved[5]) : Tensor();
       return {multiply(saved[0], saved[1], saved[2], gradient, saved[0].size(0) - 1),
-              Tensor()};
+              by_weight, Tensor()};
     }
     return {scatter(saved[0], saved[1], saved[2], gradient,
                     context->saved_data["surfels"].toInt()),
-            Tensor()};
+            Tensor(), Tensor()};
   }
 };
 
 class BlendChannel : public Function<BlendChannel> {
  public:
   static Tensor forward(AutogradContext* context, const Tensor& labels, const Tensor& scale,
-                        const Tensor& channel, const BlendMatrix* matrix) {
+                        const Tensor& channel, const Tensor& row_weight,
+                        const BlendMatrix* matrix) {
     const BlendMatrix& m = *matrix;
     const Tensor in = labels.contiguous(), factor = scale.contiguous();
-    context->save_for_backward(
-        {m.column_start, m.column_pixel, m.column_weight, channel, in, factor});
+    variable_list kept{m.column_start, m.column_pixel, m.column_weight, channel, in, factor};
+    if (row_weight.requires_grad()) kept.insert(kept.end(), {m.row_start, m.row_surfel});
+    context->save_for_backward(kept);
     Tensor out = torch::zeros({m.pixels}, in.options());
     AT_DISPATCH_FLOATING_TYPES(in.scalar_type(), "blend_channel", [&] {
       const auto *begin = data(m.row_start), *row = data(m.row_surfel), *of = data(channel);
-      const auto* w = m.row_weight.data_ptr<float>();
+      const auto* w = row_weight.data_ptr<float>();
       const scalar_t *label = in.data_ptr<scalar_t>(), *f = factor.data_ptr<scalar_t>();
       scalar_t* sum = out.data_ptr<scalar_t>();
       const std::int64_t channels = in.size(1);
@@ -136,7 +170,28 @@ class BlendChannel : public Function<BlendChannel> {
         }
       }
     });
-    return {by_labels, by_scale, Tensor(), Tensor()};
+    const Tensor by_weight = saved.size() > 6 ? by_channel_weights(saved, gradient) : Tensor();
+    return {by_labels, by_scale, Tensor(), by_weight, Tensor()};
+  }
+
+ private:
+  static Tensor by_channel_weights(const variable_list& saved, const Tensor& gradient) {
+    const Tensor &of_pixel = saved[3], &labels = saved[4], &factor = saved[5];
+    Tensor out = torch::zeros({saved[7].size(0)}, torch::kFloat32);
+    AT_DISPATCH_FLOATING_TYPES(gradient.scalar_type(), "blend_channel", [&] {
+      const auto *begin = data(saved[6]), *row = data(saved[7]), *of = data(of_pixel);
+      const scalar_t *g = gradient.data_ptr<scalar_t>(), *label = labels.data_ptr<scalar_t>(),
+                     *f = factor.data_ptr<scalar_t>();
+      const std::int64_t channels = labels.size(1);
+      for (std::int64_t p = 0; p < gradient.size(0); ++p) {
+        if (of[p] < 0) continue;
+        for (std::int64_t e = begin[p]; e < begin[p + 1]; ++e) {
+          out.data_ptr<float>()[e] =
+              static_cast<float>(g[p] * f[row[e]] * label[row[e] * channels + of[p]]);
+        }
+      }
+    });
+    return out;
   }
 };
 
@@ -162,10 +217,46 @@ void transpose(BlendMatrix& m) {
 
 }  // namespace
 
-BlendMatrix BlendMatrixMaker::make(const PixelWeights& weights, const PixelWeights* more) {
+BlendMatrix BlendMatrixMaker::make(const PixelWeights& weights, const PixelWeights* more,
+                                   bool differentiable) {
   std::vector<const PixelWeights*> parts{&weights};
   if (more != nullptr) parts.push_back(more);
-  return device_.is_cpu() ? make_on_cpu(parts) : make_on_device(parts);
+  SEGSIM_CHECK(device_.is_cpu() || !differentiable, "weights on a GPU");
+  BlendMatrix matrix = device_.is_cpu() ? make_on_cpu(parts) : make_on_device(parts);
+  if (differentiable) matrix.row_weight.requires_grad_(true);
+  return matrix;
+}
+
+GeometryGradient geometry_gradient(const BlendMatrix& matrix, const PanopticBatch& batch,
+                                   const Tensor& position_rows) {
+  const at::NoGradGuard no_grad;
+  GeometryGradient gradient;
+  gradient.by_weight.assign(static_cast<std::size_t>(batch.weights.entries), 0.0F);
+  if (matrix.row_weight.grad().defined()) {
+    const auto* begin = data(matrix.row_start);
+    const auto *by = matrix.row_weight.grad().data_ptr<float>(),
+               *w = matrix.row_weight.data_ptr<float>(),
+               *alpha = matrix.alpha.data_ptr<float>();
+    // w_e / sum w: each weight also makes all others of its pixel smaller.
+    for (std::int64_t p = 0; p < batch.weights.pixels; ++p) {
+      double mean = 0.0;
+      for (std::int64_t e = begin[p]; e < begin[p + 1]; ++e) {
+        mean += static_cast<double>(w[e]) * static_cast<double>(by[e]);
+      }
+      for (std::int64_t e = begin[p]; e < begin[p + 1]; ++e) {
+        gradient.by_weight[static_cast<std::size_t>(e)] = static_cast<float>(
+            (static_cast<double>(by[e]) - mean) / static_cast<double>(alpha[p]));
+      }
+    }
+  }
+  if (position_rows.grad().defined()) {
+    const auto* surfel = data(matrix.surfel);
+    gradient.surfel.assign(surfel, surfel + matrix.surfels());
+    const Tensor by = position_rows.grad().contiguous();
+    const auto* first = by.data_ptr<float>();
+    gradient.by_position.assign(first, first + by.numel());
+  }
+  return gradient;
 }
 
 /// Ids of the batch, ascending; local_ then holds their places in that list.
@@ -251,7 +342,7 @@ BlendMatrix BlendMatrixMaker::make_on_device(
 
 Tensor blend(const BlendMatrix& matrix, const Tensor& labels) {
   SEGSIM_CHECK(labels.dim() == 2 && labels.size(0) == matrix.surfels(), "rows of labels");
-  return Blend::apply(labels, &matrix);
+  return Blend::apply(labels, matrix.row_weight, &matrix);
 }
 
 Tensor blend_channel(const BlendMatrix& matrix, const Tensor& labels, const Tensor& channel,
@@ -259,7 +350,8 @@ Tensor blend_channel(const BlendMatrix& matrix, const Tensor& labels, const Tens
   SEGSIM_CHECK(labels.dim() == 2 && labels.size(0) == matrix.surfels(), "rows of labels");
   SEGSIM_CHECK(channel.size(0) == matrix.pixels, "channels");
   SEGSIM_CHECK(scale.size(0) == matrix.surfels(), "scales");
-  if (labels.is_cpu()) return BlendChannel::apply(labels, scale, channel, &matrix);
+  if (labels.is_cpu())
+    return BlendChannel::apply(labels, scale, channel, matrix.row_weight, &matrix);
   const Tensor known = channel.ge(0);
   const Tensor flat = matrix.row_surfel * labels.size(1) +
                       channel.clamp_min(0).index_select(0, matrix.row_pixel);

@@ -6,6 +6,7 @@
 /// renderers do when they resolve labels, so training sees what will be drawn.
 
 #include "reconstruction/internal/tensors/tensors.h"
+#include "reconstruction/labels/panoptic_head.h"
 #include "reconstruction/rasterizer/differentiable_rasterizer.h"
 
 namespace segsim::reconstruction::internal {
@@ -18,7 +19,8 @@ struct BlendMatrix {
   Tensor alpha;   ///< [pixels] float, sum of the weights before they were normalised.
   Tensor row_start, row_surfel;       ///< [pixels + 1], [entries] int64.
   Tensor column_start, column_pixel;  ///< [surfels + 1], [entries] int64; CPU only.
-  Tensor row_weight, column_weight;   ///< [entries] float; the second CPU only.
+  Tensor row_weight, column_weight;   ///< [entries] float; the second CPU only. The first
+                                      ///< collects derivatives if it requires them.
   Tensor row_pixel;                   ///< [entries] int64; not on the CPU.
 
   [[nodiscard]] std::int64_t surfels() const { return surfel.size(0); }
@@ -30,9 +32,11 @@ class BlendMatrixMaker {
   BlendMatrixMaker(std::int64_t cloud_size, const at::Device& device)
       : cloud_size_(cloud_size), device_(device) {}
   /// @param more  Rows below those of `weights`; may be null.
+  /// @param differentiable  Also by the weights: on the CPU only.
   /// @throws core::ContractViolation for a surfel outside the cloud.
   [[nodiscard]] BlendMatrix make(const PixelWeights& weights,
-                                 const PixelWeights* more = nullptr);
+                                 const PixelWeights* more = nullptr,
+                                 bool differentiable = false);
 
  private:
   [[nodiscard]] BlendMatrix make_on_cpu(const std::vector<const PixelWeights*>& parts);
@@ -43,6 +47,13 @@ class BlendMatrixMaker {
   at::Device device_;
   std::vector<std::int32_t> local_;  ///< By id: row in L, or -1.
 };
+
+/// What row_weight collected, as derivatives by the weights of the batch before they were
+/// normalised, and those by the places of its surfels. Rows below the batch's are left out.
+/// @param position_rows  [surfels, 3], a leaf.
+[[nodiscard]] GeometryGradient geometry_gradient(const BlendMatrix& matrix,
+                                                 const PanopticBatch& batch,
+                                                 const Tensor& position_rows);
 
 /// @param labels  [surfels, channels], float or double.  @return  [pixels, channels].
 [[nodiscard]] Tensor blend(const BlendMatrix& matrix, const Tensor& labels);

@@ -113,11 +113,12 @@ HWY_INLINE void add_gradient(const DrawnSurfel<float>& s, const Hits& h,
 }
 
 /// Takes one surfel out of the pixels of one vector: unblend_hit() and add_hit_gradient().
-template <bool kDistortion>
+/// @param weight_loss  Derivatives of those pixels by the weight; read if kWeights.
+template <bool kDistortion, bool kWeights>
 HWY_INLINE void unblend(const DrawnSurfel<float>& s, std::uint32_t entry,
                         const PixelCentres& centres, const TileRecord<float>& record,
-                        const TileLoss<float>& loss, int p, Running& running,
-                        LaneGradient& sum) {
+                        const TileLoss<float>& loss, const float* weight_loss, int p,
+                        Running& running, LaneGradient& sum) {
   const Floats d;
   const Ints di;
   const hn::RebindToUnsigned<Floats> du;
@@ -140,6 +141,7 @@ HWY_INLINE void unblend(const DrawnSurfel<float>& s, std::uint32_t entry,
   value = hn::MulAdd(by_nx, set(s.normal.x), value);
   value = hn::MulAdd(by_ny, set(s.normal.y), value);
   value = hn::MulAdd(by_nz, set(s.normal.z), value);
+  if constexpr (kWeights) value = hn::Add(value, hn::LoadU(d, weight_loss));
   if constexpr (kDistortion) {
     const V inverse_depth = hn::Mul(h.e_drawn, set(1.0F / s.z0_m));
     const V alpha_all = hn::Sub(set(1.0F), load(&record.transmittance[p]));
@@ -167,16 +169,20 @@ HWY_INLINE void unblend(const DrawnSurfel<float>& s, std::uint32_t entry,
   add_gradient(s, h, {hn::IfThenElseZero(blended, by_alpha), hn::Mul(product, by_depth)}, sum);
 }
 
-template <bool kDistortion>
+template <bool kDistortion, bool kWeights>
 void backward_with(const TileView<float>& tile, const TileRecord<float>& record,
                    const std::uint16_t* cells, const TileLoss<float>& loss,
-                   LocalGradient<float>* gradients) {
+                   const TileWeightLoss<float>* weights, LocalGradient<float>* gradients) {
   const PixelCentres centres(tile.x_px, tile.y_px);
   Running running;
   for (int p = 0; p < kRecordPixels; ++p) {
     running.transmittance[p] = 1.0F;
     running.remaining[p] = remaining_value(loss.at(p), record.sums(p), PixelSums<float>{});
+    if constexpr (kWeights) {
+      running.remaining[p] += weights->remaining[static_cast<std::size_t>(p)];
+    }
   }
+  const float* by_weight = kWeights ? weights->by_weight.data() : nullptr;
   const int step = static_cast<int>(hn::Lanes(Floats()));
   for (std::uint32_t i = 0; i < tile.list.size(); ++i) {
     prefetch(tile, i + kAhead);
@@ -186,7 +192,9 @@ void backward_with(const TileView<float>& tile, const TileRecord<float>& record,
     for (unsigned left = cells[i]; left != 0; left &= left - 1) {
       const int first = std::countr_zero(left) * kCellSize;
       for (int p = first; p < first + kCellSize; p += step) {
-        unblend<kDistortion>(s, i, centres, record, loss, p, running, sum);
+        unblend<kDistortion, kWeights>(s, i, centres, record, loss, by_weight, p, running,
+                                       sum);
+        if constexpr (kWeights) by_weight += step;
       }
     }
     *gradients++ = sum_of(sum);
@@ -195,13 +203,20 @@ void backward_with(const TileView<float>& tile, const TileRecord<float>& record,
 
 void backward(const TileView<float>& tile, const TileRecord<float>& record,
               const std::uint16_t* cells, const TileLoss<float>& loss,
-              LocalGradient<float>* gradients) {
+              const TileWeightLoss<float>* weights, LocalGradient<float>* gradients) {
   bool distortion = false;
   for (const float by : loss.distortion) distortion = distortion || by != 0.0F;
-  if (distortion) {
-    backward_with<true>(tile, record, cells, loss, gradients);
+  const auto with = [&]<bool kWeights>() {
+    if (distortion) {
+      backward_with<true, kWeights>(tile, record, cells, loss, weights, gradients);
+    } else {
+      backward_with<false, kWeights>(tile, record, cells, loss, weights, gradients);
+    }
+  };
+  if (weights != nullptr) {
+    with.template operator()<true>();
   } else {
-    backward_with<false>(tile, record, cells, loss, gradients);
+    with.template operator()<false>();
   }
 }
 
@@ -229,14 +244,14 @@ HWY_EXPORT(backward);
 
 void backward_tile(const TileView<float>& tile, const TileRecord<float>& record,
                    const std::uint16_t* cells, const TileLoss<float>& loss,
-                   LocalGradient<float>* gradients) {
-  training::backward_of_run()(tile, record, cells, loss, gradients);
+                   const TileWeightLoss<float>* weights, LocalGradient<float>* gradients) {
+  training::backward_of_run()(tile, record, cells, loss, weights, gradients);
 }
 
 void backward_tile(const TileView<double>& tile, const TileRecord<double>& record,
                    const std::uint16_t* cells, const TileLoss<double>& loss,
-                   LocalGradient<double>* gradients) {
-  plain_backward_tile(tile, record, cells, loss, gradients);
+                   const TileWeightLoss<double>* weights, LocalGradient<double>* gradients) {
+  plain_backward_tile(tile, record, cells, loss, weights, gradients);
 }
 
 }  // namespace segsim::reconstruction::internal

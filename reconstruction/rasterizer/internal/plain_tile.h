@@ -50,17 +50,22 @@ void plain_forward_tile(const TileView<Real>& tile, TileRecord<Real>& record,
 template <class Real>
 void plain_backward_tile(const TileView<Real>& tile, const TileRecord<Real>& record,
                          const std::uint16_t* cells, const TileLoss<Real>& loss,
-                         LocalGradient<Real>* gradients) {
+                         const TileWeightLoss<Real>* weights, LocalGradient<Real>* gradients) {
   std::array<PixelAdjoint<Real>, kRecordPixels> pixels;
   for (int p = 0; p < kRecordPixels; ++p) {
     pixels[static_cast<std::size_t>(p)] = begin_adjoint(loss.at(p), record.sums(p));
+    if (weights == nullptr) continue;
+    pixels[static_cast<std::size_t>(p)].remaining +=
+        weights->remaining[static_cast<std::size_t>(p)];
   }
+  std::size_t next_cell = 0;
   for (std::uint32_t i = 0; i < tile.list.size(); ++i) {
     if (cells[i] == 0) continue;
     const DrawnSurfel<Real>& s = tile.surfels[tile.list[i]].drawn;
     LocalGradient<Real> sum;
     for (unsigned left = cells[i]; left != 0; left &= left - 1) {
       const int cell = std::countr_zero(left);
+      const std::size_t first = kCellSize * next_cell++;
       for (int k = 0; k < kCellSize; ++k) {
         const auto p = static_cast<std::size_t>(cell * kCellSize + k);
         if (i >= record.end[p]) continue;
@@ -71,7 +76,10 @@ void plain_backward_tile(const TileView<Real>& tile, const TileRecord<Real>& rec
                          hit)) {
           continue;
         }
-        const HitGradient<Real> by = unblend_hit(s, hit, pixels[p]);
+        const Real by_weight = weights == nullptr
+                                   ? Real(0)
+                                   : weights->by_weight[first + static_cast<std::size_t>(k)];
+        const HitGradient<Real> by = unblend_hit(s, hit, pixels[p], by_weight);
         add_hit_gradient(s, hit, pixels[p].loss, by, sum);
       }
     }

@@ -78,6 +78,14 @@ struct alignas(64) TileLoss {
   }
 };
 
+/// Derivatives of a loss by what surfels weigh in a tile's pixels, and its first-order value.
+template <class Real>
+struct TileWeightLoss {
+  /// kCellSize for each entry and each cell where it was blended, in the order of both.
+  std::vector<Real> by_weight;
+  std::array<Real, kRecordPixels> remaining;  ///< Of each pixel: sum of w by_weight.
+};
+
 template <class Real>
 struct TileView {
   const ViewSurfel<Real>* surfels;
@@ -122,13 +130,14 @@ void forward_tile(const TileView<double>& tile, TileRecord<double>& record,
 
 /// Derivatives by the surfels of the list.
 /// @param cells, record  As forward left them.
+/// @param weights  A further loss; may be null.
 /// @param gradients  Receives one for each entry with cells != 0, in the order of the list.
 void backward_tile(const TileView<float>& tile, const TileRecord<float>& record,
                    const std::uint16_t* cells, const TileLoss<float>& loss,
-                   LocalGradient<float>* gradients);
+                   const TileWeightLoss<float>* weights, LocalGradient<float>* gradients);
 void backward_tile(const TileView<double>& tile, const TileRecord<double>& record,
                    const std::uint16_t* cells, const TileLoss<double>& loss,
-                   LocalGradient<double>* gradients);
+                   const TileWeightLoss<double>* weights, LocalGradient<double>* gradients);
 
 /// What surfels weigh in the pixels of one cell.
 template <class Real>

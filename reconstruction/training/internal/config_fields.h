@@ -22,6 +22,8 @@ void visit_geometry(GeometryConfig& g, Visitor& v) {
   v.number("depth", g.loss.depth, 0.0, kNoLimit);
   v.number("normal", g.loss.normal, 0.0, kNoLimit);
   v.number("distortion", g.loss.distortion, 0.0, kNoLimit);
+  v.number("plane", g.loss.plane, 0.0, kNoLimit);
+  v.number("plane_truncation_m", g.loss.plane_truncation_m, 1e-6, kNoLimit);
   v.number("normal_from", g.loss.normal_from, 0.0, 1.0);
   v.number("distortion_from", g.loss.distortion_from, 0.0, 1.0);
   v.number("min_depth_m", g.loss.min_depth_m, 0.0, kNoLimit);
@@ -60,6 +62,10 @@ template <class Visitor>
 void visit_fields(TrainingConfig& config, Visitor& v) {
   visit_geometry(config.geometry, v);
   visit_panoptic(config.panoptic, v);
+  v.enter("joint");
+  v.number("labels", config.joint.labels, 0.0, kNoLimit);
+  v.number("rate", config.joint.rate, 0.0, kNoLimit);
+  v.leave();
 }
 
 }  // namespace segsim::reconstruction::internal

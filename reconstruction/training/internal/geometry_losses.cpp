@@ -195,6 +195,20 @@ Tensor depth_loss(const Tensor& depth_sum_m, const Tensor& alpha, const Tensor& 
   return sum / counts.sum().clamp_min(1).to(error.scalar_type());
 }
 
+Tensor plane_loss(const Tensor& normal, const Tensor& depth_sum_m, const Tensor& alpha,
+                  const Tensor& sensor_m, const Tensor& rays,
+                  const core::CameraPose& T_world_camera, const GeometryConfig::Loss& config) {
+  const Tensor counts = sensor_m.gt(config.min_depth_m) & sensor_m.lt(config.max_depth_m) &
+                        alpha.detach().gt(kMinAlpha);
+  const Tensor error = expected_depth(depth_sum_m, alpha) - sensor_m.nan_to_num(0.0);
+  const Tensor world_rays = at::matmul(rays, rotation_matrix(T_world_camera, rays));
+  const Tensor unit = normal / normal.square().sum(2, true).add(1e-12).sqrt();
+  const Tensor distance = (error * (unit * world_rays).sum(2)).abs();
+  const Tensor cost = distance.clamp_max(config.plane_truncation_m);
+  const Tensor sum = torch::where(counts, cost, torch::zeros_like(cost)).sum();
+  return sum / counts.sum().clamp_min(1).to(cost.scalar_type());
+}
+
 Tensor camera_rays(const core::CameraIntrinsics& camera, const at::Device& device) {
   std::vector<double> values;
   values.reserve(3UL * static_cast<std::size_t>(camera.width_px) *

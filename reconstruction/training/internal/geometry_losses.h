@@ -7,6 +7,7 @@
 #include "core/camera.h"
 #include "core/frames.h"
 #include "reconstruction/internal/tensors/tensors.h"
+#include "reconstruction/training/training_config.h"
 
 namespace segsim::reconstruction::internal {
 
@@ -38,6 +39,15 @@ namespace segsim::reconstruction::internal {
 /// Rays of a camera: [height, width, 3], z = 1, camera frame.
 [[nodiscard]] Tensor camera_rays(const core::CameraIntrinsics& camera,
                                  const at::Device& device);
+
+/// L_sdf of the paper on surfels: the mean distance of the sensor's points from the surfels'
+/// planes, |sensor - expected depth| |n . ray|, with n the mean normal of the pixel. A point
+/// farther than the truncation costs as much as one at it. Pixels as in depth_loss().
+/// @param normal  [height, width, 3], world frame, sum of weight * normal.
+[[nodiscard]] Tensor plane_loss(const Tensor& normal, const Tensor& depth_sum_m,
+                                const Tensor& alpha, const Tensor& sensor_m,
+                                const Tensor& rays, const core::CameraPose& T_world_camera,
+                                const GeometryConfig::Loss& config);
 
 /// Normal consistency of 2DGS (Huang et al. 2024, eq. 14): sum_k w_k (1 - n_k . n_d) with n_d
 /// the normal of the expected depth, over inner pixels with alpha > 1/2; weights as they are.

@@ -54,6 +54,12 @@ Tensor view_loss(const ViewTensors& drawn, const ViewTargets& targets,
                    weight.min_depth_m, weight.max_depth_m),
         step.depth);
   }
+  if (weight.plane > 0.0 && targets.depth_m.defined() && rays.defined()) {
+    add(weight.plane,
+        plane_loss(drawn.normal, drawn.depth_m, drawn.alpha, targets.depth_m, rays,
+                   T_world_camera, weight),
+        step.plane);
+  }
   if (weight.normal > 0.0 && rays.defined()) {
     add(weight.normal,
         normal_consistency(drawn.normal, drawn.depth_m, drawn.alpha, rays, T_world_camera),

@@ -23,7 +23,7 @@ struct ViewTargets {
 
 /// Weighted sum of the losses of geometry_training.h; the distortion's if it was drawn.
 /// @param exposure  [2, 3]: logarithm of the gain, and offset; or undefined.
-/// @param rays  camera_rays(); undefined: without normal consistency.
+/// @param rays  camera_rays(); undefined: without normal consistency and distances of planes.
 /// @param step  The losses are written there.
 [[nodiscard]] Tensor view_loss(const ViewTensors& drawn, const ViewTargets& targets,
                                const GeometryConfig::Loss& weight, const Tensor& exposure,

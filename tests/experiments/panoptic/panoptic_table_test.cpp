@@ -203,6 +203,10 @@ TEST(PanopticTable, UnknownWordsAreNamed) {
               HasSubstr("--rules: expected"));
   EXPECT_THAT(panoptic::parse_heads("panoptic-lifting,query"),
               ElementsAre("panoptic-lifting", "query"));
+  EXPECT_THAT(panoptic::parse_heads("query,query:joint,panoptic-recon++:joint"),
+              ElementsAre("query", "query:joint", "panoptic-recon++:joint"));
+  EXPECT_THAT(error_of([] { (void)panoptic::parse_heads("pvlff:joint"); }),
+              HasSubstr("--heads: expected"));
   EXPECT_THAT(error_of([] { (void)panoptic::parse_heads("query,query"); }),
               HasSubstr("each once"));
   EXPECT_THAT(error_of([] { (void)panoptic::parse_heads("nerf"); }),

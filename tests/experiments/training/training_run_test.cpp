@@ -121,6 +121,47 @@ TEST_F(TrainingRunTest, StoppedAndResumedIsTheSame) {
   expect_same(resumed, training::train_scene(set_, start_, options_));
 }
 
+TEST_F(TrainingRunTest, LabelsAndSurfelsTogetherCanBeStoppedAndResumed) {
+  options_.joint = true;
+  options_.config.panoptic.iterations = 40;
+  options_.checkpoint_every_s = 1e-9;
+  options_.resume = true;
+  {
+    const support::StopOnSignal signals;
+    std::jthread watch([&](const std::stop_token& ended) {
+      while (!ended.stop_requested() && !fs::exists(options_.work / "head.iteration")) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      }
+      support::StopOnSignal::request();
+    });
+    EXPECT_THROW((void)training::train_scene(set_, start_, options_), core::Interrupted);
+    EXPECT_TRUE(fs::exists(options_.work / "joint.state"));
+  }
+  const training::TrainedScene resumed = training::train_scene(set_, start_, options_);
+  options_.work = folder_ / "whole";
+  expect_same(resumed, training::train_scene(set_, start_, options_));
+  options_.joint = false;
+  options_.work = folder_ / "frozen";
+  const training::TrainedScene frozen = training::train_scene(set_, start_, options_);
+  ASSERT_EQ(frozen.surfels.size(), resumed.surfels.size());
+  EXPECT_NE(frozen.surfels.position_m, resumed.surfels.position_m);
+}
+
+TEST_F(TrainingRunTest, WhatCannotTrainTogetherIsRefusedBeforeTheWork) {
+  options_.joint = true;
+  options_.head = "pvlff";
+  EXPECT_THAT(
+      tests::input_error_of([&] { (void)training::train_scene(set_, start_, options_); }),
+      "training labels and surfels together (joint): expected a head of queries: query | "
+      "panoptic-splatting | panoptic-recon++, found \"pvlff\"");
+  options_.head = "query";
+  options_.config.panoptic.sampling.max_surfels_per_pixel = 4;
+  EXPECT_THAT(
+      tests::input_error_of([&] { (void)training::train_scene(set_, start_, options_); }),
+      ::testing::HasSubstr("max_surfels_per_pixel: 0"));
+  EXPECT_FALSE(fs::exists(options_.work / "geometry.state"));
+}
+
 TEST_F(TrainingRunTest, KilledAndResumedIsTheSame) {
   // The child first: a fork must not happen beside threads.
   options_.checkpoint_every_s = 1e-9;

@@ -60,6 +60,50 @@ at::Tensor dense(const BlendMatrix& m, const std::vector<const Rows*>& parts) {
   return w;
 }
 
+/// Loss of both kinds of blending as the weights decide about it.
+double loss_of_weights(const Rows& rows, const at::Tensor& cloud_labels, const at::Tensor& by,
+                       GeometryGradient* gradient) {
+  BlendMatrixMaker maker(500, torch::kCPU);
+  const Rows more(5, 6);
+  const PixelWeights below = more.view();
+  const BlendMatrix m = maker.make(rows.view(), &below, gradient != nullptr);
+  const at::Tensor labels = cloud_labels.index_select(0, m.surfel);
+  const at::Tensor channel = torch::arange(0, m.pixels) % 8 - 1;  // Some have none.
+  const at::Tensor loss =
+      (blend(m, labels) * by).sum() +
+      (blend_channel(m, labels, channel, labels.select(1, 2)) * by.select(1, 0)).sum();
+  if (gradient != nullptr) {
+    const at::Tensor nowhere = torch::zeros({m.surfels(), 3});
+    loss.backward();
+    PanopticBatch batch;
+    batch.weights = rows.view();
+    *gradient = geometry_gradient(m, batch, nowhere);
+  }
+  return loss.item<double>();
+}
+
+TEST(SparseBlend, HasDerivativesByWeightsBeforeTheyAreNormalised) {
+  Rows rows(40, 5);
+  const at::Tensor labels = random_tensor({500, 7}, 3), by = random_tensor({45, 7}, 4);
+  GeometryGradient gradient;
+  loss_of_weights(rows, labels, by, &gradient);
+  ASSERT_EQ(gradient.by_weight.size(), rows.weight.size());
+  EXPECT_TRUE(gradient.surfel.empty());
+  double largest = 0.0;
+  for (std::size_t e = 0; e < rows.weight.size(); ++e) {
+    const float kept = rows.weight[e], step = 2e-3F;
+    rows.weight[e] = kept + step;
+    const double above = loss_of_weights(rows, labels, by, nullptr);
+    rows.weight[e] = kept - step;
+    const double below = loss_of_weights(rows, labels, by, nullptr);
+    rows.weight[e] = kept;
+    const double expected = (above - below) / (2.0 * static_cast<double>(step));
+    largest = std::max(largest, std::abs(expected));
+    EXPECT_NEAR(gradient.by_weight[e], expected, 0.05 * std::abs(expected) + 0.02) << e;
+  }
+  EXPECT_GT(largest, 1.0);
+}
+
 TEST(SparseBlend, IsTheDenseProduct) {
   const Rows rows(60, 1), more(11, 2);
   BlendMatrixMaker maker(500, torch::kCPU);

@@ -182,6 +182,30 @@ TEST(NormalConsistency, ZeroOnAPlaneWithItsOwnNormal) {
   EXPECT_NEAR(of_depth(6, 5).z, n[2].item<double>(), 1e-3);
 }
 
+TEST(PlaneLoss, IsTheDistanceOfTheSensorsPointsFromThePlane) {
+  const TiltedPlane plane;
+  // The sensor saw a plane 7 cm behind, along the normal, but for one pixel.
+  Tensor sensor_m = plane.depth_m * (1.0 + 0.07 * std::sqrt(1.09) / 2.0);
+  const GeometryConfig::Loss config;
+  const auto loss = [&](const Tensor& depth_m, const Tensor& normal) {
+    return plane_loss(normal, depth_m, plane.alpha, sensor_m, plane.rays, plane.T_world_camera,
+                      config);
+  };
+  EXPECT_NEAR(loss(plane.depth_m, plane.normal).item<double>(), 0.07, 1e-6);
+  EXPECT_LT(
+      gradient_error(plane.depth_m, [&](const Tensor& x) { return loss(x, plane.normal); }),
+      1e-7);
+  EXPECT_LT(gradient_error(plane.normal.contiguous(),
+                           [&](const Tensor& x) { return loss(plane.depth_m, x); }),
+            1e-7);
+  // One that is 3 m off counts as 15 cm, and one without depth not at all.
+  sensor_m = sensor_m.clone();
+  sensor_m[3][4] += 3.0;
+  sensor_m[5][6] = std::nan("");
+  EXPECT_NEAR(loss(plane.depth_m, plane.normal).item<double>(), (118 * 0.07 + 0.15) / 119,
+              1e-6);
+}
+
 TEST(NormalConsistency, Gradient) {
   const TiltedPlane plane;
   const Tensor bumpy = plane.depth_m + random_image({10, 12}, "bumps", -0.05, 0.05);

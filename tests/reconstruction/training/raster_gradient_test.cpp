@@ -221,5 +221,71 @@ TEST(RasterGradientScreen, IsTheDerivativeByTheProjectedCentre) {
   EXPECT_NEAR(gradients.screen[0], expected, 1e-6 * expected);
 }
 
+/// A loss by the colours of an image is one by the weights of its surfels, too: by w_k it is
+/// that by the colour times the surfel's colour.
+template <class Real>
+void expect_weights_as_colours(const OwnedSurfels<Real>& surfels, Real tolerance) {
+  const std::size_t area = OwnedImages<Real>(kCamera).area();
+  std::vector<std::int32_t> pixels;
+  for (std::size_t p = 0; p < area; p += 3) pixels.push_back(static_cast<std::int32_t>(p));
+  pixels.push_back(pixels[40]);  // Twice.
+  const OwnedImages<Real> random = testing::random_loss<Real>(4, kCamera);
+  OwnedImages<Real> by_colour(kCamera), by_nothing(kCamera), images(kCamera);
+  const auto rasterizer = make_cpu_rasterizer<Real>({1});
+  rasterizer->forward(surfels.view(), kCamera, {}, images.view(), nullptr);
+  const PixelWeights got =
+      rasterizer->weights(pixels.data(), static_cast<std::int64_t>(pixels.size()), 0);
+  const std::vector<std::int32_t> start(got.row_start, got.row_start + got.pixels + 1),
+      surfel(got.surfel, got.surfel + got.entries);
+  const std::vector<float> weight(got.weight, got.weight + got.entries);
+  std::vector<float> by_weight;
+  for (std::size_t row = 0; row < pixels.size(); ++row) {
+    for (std::size_t c = 0; c < 3; ++c) {
+      const std::size_t place = 3 * static_cast<std::size_t>(pixels[row]) + c;
+      by_colour.rgb[place] += random.rgb[place];
+    }
+    for (auto e = static_cast<std::size_t>(start[row]);
+         e < static_cast<std::size_t>(start[row + 1]); ++e) {
+      Real sum = Real(0);
+      for (std::size_t c = 0; c < 3; ++c) {
+        const Real colour = Real(0.28209479177387814) *
+                                surfels.sh[3 * static_cast<std::size_t>(surfel[e]) + c] +
+                            Real(0.5);
+        sum += std::max(Real(0), colour) *
+               random.rgb[3 * static_cast<std::size_t>(pixels[row]) + c];
+      }
+      by_weight.push_back(static_cast<float>(sum));
+    }
+  }
+  OwnedGradients<Real> expected(surfels), gradients(surfels), after(surfels);
+  rasterizer->backward(surfels.view(), by_colour.const_view(), expected.view());
+  rasterizer->add_weight_loss(
+      pixels, {got.pixels, got.entries, start.data(), surfel.data(), weight.data()},
+      by_weight.data());
+  rasterizer->backward(surfels.view(), by_nothing.const_view(), gradients.view());
+  const auto compare = [&](const char* name, const std::vector<Real>& a,
+                           const std::vector<Real>& b) {
+    Real scale = Real(0);
+    for (const Real value : b) scale = std::max(scale, std::abs(value));
+    EXPECT_GT(scale, Real(1e-5)) << name;
+    for (std::size_t i = 0; i < a.size(); ++i) {
+      EXPECT_NEAR(a[i], b[i], tolerance * scale) << name << ' ' << i;
+    }
+  };
+  compare("position", gradients.position_m, expected.position_m);
+  compare("log_scale", gradients.log_scale, expected.log_scale);
+  compare("rotation", gradients.rotation, expected.rotation);
+  compare("opacity_logit", gradients.opacity_logit, expected.opacity_logit);
+  // It takes part once.
+  rasterizer->backward(surfels.view(), by_nothing.const_view(), after.view());
+  for (const Real value : after.position_m) EXPECT_EQ(value, Real(0));
+}
+
+TEST(RasterGradientWeights, AreThoseOfColours) {
+  expect_weights_as_colours(testing::random_surfels<double>(31, 40, 0), 1e-6);
+  expect_weights_as_colours(
+      testing::converted<float>(testing::random_surfels<double>(31, 40, 0)), 2e-4F);
+}
+
 }  // namespace
 }  // namespace segsim::reconstruction
