@@ -227,12 +227,33 @@ std::vector<Case> make_cases() {
   cases.push_back({"stack of 3000", shared(stack(3000, 0.05F)), CameraPose(), narrow});
   cases.push_back({"stack of 12000", shared(stack(12000, 0.02F)), CameraPose(), narrow});
   cases.push_back({"ties", shared(ties(5000)), CameraPose(), narrow});
+  // Keys in shared memory that outlive a part of a list, and more labels in a pixel than its
+  // table holds.
+  const auto long_stack = shared(stack(12000, 0.02F));
+  cases.push_back({"stack, top 24", long_stack, CameraPose(), narrow, {.top_k = 24}});
+  cases.push_back({"stack, first 24",
+                   long_stack,
+                   CameraPose(),
+                   narrow,
+                   {.top_k = 24, .top_k_rule = TopKRule::kFirst}});
+  cases.push_back({"ties, top 24", shared(ties(5000)), CameraPose(), narrow, {.top_k = 24}});
+  SurfelCloud motley = stack(3000, 0.1F);
+  for (std::size_t i = 0; i < motley.size(); ++i) {
+    motley.semantic_id[i] = static_cast<std::uint16_t>(1 + i % 500);
+  }
+  cases.push_back({"500 labels, top 24", shared(motley), CameraPose(), narrow, {.top_k = 24}});
   SurfelCloud featured = testing::random_scene(8, 1200, 0.3F);
   testing::add_random_features(featured, 8);
   const auto features = shared(std::move(featured));
-  cases.push_back(
-      {"features", features, outside, kOddCamera, {}, Channels::kAll | Channels::kFeatures});
-  for (const int k : {3, 4, 8}) {
+  for (const int k : {4, 24}) {
+    cases.push_back({"features, top " + std::to_string(k),
+                     features,
+                     outside,
+                     kOddCamera,
+                     {.top_k = k},
+                     Channels::kAll | Channels::kFeatures});
+  }
+  for (const int k : {3, 4, 8, 24}) {
     cases.push_back({"64 queries, top " + std::to_string(k),
                      features,
                      outside,
