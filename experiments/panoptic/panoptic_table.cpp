@@ -126,7 +126,10 @@ std::string number(double value, double factor, const char* format) {
   return std::isnan(value) ? "-" : print(format, factor * value);
 }
 
-/// Colour and depth do not depend on the head: one row for each scene.
+bool is_joint(const SceneFigures& figures) { return figures.head.ends_with(kJointSuffix); }
+
+/// Colour and depth do not depend on the head: one row for each scene, of surfels that no head
+/// moved if there are such.
 support::internal::TextGrid geometry_grid(const PanopticTable& table) {
   support::internal::TextGrid grid;
   grid.header = {"Scene",
@@ -141,6 +144,12 @@ support::internal::TextGrid geometry_grid(const PanopticTable& table) {
   std::vector<std::string> done;
   for (const SceneFigures& r : table.results) {
     if (std::find(done.begin(), done.end(), r.scene) != done.end()) continue;
+    if (is_joint(r) && std::any_of(table.results.begin(), table.results.end(),
+                                   [&](const SceneFigures& other) {
+                                     return other.scene == r.scene && !is_joint(other);
+                                   })) {
+      continue;
+    }
     done.push_back(r.scene);
     const auto cell = [&](const char* name, double factor, const char* format) {
       return number(r.statistic(name), factor, format);

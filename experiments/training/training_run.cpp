@@ -409,7 +409,9 @@ std::shared_ptr<const renderer::PanopticField> TrainingRun::train_head(TrainedSc
     }
     if (checkpoint_due_.due()) save_head(*head, p.iteration);
     if (preview_due_.due()) {
-      write_preview(options_.work / "preview.png", set_, surfels,
+      const auto seen =
+          trainer_ ? std::make_shared<const SurfelCloud>(trainer_->surfels()) : surfels;
+      write_preview(options_.work / "preview.png", set_, seen,
                     std::make_shared<const renderer::PanopticField>(head->result().field),
                     options_.device.threads);
       preview_due_.done();  // Of some heads a result takes clusters of all pixels.

@@ -35,7 +35,6 @@ class View:
     ignore: NDArray[np.bool_]  #: [n]: neither object nor background.
     crowd: NDArray[np.bool_]  #: [n]: a region of many objects; ignored, too.
     image_id: int  #: In the file.
-    areas: NDArray[np.float64]  #: [n], pixels of the objects.
 
     def objects(self) -> NDArray[np.int64]:
         """Numbers of the boxes to train on."""
@@ -80,9 +79,8 @@ def _views(folder: pathlib.Path, coco: dict[str, Any]) -> Views:
         corners = np.concatenate([box[:, :2], box[:, :2] + box[:, 2:]], axis=1).astype(np.float32)
         flags = {name: np.array([bool(a.get(name, 0)) for a in found], bool) for name in ("ignore", "iscrowd")}
         classes = np.array([class_of[a["category_id"]] for a in found], np.int64)
-        areas = np.array([a.get("area", a["bbox"][2] * a["bbox"][3]) for a in found], np.float64)
         views.append(View(folder / image["file_name"], (image["width"], image["height"]), corners, classes,
-                          flags["ignore"], flags["iscrowd"], image["id"], areas))
+                          flags["ignore"], flags["iscrowd"], image["id"]))
     return views
 
 

@@ -1,5 +1,6 @@
 #include "python/native/scene_renderer.h"
 
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <utility>
@@ -62,6 +63,11 @@ ChannelChoice choice_of(const Names& channels, const SceneRenderer& renderer) {
   return choice;
 }
 
+double milliseconds_since(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start)
+      .count();
+}
+
 /// Lets Python run its handlers; that of Ctrl-C raises KeyboardInterrupt.
 void handle_signals() {
   if (PyErr_CheckSignals() != 0) throw nb::python_error();
@@ -112,7 +118,7 @@ void render_to(SceneRenderer& renderer, nb::handle T_world_camera, nb::handle K,
                                      "one that is cpu");
   }
   const Views views = views_of(T_world_camera, K, size_px);
-  const DeviceImages places(images, views);
+  const GpuArrays places(images, views);
   check_features("images", places.drawn(), renderer);
   const nb::gil_scoped_release released;
   renderer.draw_to(views, places, reinterpret_cast<CUstream_st*>(stream));
@@ -163,7 +169,7 @@ Returns an array for each channel, H = height, W = width; of N poses with N as f
 
 Arrays of one view own the memory that the renderer wrote: nothing is copied. Other Python
 threads run meanwhile; calls of one renderer wait for one another. Ctrl-C ends a batch after
-the image that is being drawn. Raises InputError, naming the argument.)";
+the image that is being drawn; on a GPU, which draws all at once, after the batch. Raises InputError, naming the argument.)";
 
 constexpr const char* kRenderToSignature =
     "def render_to(self, T_world_camera: numpy.typing.ArrayLike, K: numpy.typing.ArrayLike, "
@@ -207,14 +213,15 @@ void SceneRenderer::draw(const core::CameraPose& T_world_camera,
   stats_ = frame.stats;
 }
 
-void SceneRenderer::draw_to(const Views& views, const DeviceImages& images,
-                            CUstream_st* stream) {
+void SceneRenderer::draw_to(const Views& views, const GpuArrays& images, CUstream_st* stream) {
   const std::lock_guard lock(mutex_);
   renderer::CudaRenderer* gpu = renderer::as_cuda_renderer(*renderer_);
   SEGSIM_CHECK(gpu != nullptr, "not on the GPU");
   if (views.T_world_camera.empty()) return;
+  const auto start = std::chrono::steady_clock::now();
   images.draw(*gpu, views, stream);
   stats_ = gpu->stats();
+  stats_.render_ms = milliseconds_since(start);
 }
 
 void SceneRenderer::draw_batch(const Views& views, core::Channels drawn,
@@ -223,8 +230,10 @@ void SceneRenderer::draw_batch(const Views& views, core::Channels drawn,
   renderer::CudaRenderer* gpu = renderer::as_cuda_renderer(*renderer_);
   SEGSIM_CHECK(gpu != nullptr, "not on the GPU");
   if (views.T_world_camera.empty()) return;
+  const auto start = std::chrono::steady_clock::now();
   draw_into(*gpu, views, drawn, places, nullptr);
   stats_ = gpu->stats();
+  stats_.render_ms = milliseconds_since(start);
 }
 
 core::RenderStats SceneRenderer::stats() const {
@@ -254,10 +263,12 @@ void bind_renderer(nb::module_& module) {
       .def_prop_ro("backend", &SceneRenderer::backend, "'cpu' or 'cuda': what draws.")
       .def_prop_ro("fallback_reason", &SceneRenderer::fallback_reason,
                    "Why 'auto' draws on the CPU; empty if it does not.")
-      .def_prop_ro("stats", &stats_of, nb::sig("def stats(self) -> dict[str, float]"),
-                   "Work done for the image that was drawn last: surfels_projected, "
-                   "pairs_binned, pairs_touched, evaluations, contributions, render_ms (wall "
-                   "time, milliseconds).");
+      .def_prop_ro(
+          "stats", &stats_of, nb::sig("def stats(self) -> dict[str, float]"),
+          "Work done for the image that was drawn last, or on a GPU for those that were "
+          "drawn together last, at most 256: surfels_projected, pairs_binned, "
+          "pairs_touched, evaluations, contributions; and render_ms (wall time of the "
+          "call, milliseconds).");
 }
 
 }  // namespace segsim::python

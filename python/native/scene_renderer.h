@@ -11,7 +11,7 @@
 
 #include "core/camera.h"
 #include "core/render.h"
-#include "python/native/device_images.h"
+#include "python/native/gpu_arrays.h"
 #include "python/native/scene.h"
 
 namespace segsim::python {
@@ -29,7 +29,7 @@ class SceneRenderer {
 
   /// Draws views into the GPU's memory, in the order of the stream; likewise.
   /// @throws core::ContractViolation if the CPU draws.
-  void draw_to(const Views& views, const DeviceImages& images, CUstream_st* stream);
+  void draw_to(const Views& views, const GpuArrays& images, CUstream_st* stream);
 
   /// Draws views with the GPU into the memory of the processor; likewise.
   void draw_batch(const Views& views, core::Channels drawn,

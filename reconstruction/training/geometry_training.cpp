@@ -75,8 +75,8 @@ class GeometryTrainer::Impl {
 
   GeometryStep step();
   [[nodiscard]] PixelWeights draw(std::size_t view, std::span<const std::int32_t> pixels);
-  GeometryStep step_with(std::span<const std::int32_t> pixels, const PixelWeights& weights,
-                         const GeometryGradient& labels, const JointConfig& config);
+  void step_with(std::span<const std::int32_t> pixels, const PixelWeights& weights,
+                 const GeometryGradient& labels, const JointConfig& config);
   [[nodiscard]] std::vector<glm::vec3> positions_m() const {
     const std::vector<float> values = host(state_.leaves().position_m.detach());
     std::vector<glm::vec3> positions_m(values.size() / 3);
@@ -191,10 +191,10 @@ PixelWeights GeometryTrainer::Impl::draw(std::size_t view,
                                       0);
 }
 
-GeometryStep GeometryTrainer::Impl::step_with(std::span<const std::int32_t> pixels,
-                                              const PixelWeights& weights,
-                                              const GeometryGradient& labels,
-                                              const JointConfig& config) {
+void GeometryTrainer::Impl::step_with(std::span<const std::int32_t> pixels,
+                                      const PixelWeights& weights,
+                                      const GeometryGradient& labels,
+                                      const JointConfig& config) {
   SEGSIM_CHECK(joint_, "no draw() yet");
   std::vector<float> by_weight = labels.by_weight;
   for (float& by : by_weight) by = static_cast<float>(config.labels * static_cast<double>(by));
@@ -212,10 +212,8 @@ GeometryStep GeometryTrainer::Impl::step_with(std::span<const std::int32_t> pixe
         0, internal::device_tensor(labels.surfel, torch::kInt64, raster_.device()),
         config.labels * by);
   };
-  GeometryStep step = learn(before, after, config.rate);
-  step.iteration = ++iteration_;
-  step.surfels = state_.count();
-  return step;
+  learn(before, after, config.rate);
+  ++iteration_;
 }
 
 template <class Before, class After>
@@ -455,11 +453,10 @@ GeometryStep GeometryTrainer::step() { return impl_->step(); }
 PixelWeights GeometryTrainer::draw(std::size_t view, std::span<const std::int32_t> pixels) {
   return impl_->draw(view, pixels);
 }
-GeometryStep GeometryTrainer::step_with(std::span<const std::int32_t> pixels,
-                                        const PixelWeights& weights,
-                                        const GeometryGradient& labels,
-                                        const JointConfig& config) {
-  return impl_->step_with(pixels, weights, labels, config);
+void GeometryTrainer::step_with(std::span<const std::int32_t> pixels,
+                                const PixelWeights& weights, const GeometryGradient& labels,
+                                const JointConfig& config) {
+  impl_->step_with(pixels, weights, labels, config);
 }
 std::vector<glm::vec3> GeometryTrainer::positions_m() const { return impl_->positions_m(); }
 renderer::SurfelCloud GeometryTrainer::surfels() const { return impl_->surfels(); }

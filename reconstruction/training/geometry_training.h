@@ -77,8 +77,8 @@ class GeometryTrainer {
   [[nodiscard]] PixelWeights draw(std::size_t view, std::span<const std::int32_t> pixels);
   /// An iteration with what was drawn last, and what a head says of the weights it got.
   /// @param pixels, weights  Of draw().  @param labels  Empty: nothing.
-  GeometryStep step_with(std::span<const std::int32_t> pixels, const PixelWeights& weights,
-                         const GeometryGradient& labels, const JointConfig& config);
+  void step_with(std::span<const std::int32_t> pixels, const PixelWeights& weights,
+                 const GeometryGradient& labels, const JointConfig& config);
   [[nodiscard]] std::vector<glm::vec3> positions_m() const;
 
   [[nodiscard]] renderer::SurfelCloud surfels() const;

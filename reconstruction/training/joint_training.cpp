@@ -40,7 +40,7 @@ class TrainedViews final : public JointViews {
 
   void move(std::span<const std::int32_t> pixels, const PixelWeights& weights,
             const GeometryGradient& gradient) override {
-    static_cast<void>(trainer_.step_with(pixels, weights, gradient, config_));
+    trainer_.step_with(pixels, weights, gradient, config_);
   }
   [[nodiscard]] std::vector<glm::vec3> positions_m() const override {
     return trainer_.positions_m();

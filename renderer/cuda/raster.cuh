@@ -273,7 +273,7 @@ void launch(const RasterJob& job, cudaStream_t stream) {
   if constexpr (kKeys == kManyKeys) {
     bytes = shared_bytes(job.frame.top_k);
     throw_on_error(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize,
-                                        static_cast<int>(bytes)),
+                                        static_cast<int>(shared_bytes(kManyKeys))),
                    "cudaFuncSetAttribute");
   }
   const int tiles = job.frame.tiles_x * job.frame.tiles_y * job.frame.cameras;

@@ -227,6 +227,8 @@ def check_renderer(checks, folder):
     same = all(np.array_equal(of_gpu[name][i], view[name], equal_nan=name == "depth")
                for i, view in enumerate(views) for name in channels)
     checks.that("a batch has the images of its views", same)
+    gpu.render(poses, camera, size, channels)
+    checks.that("a batch has a time", gpu.stats["render_ms"] > 0)
     rgb = np.abs(of_gpu["rgb"].astype(int) - of_cpu["rgb"])
     checks.that("rgb is the CPU's", rgb.max() <= 1, f"differs by {rgb.max()} of 255")
     both = np.isfinite(of_gpu["depth"]) & np.isfinite(of_cpu["depth"])

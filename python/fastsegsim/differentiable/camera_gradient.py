@@ -9,7 +9,7 @@ world, and images of normals are in the world frame.
 import torch
 from torch import Tensor
 
-_SH_C0 = 0.28209479177387814  # The harmonic of degree 0, which knows no direction.
+SH_C0 = 0.28209479177387814  # The harmonic of degree 0, which knows no direction.
 
 
 def _harmonics(direction: Tensor, degree: int) -> Tensor:
@@ -31,7 +31,7 @@ def _harmonics(direction: Tensor, degree: int) -> Tensor:
 def _torque_by_colours(offset_m: Tensor, sh: Tensor, by_sh: Tensor, degree: int) -> Tensor:
     """What colours would add to the torque if they did not turn with the surfels."""
     direction = torch.nn.functional.normalize(offset_m, dim=-1).requires_grad_()
-    by_colour = by_sh[:, 0] / _SH_C0
+    by_colour = by_sh[:, 0] / SH_C0
     with torch.enable_grad():
         harmonics = _harmonics(direction, degree)
         used = sh[:, 1:1 + harmonics.shape[1]]

@@ -6,12 +6,12 @@ import torch
 from torch import Tensor
 
 from fastsegsim import InputError
+from fastsegsim.differentiable.camera_gradient import SH_C0
 from fastsegsim.differentiable.depth_normals import depth_normals
 from fastsegsim.differentiable.native_rasterizers import NEAR_M
 from fastsegsim.differentiable.rasterize import (SurfelImages, camera_array, check_camera_matrices, check_tensor,
                                                  has_gradient, rasterize)
 
-_SH_C0 = 0.28209479177387814  # The harmonic of degree 0.
 _RENDER_MODES = ("RGB", "D", "ED", "RGB+D", "RGB+ED")
 _LEAST_ALPHA = 1e-10  # By which depth is divided.
 #: Values of arguments that change what is drawn, or what comes back, and that are the only ones here.
@@ -98,7 +98,7 @@ def _images_of_channels(colors: Tensor, parameters: tuple[Tensor, ...], cameras:
     for channel in range(0, colors.shape[-1], 3):
         three = colors[:, channel:channel + 3]
         missing = 3 - three.shape[-1]
-        sh = (torch.nn.functional.pad(three, (0, missing)) + (shift - 0.5)) / _SH_C0
+        sh = (torch.nn.functional.pad(three, (0, missing)) + (shift - 0.5)) / SH_C0
         images = rasterize(*parameters, sh[:, None], *cameras, **options)
         passes.append(images.rgb[..., :3 - missing] - shift * images.alpha[..., None])
         if first is None:

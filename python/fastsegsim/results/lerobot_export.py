@@ -1,5 +1,6 @@
 """Trials of a run as a LeRobot data set, format v3.0: what robot learning programs read."""
 
+import contextlib
 import fractions
 import itertools
 import os
@@ -177,9 +178,11 @@ class _Export:
         import_pyarrow("pyarrow.parquet").write_table(import_pyarrow().Table.from_pylist(self._episodes), file)
 
     def close(self) -> None:
-        self._data.close()
-        if self._videos:
-            self._videos.close()
+        try:
+            self._data.close()
+        finally:
+            if self._videos:
+                self._videos.close()
 
 
 def _chosen(run: Run, arms: Iterable[str] | None, successes_only: bool) -> Iterator[dict[str, Any]]:
@@ -230,7 +233,8 @@ def export_lerobot(run: Run | str | os.PathLike[str], folder: str | os.PathLike[
         export.finish(run)
         unfinished.rename(root)
     except BaseException:
-        export.close()
+        with contextlib.suppress(Exception):  # What could not be written cannot be closed, either.
+            export.close()
         shutil.rmtree(unfinished, ignore_errors=True)
         raise
     sources = export.sources or {"none"}

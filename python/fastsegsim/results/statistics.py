@@ -48,13 +48,13 @@ class MeanInterval(NamedTuple):
     high: float
 
 
-def _between_0_and_1(value: float, name: str) -> None:
+def check_between_0_and_1(value: float, name: str) -> None:
     if not 0.0 < value < 1.0:
         raise InputError(f"{name}: expected a number between 0 and 1, found {value}")
 
 
 def _quantile(confidence: float) -> float:
-    _between_0_and_1(confidence, "confidence")
+    check_between_0_and_1(confidence, "confidence")
     return _statistics.normal_quantile(0.5 + 0.5 * confidence)
 
 
@@ -97,7 +97,7 @@ def wilson_interval(successes: ArrayLike, trials: ArrayLike, confidence: float =
 
 def clopper_pearson_interval(successes: int, trials: int, confidence: float = 0.95) -> Interval:
     """Clopper and Pearson's interval (1934) of a rate: it always covers at least `confidence`. [0, 1] for no trials."""
-    _between_0_and_1(confidence, "confidence")
+    check_between_0_and_1(confidence, "confidence")
     k, n = int(_counts(successes, "successes")), int(_counts(trials, "trials"))
     if k > n:
         raise InputError("successes: expected at most as many as trials, found more")
@@ -197,7 +197,7 @@ def pairs_needed(discordant: float, difference: float, power: float = 0.8) -> in
 
     discordant: expected share of the pairs whose outcomes differ; at least as large as the difference.
     """
-    _between_0_and_1(power, "power")
+    check_between_0_and_1(power, "power")
     if not 0.0 < abs(difference) <= discordant <= 1.0:
         raise InputError(f"difference: expected 0 < |difference| <= discordant <= 1, found {difference}, {discordant}")
     return _statistics.pairs_needed(discordant, difference, power)

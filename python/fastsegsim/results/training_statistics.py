@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from fastsegsim import _statistics
 from fastsegsim._native import InputError
-from fastsegsim.results.statistics import MeanInterval
+from fastsegsim.results.statistics import MeanInterval, check_between_0_and_1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,24 +47,19 @@ class TrainingTest(NamedTuple):
     episode_sd: float
 
 
-def _check(confidence: float) -> None:
-    if not 0.0 < confidence < 1.0:
-        raise InputError(f"confidence: expected a number between 0 and 1, found {confidence}")
-
-
 def hierarchical_interval(differences: SeededValues, confidence: float = 0.95) -> MeanInterval:
     """Mean of differences with a Student interval over reconstructions, trainings, scenes and episodes.
 
     Its variance is that of a hierarchical bootstrap, in closed form: nothing is drawn. Scenes are draws from five on.
     With one training it is the interval of the episodes alone. Not cut off at -1 and 1. Zeros for no values.
     """
-    _check(confidence)
+    check_between_0_and_1(confidence, "confidence")
     return MeanInterval(*_statistics.hierarchical_interval(*differences._columns(), confidence))
 
 
 def hierarchical_rate_interval(successes: SeededValues, confidence: float = 0.95) -> MeanInterval:
     """The same for successes: Wilson's interval for the number of independent trials that the values are worth."""
-    _check(confidence)
+    check_between_0_and_1(confidence, "confidence")
     return MeanInterval(*_statistics.hierarchical_rate_interval(*successes._columns(), confidence))
 
 

@@ -114,12 +114,11 @@ struct PanopticReconConfig {
 /// (QueryConfig, HeadRateConfig): sizes, rates of features of queries, the class's part of
 /// matching costs.
 struct PanopticReconPlusConfig {
-  /// Of classes; of masks and classes of queries; of the panoptic map; of similar queries.
-  double semantic = 2.67, instance = 1.0, panoptic = 10.0,
-         repulsion = 3.33;  ///< PR++: 80,
-                            ///< 30, 300, 100.
-  double panoptic_from =
-      0.2;  ///< Share of training; classes and Dice end (PR++ epoch 4 of 20).
+  /// Of classes; of masks and classes of queries; of the panoptic map; of similar queries
+  /// (PR++: 80, 30, 300, 100).
+  double semantic = 2.67, instance = 1.0, panoptic = 10.0, repulsion = 3.33;
+  /// Share of training from which on classes and Dice have ended (PR++: epoch 4 of 20).
+  double panoptic_from = 0.2;
   bool unlabelled_negative = true;  ///< Unlabelled pixels are of no instance (PR++).
   double feature_rate = 1e-2;       ///< Of surfels (PR++, hash grids).
   double decoder_rate = 4e-3;       ///< Ours (PR++ 2e-4).

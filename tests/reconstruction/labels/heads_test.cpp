@@ -331,11 +331,19 @@ TEST_F(OneStep, UnlabelledPixelsAreNegativesOfPanopticReconPlusAsPublished) {
 
 TEST_F(OneStep, OnlyHeadsOfQueriesFollowTheSurfels) {
   add_pixels(10, 1, 0);
+  add_pixels(10, 3, 1);
   const std::vector<std::string> joint = joint_head_names();
   for (const std::string& name : panoptic_head_names()) {
     const auto head = make(name);
     if (std::find(joint.begin(), joint.end(), name) != joint.end()) {
-      EXPECT_NO_THROW(head->move_surfels(position_m_)) << name;
+      const std::vector<glm::vec3> here = position_m_;
+      const double before = value_of(make(name)->step(batch(), 0), "dice");
+      for (glm::vec3& p : position_m_) p += glm::vec3(0.2F, 0.1F, 0.0F);
+      head->move_surfels(position_m_);
+      const double moved = value_of(head->step(batch(), 0), "dice");
+      EXPECT_EQ(moved, value_of(make(name)->step(batch(), 0), "dice")) << name;
+      EXPECT_GT(std::abs(moved - before), 1e-4) << name;
+      position_m_ = here;
     } else {
       EXPECT_THROW(head->move_surfels(position_m_), core::ContractViolation) << name;
     }

@@ -27,12 +27,12 @@ namespace segsim::python {
 void draw_into(renderer::CudaRenderer& renderer, const Views& views, core::Channels drawn,
                std::span<const ImagePlace> places, CUstream_st* stream);
 
-class DeviceImages {
+class GpuArrays {
  public:
   /// @param images  A dict: name of a channel -> array [N, H, W(, C)] of a GPU that DLPack
   ///     exports, or [H, W(, C)] where there is a single pose.
   /// @throws core::InputError for what is none of that, or has another type or shape.
-  DeviceImages(const nanobind::dict& images, const Views& views);
+  GpuArrays(const nanobind::dict& images, const Views& views);
 
   [[nodiscard]] core::Channels drawn() const { return drawn_; }
 

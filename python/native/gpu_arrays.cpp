@@ -1,4 +1,4 @@
-#include "python/native/device_images.h"
+#include "python/native/gpu_arrays.h"
 
 #include <algorithm>
 #include <cstdint>
@@ -66,7 +66,7 @@ std::string text_of(const std::vector<std::size_t>& shape) {
 
 }  // namespace
 
-DeviceImages::DeviceImages(const nb::dict& images, const Views& views) {
+GpuArrays::GpuArrays(const nb::dict& images, const Views& views) {
   const core::CameraIntrinsics& camera = views.intrinsics[0];
   const auto width = static_cast<std::size_t>(camera.width_px);
   const auto height = static_cast<std::size_t>(camera.height_px);
@@ -125,8 +125,8 @@ void draw_into(renderer::CudaRenderer& renderer, const Views& views, Channels dr
   }
 }
 
-void DeviceImages::draw(renderer::CudaRenderer& renderer, const Views& views,
-                        CUstream_st* stream) const {
+void GpuArrays::draw(renderer::CudaRenderer& renderer, const Views& views,
+                     CUstream_st* stream) const {
   std::vector<ImagePlace> places;
   for (const Image& image : images_) {
     places.push_back({image.name,
