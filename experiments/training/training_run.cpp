@@ -14,10 +14,9 @@
 #include "core/error.h"
 #include "core/file_io.h"
 #include "core/progress.h"
-#include "experiments/drawing/frame_picture.h"
 #include "experiments/support/stop_signal.h"
 #include "experiments/training/training_folder.h"
-#include "perception/data/image_file.h"
+#include "experiments/training/training_preview.h"
 #include "reconstruction/datasets/mask_files.h"
 #include "reconstruction/labels/panoptic_training.h"
 #include "reconstruction/training/joint_training.h"
@@ -90,29 +89,6 @@ class LossTable {
   fs::path file_;
   std::ofstream out_;
 };
-
-/// Rendered | recorded | panoptic.
-void write_preview(const fs::path& file, const TrainingSet& set,
-                   std::shared_ptr<const SurfelCloud> surfels,
-                   std::shared_ptr<const renderer::PanopticField> field, int threads) {
-  const auto& views = set.held_out.empty() ? set.training : set.held_out;
-  const reconstruction::TrainingView& view = views[views.size() / 2];
-  renderer::RenderOptions options;
-  options.threads = threads;
-  const auto renderer =
-      renderer::make_cpu_renderer(std::move(surfels), options, std::move(field));
-  const core::Frame frame =
-      renderer->render(view.T_world_camera, set.intrinsics, core::Channels::kAll);
-  const core::Image<core::Rgb8> labels = drawing::panoptic_picture(frame);
-  const int width = set.intrinsics.width_px, height = set.intrinsics.height_px;
-  core::Image<core::Rgb8> picture(3 * width, height);
-  for (int y = 0; y < height; ++y) {
-    std::copy_n(frame.rgb.row(y), width, picture.row(y));
-    std::copy_n(view.rgb.row(y), width, picture.row(y) + width);
-    if (!labels.empty()) std::copy_n(labels.row(y), width, picture.row(y) + 2 * width);
-  }
-  perception::write_image(file, picture);
-}
 
 /// The two stages and what they have in common.
 class TrainingRun {
