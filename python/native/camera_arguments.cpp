@@ -31,12 +31,12 @@ Numbers numbers_of(nb::handle value) {
       numpy.attr("asarray")(value, "dtype"_a = "float64", "order"_a = "C"));
 }
 
-std::string shape_text(const Numbers& numbers) {
-  std::string text = "[";
+std::string shape_of(const Numbers& numbers) {
+  std::vector<std::size_t> shape;
   for (std::size_t axis = 0; axis < numbers.ndim(); ++axis) {
-    text += (axis == 0 ? "" : ", ") + std::to_string(numbers.shape(axis));
+    shape.push_back(numbers.shape(axis));
   }
-  return text + "]";
+  return shape_text(shape);
 }
 
 /// Square matrices of that side, one or several.
@@ -58,7 +58,7 @@ Matrices matrices_of(nb::handle value, std::size_t side, const char* name) {
       numbers.shape(axes - 2) != side) {
     const std::string one = std::to_string(side) + ", " + std::to_string(side) + "]";
     throw core::InputError::expected(name, "shape [" + one + " or [N, " + one,
-                                     shape_text(numbers));
+                                     shape_of(numbers));
   }
   const std::size_t count = several ? numbers.shape(0) : 1;
   for (std::size_t i = 0; i < numbers.size(); ++i) {
@@ -138,6 +138,14 @@ void append_rows(const core::CameraPose& pose, std::vector<double>& rows) {
 
 }  // namespace
 
+std::string shape_text(const std::vector<std::size_t>& shape) {
+  std::string text = "[";
+  for (const std::size_t length : shape) {
+    text += (text.size() > 1 ? ", " : "") + std::to_string(length);
+  }
+  return text + "]";
+}
+
 Views views_of(nb::handle T_world_camera, nb::handle K, std::pair<int, int> size_px) {
   check_size(size_px);
   const Matrices poses = matrices_of(T_world_camera, 4, "T_world_camera");
@@ -147,7 +155,7 @@ Views views_of(nb::handle T_world_camera, nb::handle K, std::pair<int, int> size
         "K",
         poses.several ? "one matrix, or " + std::to_string(poses.count) + " as there are poses"
                       : "one matrix, as there is one pose",
-        shape_text(cameras.numbers));
+        shape_of(cameras.numbers));
   }
   Views views;
   views.batch = poses.several;

@@ -4,7 +4,9 @@
 /// Cameras as Python gives them: arrays of poses and camera matrices. What is wrong with one
 /// is said with the name of the argument and the number of the view.
 
+#include <cstddef>
 #include <span>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -44,5 +46,8 @@ struct Views {
 [[nodiscard]] nanobind::object pose_matrices(std::span<const core::CameraPose> T_world_camera);
 /// [3, 3], float64.
 [[nodiscard]] nanobind::object camera_matrix(const core::CameraIntrinsics& intrinsics);
+
+/// "[2, 64, 96, 3]", for messages.
+[[nodiscard]] std::string shape_text(const std::vector<std::size_t>& shape);
 
 }  // namespace segsim::python

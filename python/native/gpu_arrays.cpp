@@ -56,14 +56,6 @@ const DeviceChannel* channel_of(const std::string& name) {
   throw core::InputError::expected("images", all, "\"" + name + "\"");
 }
 
-std::string text_of(const std::vector<std::size_t>& shape) {
-  std::string text = "[";
-  for (const std::size_t length : shape) {
-    text += (text.size() > 1 ? ", " : "") + std::to_string(length);
-  }
-  return text + "]";
-}
-
 }  // namespace
 
 GpuArrays::GpuArrays(const nb::dict& images, const Views& views) {
@@ -87,8 +79,9 @@ GpuArrays::GpuArrays(const nb::dict& images, const Views& views) {
     }
     if (image.array.dtype() != channel.dtype || found != shape) {
       throw core::InputError::expected(
-          place, std::string(channel.type) + " " + text_of(shape),
-          (image.array.dtype() == channel.dtype ? "" : "another type and ") + text_of(found));
+          place, std::string(channel.type) + " " + shape_text(shape),
+          (image.array.dtype() == channel.dtype ? "" : "another type and ") +
+              shape_text(found));
     }
     drawn_ = drawn_ | channel.channel;
     images_.push_back(std::move(image));
